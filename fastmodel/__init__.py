@@ -1,0 +1,1 @@
+"""The fast model: rigid texels in MuJoCo, point spread function, Butterworth filter, electronics."""

@@ -1,0 +1,1 @@
+"""The truth: finite-element solutions of a soft cover over a rigid texel array."""

@@ -1,0 +1,24 @@
+"""What things look like: texel arrays, covers and indenters, as plain numpy data.
+
+Nothing here knows a model. `fem_reference` and `fastmodel` both read these classes, so that one definition of
+a shape serves both.  Array frame: x along columns, y along rows, z out of the cover, origin in the array's
+centre.  Texel order is row-major, x fastest; images are `[row, column]` with row 0 at the smallest y.
+"""
+
+from meshes.array import TexelArray
+from meshes.cover import Cover, Layer
+from meshes.indenter import Box, Cylinder, Indenter, Primitive, RoundedTip, Sphere
+from meshes.material import Material
+
+__all__ = [
+    "Box",
+    "Cover",
+    "Cylinder",
+    "Indenter",
+    "Layer",
+    "Material",
+    "Primitive",
+    "RoundedTip",
+    "Sphere",
+    "TexelArray",
+]

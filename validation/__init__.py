@@ -1,0 +1,1 @@
+"""Cases, recordings, scores, reports and the command line."""
