@@ -1,0 +1,92 @@
+"""From scores of cases to a figure for a table: means with bootstrap intervals over cases, and skill."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pooled:
+    """A mean over cases with its bootstrap interval.
+
+    Attributes:
+        mean: Mean over the cases where the quantity exists.
+        low: Lower end of the interval.
+        high: Upper end of the interval.
+        level: Coverage that the interval aims at [-].
+        cases: How many cases it rests on [-].
+    """
+
+    mean: float
+    low: float
+    high: float
+    level: float
+    cases: int
+
+
+def pool(
+    values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000, seed: int = 0
+) -> Pooled:
+    """Mean over cases, with a percentile bootstrap over cases (never over pixels).
+
+    Args:
+        values: One number per case; NaN where it does not exist.
+        level: Coverage [-].
+        resamples: Bootstrap resamples [-].
+        seed: Seed, so that a report can be made twice.
+    """
+    known = np.asarray(values, dtype=np.float64)
+    known = known[~np.isnan(known)]
+    if not known.size:
+        return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=0)
+    means = known[_draws(known.size, resamples, seed)].mean(axis=1)
+    return _pooled(float(known.mean()), means, level, known.size)
+
+
+def skill(
+    errors: Sequence[float] | FloatArray,
+    comparison: Sequence[float] | FloatArray,
+    *,
+    level: float = 0.95,
+    resamples: int = 5000,
+    seed: int = 0,
+) -> Pooled:
+    """1 - mean error / mean error of the comparison model, resampling cases in pairs [-].
+
+    Args:
+        errors: One error per case.
+        comparison: The comparison model's error in the same cases.
+        level: Coverage [-].
+        resamples: Bootstrap resamples [-].
+        seed: Seed.
+
+    Raises:
+        ValueError: If the two do not hold the same cases.
+    """
+    e, c = np.asarray(errors, dtype=np.float64), np.asarray(comparison, dtype=np.float64)
+    if e.shape != c.shape or e.ndim != 1:
+        raise ValueError(f"skill needs the same cases twice, not shapes {e.shape} and {c.shape}")
+    known = ~(np.isnan(e) | np.isnan(c))
+    e, c = e[known], c[known]
+    if not e.size or c.mean() <= 0:
+        return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=int(e.size))
+    draws = _draws(e.size, resamples, seed)
+    below = c[draws].mean(axis=1)
+    ratios = 1 - e[draws].mean(axis=1)[below > 0] / below[below > 0]
+    return _pooled(1 - float(e.mean() / c.mean()), ratios, level, e.size)
+
+
+def _draws(cases: int, resamples: int, seed: int) -> npt.NDArray[np.int64]:
+    return np.random.default_rng(seed).integers(0, cases, size=(resamples, cases))
+
+
+def _pooled(mean: float, resampled: FloatArray, level: float, cases: int) -> Pooled:
+    low, high = np.quantile(resampled, [(1 - level) / 2, (1 + level) / 2])
+    return Pooled(mean=mean, low=float(low), high=float(high), level=level, cases=cases)
