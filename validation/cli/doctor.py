@@ -1,0 +1,101 @@
+"""`softcover doctor`."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.output import print_json
+
+#: Distributions of each part of the installation.
+_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "": ("numpy", "scipy", "mujoco", "cyclopts", "rich", "pydantic", "pint", "tomli-w"),
+        "fem": ("scikit-fem", "pymetis", "pytetwild", "trimesh", "manifold3d", "xarray", "h5netcdf", "h5py"),
+        "report": ("jinja2", "plotly", "matplotlib"),
+        "fast": ("numba", "pypardiso"),
+        "view": ("pyvista",),
+        "device": ("pyserial", "mcap", "mcap-ros2-support", "rosbags"),
+        "gym": ("gymnasium",),
+    }
+)
+_WHAT_FOR: Mapping[str, str] = MappingProxyType(
+    {
+        "": "fast model, export",
+        "fem": "derive, press",
+        "report": "demo, validate",
+        "fast": "native kernels, faster factorisation (optional)",
+        "view": "3-D pictures",
+        "device": "the real sensor and its files",
+        "gym": "reinforcement-learning wrapper",
+    }
+)
+
+
+def doctor(*, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int:
+    """Say what is installed, what is missing and the command that brings it.
+
+    Leaves with 1 when the base installation itself is broken.
+
+    Args:
+        as_json: Print one JSON object.
+    """
+    parts = {part: {name: _version(name) for name in names} for part, names in _PARTS.items()}
+    status = DONE if all(parts[""].values()) else CHECK_FAILED
+    if as_json:
+        named = {part or "base": versions for part, versions in parts.items()}
+        print_json({"python": platform.python_version(), "parts": named, "surroundings": _surroundings()})
+        return status
+    _print_tables(parts)
+    return status
+
+
+def _print_tables(parts: Mapping[str, Mapping[str, str | None]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"softcover {_version('softcover')} on Python {platform.python_version()}")
+    for heading in ("part", "for", "installed", "missing, and how to get it"):
+        table.add_column(heading)
+    for part, versions in parts.items():
+        found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
+        absent = ", ".join(name for name, number in versions.items() if not number)
+        target = f"'softcover\\[{part}]'" if part else "softcover"
+        cure = (
+            f"{absent}: [bold]python -m pip install {target}[/bold]" if absent else "[green]nothing[/green]"
+        )
+        table.add_row(part or "(base)", _WHAT_FOR[part], found, cure)
+    console = Console()
+    console.print(table)
+    for name, value in _surroundings().items():
+        console.print(f"{name}: {value}", highlight=False)
+
+
+def _surroundings() -> dict[str, str]:
+    recordings = Path(os.environ.get("SOFTCOVER_RECORDINGS", "../shared/recordings"))
+    browser = next(
+        (path for name in ("chromium", "google-chrome", "firefox") if (path := shutil.which(name))), None
+    )
+    return {
+        "cores": str(os.cpu_count()),
+        "recordings": str(recordings)
+        if recordings.is_dir()
+        else "none (set SOFTCOVER_RECORDINGS to their folder)",
+        "browser for the report": browser or "none found on the search path; any browser opens index.html",
+    }
+
+
+def _version(distribution: str) -> str | None:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None

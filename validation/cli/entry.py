@@ -1,0 +1,92 @@
+"""The application, its commands by name, and the way from an error to an exit status."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
+
+from cyclopts import App, CycloptsError, Parameter, UnknownCommandError
+
+from validation.cli.failures import explain
+from validation.errors import InputError, nearest
+
+#: What each command does, and examples for its help page.
+_COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "init": (
+            "Write a commented sensor file to start from.",
+            ("softcover init", "softcover init my-sensor.toml"),
+        ),
+        "materials": (
+            "List the materials that a cover can be made of by name.",
+            ("softcover materials", "softcover derive wts-0614-34 --material dragon-skin-30 --thickness 2mm"),
+        ),
+        "doctor": (
+            "Say what is installed, what is missing and the command that brings it.",
+            ("softcover doctor", "softcover doctor --json"),
+        ),
+    }
+)
+
+
+def _version() -> str:
+    try:
+        return version("softcover")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+app = App(
+    name="softcover",
+    help=(
+        "Tactile arrays under a soft cover: finite-element reference, fast MuJoCo model, "
+        "and how far they agree.\n\n"
+        "Start with `softcover demo`, or with `softcover init` and `softcover derive sensor.toml`."
+    ),
+    version=_version,
+    default_parameter=Parameter(negative=()),
+)
+for _name, (_help, _examples) in _COMMANDS.items():
+    app.command(
+        f"validation.cli.{_name}:{_name}",
+        name=_name,
+        help=_help,
+        help_epilogue="Examples:\n\n" + "\n\n".join(f"    {example}" for example in _examples),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run one command and leave with its exit status.
+
+    Args:
+        arguments: The words after `softcover`; those of the process when not given.
+
+    Raises:
+        SystemExit: Always, with the exit status.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+    except Exception as raised:
+        error = raised
+        if isinstance(error, UnknownCommandError):
+            error = InputError(f"unknown command {words[0]!r}; {nearest(words[0], _COMMANDS)}")
+        explanation = explain(error)
+        if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
+            raise
+        for line in explanation.lines:
+            sys.stderr.write(f"softcover: {line}\n")
+        if isinstance(error, CycloptsError):
+            sys.stderr.write(f"softcover: see: softcover {_command(words)}--help\n")
+        raise SystemExit(explanation.status) from None
+    except KeyboardInterrupt:
+        sys.stderr.write("softcover: interrupted\n")
+        raise SystemExit(130) from None
+    raise SystemExit(result if isinstance(result, int) else 0)
+
+
+def _command(words: Sequence[str]) -> str:
+    return f"{words[0]} " if words and words[0] in _COMMANDS else ""

@@ -1,0 +1,70 @@
+"""From an error to the lines that a user reads and the exit status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cyclopts import CycloptsError
+
+from validation.errors import MissingExtraError
+
+DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
+
+#: Which extra brings a module that may be absent.
+_EXTRAS = {
+    "skfem": "fem",
+    "pymetis": "fem",
+    "pytetwild": "fem",
+    "trimesh": "fem",
+    "xarray": "fem",
+    "h5netcdf": "fem",
+    "h5py": "fem",
+    "jinja2": "report",
+    "plotly": "report",
+    "matplotlib": "report",
+    "serial": "device",
+    "mcap": "device",
+    "rosbags": "device",
+    "pyvista": "view",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """What to print, line by line, and the exit status."""
+
+    lines: tuple[str, ...]
+    status: int
+
+
+def explain(error: Exception) -> Explanation | None:
+    """Say what went wrong; None where only a traceback helps, because the fault is ours."""
+    if isinstance(error, ImportError):
+        return _missing(error)
+    status = _status(error)
+    if status is None:
+        return None
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return Explanation(lines=(f"{where}{error.strerror or error}",), status=status)
+    if isinstance(error, CycloptsError):
+        return Explanation(lines=(" ".join(str(error).split()),), status=status)
+    return Explanation(lines=tuple(str(error).splitlines()), status=status)
+
+
+def _status(error: Exception) -> int | None:
+    if type(error).__name__.endswith("ConvergenceError"):
+        return NOT_CONVERGED
+    if isinstance(error, OSError):
+        return OUTSIDE_FAILED
+    # Every package raises subclasses of ValueError for bad input.
+    return BAD_INPUT if isinstance(error, ValueError | CycloptsError) else None
+
+
+def _missing(error: ImportError) -> Explanation | None:
+    if isinstance(error, MissingExtraError):
+        return Explanation(lines=(str(error),), status=OUTSIDE_FAILED)
+    extra = _EXTRAS.get((error.name or "").split(".")[0])
+    if extra is None:
+        return None
+    return Explanation(lines=(str(MissingExtraError(extra, str(error.name))),), status=OUTSIDE_FAILED)

@@ -1,0 +1,84 @@
+"""Output folders and files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from validation.errors import InputError
+
+#: Marks a folder that this program wrote and may therefore replace.
+_MARKER = ".softcover-output"
+
+
+@contextlib.contextmanager
+def new_folder(target: Path) -> Iterator[Path]:
+    """Give a temporary folder beside `target` that takes its place when the block ends without an error.
+
+    The folder is made at once, so that an unwritable place is found before any long work.
+
+    Args:
+        target: Where the results shall be; an earlier result of this program is replaced.
+
+    Yields:
+        The folder to write to.
+
+    Raises:
+        InputError: If `target` is a file or holds files that this program did not write.
+        OSError: If the place cannot be written.
+    """
+    target = target.absolute()
+    _check_replaceable(target)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as cleanup:
+        work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        cleanup.callback(shutil.rmtree, work, ignore_errors=True)
+        fresh = work / target.name
+        fresh.mkdir()
+        (fresh / _MARKER).touch()
+        yield fresh
+        _sync(fresh)
+        if target.exists():
+            target.rename(work / "before")
+        fresh.rename(target)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file at once: never half of it.
+
+    Raises:
+        OSError: If the place cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.parent / f".{path.name}-{os.getpid()}"
+    try:
+        with temporary.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _check_replaceable(target: Path) -> None:
+    if target.is_dir():
+        if any(target.iterdir()) and not (target / _MARKER).is_file():
+            raise InputError(
+                f"--out: {target} holds files that softcover did not write; name a new or an empty folder"
+            )
+    elif target.exists():
+        raise InputError(f"--out: {target} is a file; name a folder")
+
+
+def _sync(folder: Path) -> None:
+    for path in folder.rglob("*"):
+        if path.is_file():
+            with path.open("rb") as file:
+                os.fsync(file.fileno())

@@ -1,0 +1,118 @@
+"""Quantities as text: `2 mm`, `1 MPa`, `500 g`.  Read once, at the edge; inside everything is SI.
+
+pint knows the units.  It is loaded on first use and its parsed definitions are kept in the user's cache
+folder, because reading them afresh takes longer than a small reference solution.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    import pint
+
+#: Standard gravity: turns a weight given as a mass into a force [m/s2].
+G0 = 9.80665
+
+Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
+
+#: What each kind looks like: an SI unit of its dimension and an example that is accepted.
+_EXAMPLES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "length": ("m", "2 mm"),
+        "pressure": ("Pa", "1 MPa"),
+        "frequency": ("Hz", "271 Hz"),
+        "force": ("N", "4.9 N"),
+        "angle": ("rad", "45 deg"),
+        "per force": ("1/N", "2665.7 1/N"),
+        "time": ("s", "20 ms"),
+        "mass": ("kg", "500 g"),
+    }
+)
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_SEPARATOR = re.compile(r"\s*[x\u00d7,]\s*(?=[-+.\d])")
+
+
+class QuantityError(ValueError):
+    """A text is not a quantity of the wanted kind."""
+
+
+def read(value: object, kind: Kind, *, place: str = "") -> float:
+    """Read one quantity.
+
+    A force may be given as the weight of a mass, `500 g`.
+
+    Args:
+        value: The text; anything else is a fault that asks for a unit.
+        kind: What is measured.
+        place: Where the text stands; begins the message of a fault.
+
+    Returns:
+        The number in SI (angles in radians).
+
+    Raises:
+        QuantityError: If the text has no number, no unit, an unknown unit or one of the wrong kind.
+    """
+    where = f"{place}: " if place else ""
+    example = f"write for example '{_EXAMPLES[kind][1]}'"
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, str | int | float)
+        or (isinstance(value, str) and not match)
+    ):
+        raise QuantityError(f"{where}{value!r} is not a {kind}; {example}")
+    if match is None or not match[2]:
+        raise QuantityError(f"{where}{value!r} has no unit; {example}")
+    factor = _factor(match[2], kind)
+    if factor is None:
+        raise QuantityError(f"{where}{match[2]!r} in {value!r} is not a unit of {kind}; {example}")
+    number = float(match[1]) * factor
+    if not math.isfinite(number):
+        raise QuantityError(f"{where}{value!r} is too large; {example}")
+    return number
+
+
+def read_vector(value: object, kind: Kind, count: int, *, place: str = "") -> tuple[float, ...]:
+    """Read `count` quantities joined by `x` or `,`, such as `10mmx10mmx5mm` or `0.7mm,-1.1mm`.
+
+    Raises:
+        QuantityError: As `read`, or if there are not `count` of them.
+    """
+    parts = _SEPARATOR.split(value.strip()) if isinstance(value, str) else [value]
+    if len(parts) != count:
+        where = f"{place}: " if place else ""
+        example = ",".join([_EXAMPLES[kind][1].replace(" ", "")] * count)
+        raise QuantityError(f"{where}{value!r} is not {count} values; write for example '{example}'")
+    return tuple(read(part, kind, place=place) for part in parts)
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    try:
+        return pint.UnitRegistry(cache_folder=":auto:")
+    except OSError:  # no writable cache folder: only slower
+        return pint.UnitRegistry()
+
+
+@functools.cache
+def _factor(unit: str, kind: Kind) -> float | None:
+    """Factor from `unit` to SI, or None where the unit is unknown or measures something else."""
+    registry = _registry()
+    try:
+        quantity = (1.0 * registry.parse_units(unit)).to_base_units()
+    except Exception:  # noqa: BLE001 -- pint's parser raises many unrelated types on arbitrary text
+        return None
+    if quantity.dimensionality == registry.parse_units(_EXAMPLES[kind][0]).dimensionality:
+        # Angles and plain numbers share pint's dimension; only radians are an angle here.
+        return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
+    if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
+        return float(quantity.magnitude) * G0
+    return None

@@ -1,0 +1,88 @@
+"""From the `[array]` table to texels."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes import TexelArray
+from validation.errors import InputError
+from validation.sensor_tables import ArrayTable
+
+_COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
+_EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
+
+
+def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
+    """Make the texels that the table describes.
+
+    Args:
+        table: The `[array]` table.
+        name: What to call the array where the table does not say.
+        source: The sensor file; `positions` is relative to its folder.
+
+    Raises:
+        InputError: If the mask or the positions do not fit rows x columns.
+    """
+    try:
+        active = _mask(table)
+        if table.positions is None:
+            return TexelArray.grid(
+                table.rows,
+                table.columns,
+                table.pitch,
+                texel_size=table.texel_size,
+                active=active,
+                name=table.name or name,
+            )
+        centres, normals = _read_positions(source.parent / table.positions, table.rows * table.columns)
+        return TexelArray(
+            centres=centres,
+            normals=normals,
+            texel_size=table.texel_size or table.pitch,
+            pitch=table.pitch,
+            rows=table.rows,
+            columns=table.columns,
+            active=np.ones(len(centres), dtype=bool) if active is None else active.ravel(),
+            name=table.name or name,
+        )
+    except InputError as error:
+        raise InputError(*(f"{source}: {fault}" for fault in error.faults)) from None
+    except ValueError as error:
+        raise InputError(f"{source}: array: {error}") from None
+
+
+def _mask(table: ArrayTable) -> npt.NDArray[np.bool_] | None:
+    if table.mask is None:
+        return None
+    rows = [[str(entry) for entry in row] for row in table.mask]
+    if len(rows) != table.rows or any(len(row) != table.columns or set(row) - {"0", "1"} for row in rows):
+        example = "0" + "1" * (table.columns - 1)
+        raise InputError(
+            f"array.mask: must have {table.rows} rows of {table.columns} entries 0 or 1, "
+            f"row 0 (smallest y) first; write for example '{example}' for one row"
+        )
+    return np.array(rows) == "1"
+
+
+def _read_positions(path: Path, count: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    if not path.is_file():
+        raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
+    with path.open(newline="", encoding="utf-8") as stream:
+        lines = [line for line in csv.reader(stream) if line]
+    header = [entry.strip() for entry in lines[0]] if lines else []
+    if tuple(header) not in (_COLUMNS[:3], _COLUMNS):
+        raise InputError(f"array.positions: {path} begins with {','.join(header)!r}; {_EXAMPLE}")
+    try:
+        numbers = np.array([[float(entry) for entry in line] for line in lines[1:]]).reshape(-1, len(header))
+    except ValueError as error:
+        raise InputError(f"array.positions: {path}: {error}; {_EXAMPLE}") from None
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise InputError(
+            f"array.positions: {path} holds {len(numbers)} texels, rows x columns is {count}; {_EXAMPLE}"
+        )
+    normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (count, 1))  # noqa: PLR2004 -- x, y, z
+    return numbers[:, :3].copy(), normals.copy()
