@@ -1,0 +1,275 @@
+"""Every documented command: its identifier, what is sent with it and how its answer is laid out, as data.
+
+Every answer has the identifier of its command and starts with a status (u16 LE); a periodic frame has none.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from types import MappingProxyType
+
+from validation.weiss.messages import Message, encode
+from validation.weiss.unconfirmed import GAIN_FORMAT, RUN_LENGTH_FLAG, THRESHOLD_FORMAT
+
+_STATUS = struct.Struct("<H")
+_CELLS_PER_METRE = 100_000
+_TEMPERATURES_PER_DEGREE = 10
+
+
+class Command(IntEnum):
+    """Identifiers of commands."""
+
+    PERIODIC_FRAME = 0x00
+    LOOP = 0x06
+    READ_SINGLE_FRAME = 0x20
+    START_PERIODIC_FRAMES = 0x21
+    STOP_PERIODIC_FRAMES = 0x22
+    TARE = 0x23
+    MATRIX_INFO = 0x30
+    SET_MASK_WINDOW = 0x31
+    SET_ADVANCED_MASK = 0x32
+    GET_MASK = 0x33
+    SET_THRESHOLD = 0x34
+    GET_THRESHOLD = 0x35
+    SET_GAIN = 0x36
+    GET_GAIN = 0x37
+    SENSOR_TYPE = 0x38
+    TEMPERATURE = 0x46
+    SYSTEM_INFO = 0x50
+    SET_TAG = 0x51
+    GET_TAG = 0x52
+
+
+class Status(IntEnum):
+    """First word of every answer."""
+
+    SUCCESS = 0
+    NOT_AVAILABLE = 1
+    NO_SENSOR = 2
+    NOT_INITIALIZED = 3
+    ALREADY_RUNNING = 4
+    FEATURE_NOT_SUPPORTED = 5
+    INCONSISTENT_DATA = 6
+    TIMEOUT = 7
+    READ_ERROR = 8
+    WRITE_ERROR = 9
+    INSUFFICIENT_RESOURCES = 10
+    CHECKSUM_ERROR = 11
+    NO_PARAMETER_EXPECTED = 12
+    NOT_ENOUGH_PARAMETERS = 13
+    COMMAND_UNKNOWN = 14
+    COMMAND_FORMAT_ERROR = 15
+    ACCESS_DENIED = 16
+    ALREADY_OPEN = 17
+    COMMAND_FAILED = 18
+    COMMAND_ABORTED = 19
+    INVALID_HANDLE = 20
+    NOT_FOUND = 21
+    NOT_OPEN = 22
+    INPUT_OUTPUT_ERROR = 23
+    INVALID_PARAMETER = 24
+    INDEX_OUT_OF_BOUNDS = 25
+    COMMAND_PENDING = 26
+    OVERRUN = 27
+    RANGE_ERROR = 28
+    AXIS_BLOCKED = 29
+    FILE_EXISTS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What goes with a command.
+
+    Attributes:
+        request: struct format of the request's payload; None for bytes as they are.
+        answer: struct format of what follows the status; None for bytes as they are.
+    """
+
+    request: str | None = ""
+    answer: str | None = ""
+
+
+#: Layout of every command that a host can send.
+LAYOUTS: Mapping[Command, Layout] = MappingProxyType(
+    {
+        Command.LOOP: Layout(None, None),
+        Command.READ_SINGLE_FRAME: Layout("<B", None),
+        Command.START_PERIODIC_FRAMES: Layout("<BH"),
+        Command.STOP_PERIODIC_FRAMES: Layout(),
+        Command.TARE: Layout("<B"),
+        Command.MATRIX_INFO: Layout("", "<5H"),
+        Command.SET_MASK_WINDOW: Layout(None),
+        Command.SET_ADVANCED_MASK: Layout(None),
+        Command.GET_MASK: Layout("", None),
+        Command.SET_THRESHOLD: Layout(THRESHOLD_FORMAT),
+        Command.GET_THRESHOLD: Layout("", THRESHOLD_FORMAT),
+        Command.SET_GAIN: Layout(GAIN_FORMAT),
+        Command.GET_GAIN: Layout("", GAIN_FORMAT),
+        Command.SENSOR_TYPE: Layout("", None),
+        Command.TEMPERATURE: Layout("", "<h"),
+        Command.SYSTEM_INFO: Layout("", "<BBHI"),
+        Command.SET_TAG: Layout(None),
+        Command.GET_TAG: Layout("", None),
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatrixInfo:
+    """What the device says of its array.
+
+    Attributes:
+        columns: Texels along x [-].
+        rows: Texels along y [-].
+        cell_width: Pitch along x [m].
+        cell_height: Pitch along y [m].
+        full_scale: Largest output [counts].
+    """
+
+    columns: int
+    rows: int
+    cell_width: float
+    cell_height: float
+    full_scale: int
+
+    @property
+    def texels(self) -> int:
+        """Number of texels [-]."""
+        return self.columns * self.rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemInfo:
+    """What the device says of itself.
+
+    Attributes:
+        kind: 0 unknown, 1 WTS.
+        hardware_revision: Revision of the hardware.
+        firmware: Version as major.minor.sub.release-type.
+        serial_number: Serial number.
+    """
+
+    kind: int
+    hardware_revision: int
+    firmware: str
+    serial_number: int
+
+
+Values = tuple[int | bytes, ...]
+
+
+def request(command: Command, *values: int | bytes) -> bytes:
+    """Message that asks for `command`.
+
+    Raises:
+        ValueError: If the values do not fit the command's layout.
+    """
+    return encode(command, _pack(command, LAYOUTS[command].request, values))
+
+
+def answer(command: Command, status: Status, *values: int | bytes) -> bytes:
+    """Message that answers `command`; an answer that is not a success carries the status alone."""
+    data = _pack(command, LAYOUTS[command].answer, values) if status == Status.SUCCESS else b""
+    return encode(command, _STATUS.pack(status) + data)
+
+
+def read_request(message: Message) -> tuple[Command, Values]:
+    """Command and values of a request.
+
+    Raises:
+        KeyError: If the command is unknown.
+        ValueError: If the payload does not fit the command's layout.
+    """
+    command = _known(message.identifier)
+    return command, _unpack(command, LAYOUTS[command].request, message.payload)
+
+
+def read_answer(message: Message) -> tuple[int, Values]:
+    """Status and values of an answer; values are empty unless the status is 0.
+
+    Raises:
+        KeyError: If the command is unknown.
+        ValueError: If the payload does not fit the command's layout.
+    """
+    command = _known(message.identifier)
+    if len(message.payload) < _STATUS.size:
+        raise ValueError(f"the answer to {command.name} has no status")
+    status = int.from_bytes(message.payload[:2], "little")
+    if status:
+        return status, ()
+    return status, _unpack(command, LAYOUTS[command].answer, message.payload[_STATUS.size :])
+
+
+def describe_status(status: int) -> str:
+    """A status in words, with its number."""
+    try:
+        return f"{Status(status).name.lower().replace('_', ' ')} ({status})"
+    except ValueError:
+        return f"unknown status ({status})"
+
+
+def frame_flags(*, run_length: bool) -> int:
+    """Flags of the commands that ask for frames."""
+    return RUN_LENGTH_FLAG if run_length else 0
+
+
+def matrix_values(info: MatrixInfo) -> tuple[int, ...]:
+    """Values of the answer to `matrix info`."""
+    width, height = (round(size * _CELLS_PER_METRE) for size in (info.cell_width, info.cell_height))
+    return (info.columns, info.rows, width, height, info.full_scale)
+
+
+def matrix_info(values: Values) -> MatrixInfo:
+    """Read the values of the answer to `matrix info`."""
+    columns, rows, width, height, full_scale = (int(value) for value in values)
+    return MatrixInfo(
+        columns=columns,
+        rows=rows,
+        cell_width=width / _CELLS_PER_METRE,
+        cell_height=height / _CELLS_PER_METRE,
+        full_scale=full_scale,
+    )
+
+
+def system_info(values: Values) -> SystemInfo:
+    """Read the values of the answer to `system info`."""
+    kind, hardware, firmware, serial = (int(value) for value in values)
+    digits = (firmware >> 12, firmware >> 8 & 15, firmware >> 4 & 15, firmware & 15)
+    version = ".".join(str(digit) for digit in digits)
+    return SystemInfo(kind=kind, hardware_revision=hardware, firmware=version, serial_number=serial)
+
+
+def temperature(values: Values) -> float:
+    """Read the value of the answer to `temperature` [degC]."""
+    return int(values[0]) / _TEMPERATURES_PER_DEGREE
+
+
+def _known(identifier: int) -> Command:
+    try:
+        command = Command(identifier)
+    except ValueError:
+        command = Command.PERIODIC_FRAME
+    if command not in LAYOUTS:
+        raise KeyError(f"no command has the identifier {identifier:#04x}")
+    return command
+
+
+def _pack(command: Command, layout: str | None, values: Values) -> bytes:
+    try:
+        if layout is None:
+            return b"".join(bytes(value) for value in values if isinstance(value, bytes))
+        return struct.pack(layout, *values)
+    except struct.error as error:
+        raise ValueError(f"{command.name}: {values} does not fit its layout {layout!r}: {error}") from error
+
+
+def _unpack(command: Command, layout: str | None, payload: bytes) -> Values:
+    if layout is None:
+        return (payload,)
+    try:
+        return tuple(struct.unpack(layout, payload))
+    except struct.error as error:
+        raise ValueError(f"{command.name}: {len(payload)} bytes do not fit its layout {layout!r}") from error

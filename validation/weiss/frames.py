@@ -1,0 +1,97 @@
+"""Frames: the texel values of one instant, raw or run-length encoded."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, RUN_LENGTH_VALUE_BITS
+
+CountArray = npt.NDArray[np.uint16]
+
+#: Largest value a texel can have: 12 bits.
+LARGEST_COUNT = 0x0FFF
+_HEAD = struct.Struct("<IB")
+_LONGEST_RUN = 15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeviceFrame:
+    """What one frame message holds.
+
+    Attributes:
+        ticks: The device's clock, u32.
+        counts: Texel values, shape (n,), row-major, x fastest.
+        run_length: Whether it was sent run-length encoded.
+    """
+
+    ticks: int
+    counts: CountArray
+    run_length: bool
+
+
+def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False) -> bytes:
+    """Payload of a frame message (of an answer to `read single frame`, what follows the status).
+
+    Args:
+        ticks: The device's clock; wraps at 2**32.
+        counts: Texel values, shape (n,), 0..4095.
+        run_length: Whether to run-length encode.
+
+    Raises:
+        ValueError: If a value does not fit 12 bits.
+    """
+    values = np.asarray(counts).ravel()
+    if values.size and (int(values.min()) < 0 or int(values.max()) > LARGEST_COUNT):
+        raise ValueError(f"texel values must lie in 0..{LARGEST_COUNT}, not {values.min()}..{values.max()}")
+    head = _HEAD.pack(ticks & 0xFFFFFFFF, RUN_LENGTH_FLAG if run_length else 0)
+    texels = values.astype("<u2")
+    return head + (compress(texels) if run_length else texels.tobytes())
+
+
+def decode_frame(payload: bytes, *, texels: int | None = None) -> DeviceFrame:
+    """Read the payload of a frame message.
+
+    Args:
+        payload: Clock, flags, texels; without the status that answers carry.
+        texels: How many texels there must be; any number when not given.
+
+    Raises:
+        ValueError: If it is too short, has unknown flags, a value over 12 bits or the wrong number of texels.
+    """
+    if len(payload) < _HEAD.size:
+        raise ValueError(f"a frame has at least {_HEAD.size} bytes, not {len(payload)}")
+    ticks, flags = _HEAD.unpack_from(payload)
+    if flags & ~RUN_LENGTH_FLAG or len(payload) % 2 != _HEAD.size % 2:
+        raise ValueError(f"not a frame: flags {flags:#04x}, {len(payload)} bytes")
+    units = np.frombuffer(payload, dtype="<u2", offset=_HEAD.size)
+    run_length = bool(flags & RUN_LENGTH_FLAG)
+    counts = _expand(units) if run_length else units.astype(np.uint16)
+    if counts.size and int(counts.max()) > LARGEST_COUNT:
+        raise ValueError(f"texel value {counts.max()} does not fit 12 bits")
+    if texels is not None and counts.size != texels:
+        raise ValueError(f"a frame of this array has {texels} texels, not {counts.size}")
+    return DeviceFrame(ticks, counts, run_length)
+
+
+def compress(counts: npt.NDArray[np.uint16]) -> bytes:
+    """Run-length encode texel values of 0..4095, shape (n,)."""
+    if not counts.size:
+        return b""
+    starts = np.flatnonzero(np.concatenate(([True], counts[1:] != counts[:-1])))
+    lengths = np.diff(np.append(starts, counts.size))
+    full, rest = np.divmod(lengths - 1, _LONGEST_RUN)
+    values = np.repeat(counts[starts].astype(np.uint16), full + 1)
+    runs = np.full(values.size, _LONGEST_RUN, dtype=np.uint16)
+    runs[np.cumsum(full + 1) - 1] = rest + 1
+    return bytes((values | (runs << RUN_LENGTH_VALUE_BITS)).astype("<u2").tobytes())
+
+
+def _expand(units: npt.NDArray[np.uint16]) -> CountArray:
+    runs = units >> RUN_LENGTH_VALUE_BITS
+    if not runs.all():
+        raise ValueError("a run of length 0 in a run-length encoded frame")
+    return np.repeat(units & LARGEST_COUNT, runs).astype(np.uint16)
