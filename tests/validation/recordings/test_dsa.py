@@ -1,0 +1,328 @@
+"""The `.dsa` reader: what it returns, and that damage is never read as numbers."""
+
+import bz2
+import os
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshes.catalogue import ARRAYS
+from validation.recordings import Recording, RecordingError, dsa
+
+REAL = Path(os.environ.get("SOFTCOVER_RECORDINGS", Path(__file__).parents[4] / "shared" / "recordings"))
+SIZES = [(6, 14), (6, 13)]
+TEXELS = 84 + 78
+
+
+def mask_text(columns, rows, absent=()):
+    lines = ["".join("0" if (r, c) in absent else "1" for c in range(columns)) for r in range(rows)]
+    return "\n        " + "\n        ".join(lines) + "\n      "
+
+
+def matrix_xml(index, columns, rows):
+    absent = {(r, c) for r in range(5) for c in (0, 5)} if rows == 13 else set()
+    fields = {
+        "cells_x": columns,
+        "cells_y": rows,
+        "texel_width": 3.4,
+        "texel_height": 3.4,
+        "matrix_center_x": -50,
+        "matrix_center_y": 32,
+        "matrix_center_z": 0,
+        "theta_x": 0,
+        "theta_y": 0,
+        "theta_z": 90,
+        "output_unit": "mV",
+        "hw_revision": 1,
+        "one_wire_uid": "none",
+        "fullscale": 4095,
+        "static_mask": mask_text(columns, rows, absent),
+        "dynamic_mask": mask_text(columns, rows),
+    }
+    body = "".join(f"<{key}>{value}</{key}>" for key, value in fields.items())
+    return f'<matrix index="{index}" name="">{body}</matrix>\n'
+
+
+def tokens(values):
+    """Encode one frame: runs of zeros as negative tokens, seven tokens to a line."""
+    out, zeros = [], 0
+    for value in [*values, None]:
+        if value == 0:
+            zeros += 1
+            continue
+        if zeros:
+            out.append(-float(zeros))
+            zeros = 0
+        if value is not None:
+            out.append(float(value))
+    text = [struct.pack(">f", token).hex().upper() for token in out]
+    return "\n".join("".join(text[i : i + 7]) for i in range(0, len(text), 7))
+
+
+def document(frames, stamps=None):
+    stamps = stamps or [1410321769772 + 32 * i for i in range(len(frames))]
+    frame_xml = "".join(
+        f'<frame index="{i}">\n<time_stamp>{stamp}</time_stamp>\n'
+        f"<frame_data>\n{tokens(frame)}\n</frame_data></frame>\n"
+        for i, (stamp, frame) in enumerate(zip(stamps, frames, strict=True))
+    )
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\n<root>\n<sensor name=""><generated_by>105</generated_by>'
+        "<hw_revision>1</hw_revision><serial_nr>1D9B0057</serial_nr>"
+        f"<num_matrices>{len(SIZES)}</num_matrices><converter_resolution>12</converter_resolution>\n"
+        + "".join(matrix_xml(i, *size) for i, size in enumerate(SIZES))
+        + f"</sensor>\n<data><frame_count>{len(frames)}</frame_count>\n{frame_xml}</data>\n"
+        "<temperatures><temp_count>2</temp_count>"
+        '<temp index="0"><time_stamp>1410321769900</time_stamp><temp_data>27.75, 28.50</temp_data></temp>'
+        '<temp index="1"><time_stamp>1410321770900</time_stamp><temp_data>28.00, 28.75</temp_data></temp>'
+        "</temperatures><joint_angles><angle_count>0</angle_count></joint_angles>\n</root>\n"
+    )
+
+
+def some_frames(count=30, seed=3):
+    rng = np.random.default_rng(seed)
+    frames = np.where(rng.random((count, TEXELS)) < 0.3, rng.integers(1, 4096, (count, TEXELS)), 0)
+    frames[:, 84:] *= ARRAYS["sdh2-distal"].active
+    frames[0] = 0
+    return frames
+
+
+@pytest.fixture
+def write(tmp_path):
+    def _write(text, name="case.dsa"):
+        path = tmp_path / name
+        path.write_bytes(bz2.compress(text.encode()) if isinstance(text, str) else text)
+        return path
+
+    return _write
+
+
+def numbers_of(recording: Recording):
+    return [recording.times, recording.temperatures, *(array.counts for array in recording.arrays)]
+
+
+def test_reads_back_what_was_encoded(write):
+    frames = some_frames()
+    recording = dsa.read(write(document(frames)))
+    first, second = recording.arrays
+    assert (first.counts == frames[:, :84]).all()
+    assert (second.counts == frames[:, 84:]).all()
+    assert second.has_layout_of(ARRAYS["sdh2-distal"])
+    assert not first.has_layout_of(ARRAYS["sdh2-distal"])
+    assert first.has_layout_of(ARRAYS["wts-0614-34"])
+    assert recording.times[:3] == pytest.approx([0, 0.032, 0.064])
+    assert recording.frame_rate == pytest.approx(31.25)
+    assert recording.temperature_times == pytest.approx([0.128, 1.128])
+    assert recording.temperatures.tolist() == [[27.75, 28.5], [28.0, 28.75]]
+    assert recording.started.isoformat() == "2014-09-10T04:02:49.772000+00:00"
+    assert second.rotation == pytest.approx((0, 0, np.pi / 2))
+    assert second.centre == pytest.approx((-0.05, 0.032, 0))
+    assert (first.full_scale, first.unit, recording.serial) == (4095, "mV", "1D9B0057")
+
+
+def damage(text, old, new):
+    assert re.search(old, text), "the planted defect must hit something"
+    return re.sub(old, new, text, count=1)
+
+
+FRAME_OF_ZEROS = struct.pack(">f", -float(TEXELS)).hex().upper()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (FRAME_OF_ZEROS, "C3220000" + "3F800000", "add up to 163 texels; expected 162"),
+        (FRAME_OF_ZEROS, "C3210000", "add up to 161 texels; expected 162"),
+        (FRAME_OF_ZEROS, "", "add up to 0 texels"),
+        (FRAME_OF_ZEROS, "C322000", "not hexadecimal tokens"),
+        (FRAME_OF_ZEROS, "C322000G", "not hexadecimal tokens"),
+        (FRAME_OF_ZEROS, "7FC00000", "not a whole number"),
+        (FRAME_OF_ZEROS, "FF800000", "not a whole number"),
+        (FRAME_OF_ZEROS, "FF7FFFFF", "not a whole number"),
+        (FRAME_OF_ZEROS, "3F000000" + "C3210000", "not a whole number"),
+        (FRAME_OF_ZEROS, "45800000" + "C3210000", "texel 0 reads 4096; expected at most 4095"),
+        (FRAME_OF_ZEROS, "C2A80000" + "3F800000" + "C29A0000", "texel 84 reads 1; expected at most 0"),
+        ("<frame_count>30<", "<frame_count>31<", "frame_count is 31, found 30"),
+        ("<frame_count>30<", "<frame_count>29<", "frame_count is 29, found 30"),
+        ("<frame_count>30<", "<frame_count>3_0<", "expected a whole number"),
+        ('<frame index="7">', '<frame index="8">', "index '8'; expected '7'"),
+        ("<time_stamp>1410321769804<", "<time_stamp>1310321769804<", "the one before, or later"),
+        ("<time_stamp>1410321769804<", "<time_stamp>-5<", "expected a whole number"),
+        ("<num_matrices>2<", "<num_matrices>3<", "num_matrices is 3, found 2"),
+        ("<temp_count>2<", "<temp_count>1<", "temp_count is 1, found 2"),
+        ("28.00, 28.75", "28.00", "1 temperatures; expected 2"),
+        ("28.00, 28.75", "28.00, nan", "expected a number"),
+        ("<cells_x>6<", "<cells_x>7<", "14 lines of 7 digits"),
+        ("<cells_x>6<", "<cells_x>99999999<", "expected 1..64"),
+        ("<texel_width>3.4<", "<texel_width>0<", "positive length"),
+        ("<fullscale>4095<", "<fullscale>99999<", "expected 1..32767"),
+        ("<fullscale>4095</fullscale>", "", "lacks fullscale"),
+        ("<cells_y>14</cells_y>", "<cells_y>14</cells_y><cells_y>14</cells_y>", "second time"),
+        ("111111\n", "111121\n", "digits 0 or 1"),
+        ("<sensor name", "<sensors/><sensor name", "expected sensor, data"),
+        ("</data>", "stray</data>", "text between elements"),
+        ("</root>", "", "no well-formed XML"),
+        (r"\s<data>.*</data>", "", "lacks data"),
+        ("<root>", "<!DOCTYPE root [<!ENTITY a 'aa'>]><root>", "declaration"),
+        ("<root>", "<?xml-stylesheet href='x'?><root>", "declaration"),
+    ],
+)
+def test_each_inconsistency_is_refused_with_file_and_place(write, old, new, message):
+    text = document(some_frames())
+    flags = re.DOTALL if "*" in old else 0
+    damaged = damage(text, re.compile(old, flags), new)
+    path = write(damaged)
+    with pytest.raises(RecordingError) as caught:
+        dsa.read(path)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: line ")
+    assert "\n" not in str(caught.value)
+
+
+def test_an_entity_bomb_is_refused_before_it_unfolds(write):
+    levels = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
+    bomb = f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY e0 "lol">{levels}]><root>&e11;</root>'
+    with pytest.raises(RecordingError, match="declaration"):
+        dsa.read(write(bomb))
+
+
+@pytest.mark.parametrize(
+    ("head", "repeated", "message"),
+    [
+        ("<root>", " ", "characters accepted"),
+        ("<root", ' a="', "no well-formed|without a tag"),
+        ('<root a="', "x", "without a tag"),
+        ("<!--", "x", "without a tag"),
+        ("<", "root", "without a tag"),
+    ],
+)
+def test_what_unpacks_to_much_needs_little_memory(write, head, repeated, message):
+    path = write(head + repeated * (2**22 // len(repeated)))
+    assert path.stat().st_size < 10_000
+    with pytest.raises(RecordingError, match=message):
+        dsa.read(path)
+
+
+def test_limits_on_size_and_on_values(write, monkeypatch):
+    path = write(document(some_frames()))
+    monkeypatch.setattr(dsa, "MAX_VALUES", 10 * TEXELS)
+    with pytest.raises(RecordingError, match="more than the 1620 values"):
+        dsa.read(path)
+    monkeypatch.setattr(dsa, "MAX_XML_BYTES", 1000)
+    with pytest.raises(RecordingError, match="more than the 1000 bytes"):
+        dsa.read(path)
+
+
+def test_what_is_no_dsa_file_is_refused(write, tmp_path):
+    for content in (
+        b"",
+        b"BZh",
+        b"hello",
+        b"<?xml version='1.0'?><root/>",
+        bz2.compress(b"hello"),
+        bz2.compress(b""),
+    ):
+        with pytest.raises(RecordingError, match=r"case\.dsa: "):
+            dsa.read(write(content))
+    with pytest.raises(RecordingError, match="no such file"):
+        dsa.read(tmp_path / "missing.dsa")
+    with pytest.raises(RecordingError, match="no such file"):
+        dsa.read(tmp_path)
+    whole = bz2.compress(document(some_frames()).encode())
+    for tail in (b"x", whole, b"\0" * 2**17):
+        with pytest.raises(RecordingError, match="bytes follow the end"):
+            dsa.read(write(whole + tail))
+
+
+def assert_only_errors_or_the_same(path, original, variants):
+    """Read every variant of a file; returns how many were refused."""
+    expected = numbers_of(dsa.read(path))
+    refused = 0
+    for variant in variants(original):
+        path.write_bytes(variant)
+        try:
+            got = numbers_of(dsa.read(path))
+        except RecordingError as error:
+            refused += str(error).startswith(f"{path}: ")
+            continue
+        assert all(np.array_equal(a, b) for a, b in zip(got, expected, strict=True))
+    return refused
+
+
+def flips(count):
+    def _flips(original):
+        rng = np.random.default_rng(5)
+        early = np.arange(64)
+        anywhere = rng.integers(0, 8 * len(original), count)
+        for bit in np.concatenate([early, anywhere]):
+            changed = bytearray(original)
+            changed[bit // 8] ^= 1 << (bit % 8)
+            yield bytes(changed)
+
+    return _flips
+
+
+def cuts(count):
+    def _cuts(original):
+        for end in np.linspace(0, len(original) - 1, count).astype(int):
+            yield original[:end]
+
+    return _cuts
+
+
+def test_flipped_bits_and_truncation_never_give_other_numbers(write):
+    path = write(document(some_frames()))
+    original = path.read_bytes()
+    assert assert_only_errors_or_the_same(path, original, flips(300)) > 300
+    path.write_bytes(original)
+    assert assert_only_errors_or_the_same(path, original, cuts(60)) == 60
+
+
+def test_flips_inside_the_text_are_refused_or_change_nothing_but_one_value(write):
+    """Behind bzip2's checksum: of flips in frame data, only those that leave a legal file get through."""
+    frames = some_frames(6)
+    text = document(frames)
+    start, end = text.index("<data>"), text.index("</data>")
+    rng = np.random.default_rng(9)
+    passed = 0
+    for position in rng.integers(start, end, 400):
+        changed = bytearray(text.encode())
+        changed[position] ^= 1 << rng.integers(0, 7)
+        path = write(bz2.compress(bytes(changed), 1))
+        try:
+            recording = dsa.read(path)
+        except RecordingError:
+            continue
+        passed += 1
+        got = np.concatenate([array.counts for array in recording.arrays], axis=1)
+        assert got.shape == frames.shape
+        assert np.count_nonzero(got != frames) <= 1
+        assert got.max() <= 4095
+    assert passed < 200
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
+def test_flipped_bits_in_a_real_file_never_give_other_numbers(tmp_path):
+    path = tmp_path / "A1.dsa"
+    original = (REAL / "kiechle-sdh2/weights/room/A1.dsa").read_bytes()
+    path.write_bytes(original)
+    assert assert_only_errors_or_the_same(path, original, flips(100)) > 100
+    path.write_bytes(original)
+    assert assert_only_errors_or_the_same(path, original, cuts(30)) == 30
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
+def test_every_real_file_reads_and_its_hash_is_the_published_one():
+    root = REAL / "kiechle-sdh2"
+    sums = dict(reversed(line.split()) for line in (root / "SHA256SUMS").read_text().splitlines())
+    files = sorted(root.rglob("*.dsa"))
+    assert len(files) >= 30
+    for file in files:
+        recording = dsa.read(file)
+        assert recording.sha256 == sums[f"./{file.relative_to(root)}"]
+        assert len(recording.arrays) == 6
+        assert all(recording.arrays[i].has_layout_of(ARRAYS["sdh2-distal"]) for i in (1, 3, 5))
+        assert all(recording.arrays[i].has_layout_of(ARRAYS["wts-0614-34"]) for i in (0, 2, 4))
