@@ -1,1 +1,10 @@
-"""The truth: finite-element solutions of a soft cover over a rigid texel array."""
+"""The truth: finite-element solutions of a soft cover over a rigid texel array.
+
+What the sensor feels is the normal force on each texel's patch of the rigid base.  `point_spread` says what a unit
+load anywhere on the cover puts on every texel, `press` pushes a rigid indenter into the cover and finds the contact,
+and `closed_form` holds exact solutions that verify both.  Every result carries an estimate of its own error.
+"""
+
+from fem_reference.point_spread import PointSpread, point_spread
+
+__all__ = ["PointSpread", "point_spread"]

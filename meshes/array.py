@@ -46,9 +46,7 @@ class TexelArray:
         """
         n = len(self.centres)
         if self.rows < 1 or self.columns < 1 or self.rows * self.columns != n:
-            raise ValueError(
-                f"rows x columns is {self.rows} x {self.columns} but there are {n} texel centres"
-            )
+            raise ValueError(f"rows x columns is {self.rows} x {self.columns} but there are {n} texel centres")
         if self.centres.shape != (n, 3) or self.normals.shape != (n, 3) or self.active.shape != (n,):
             raise ValueError("centres and normals must have shape (n, 3), active must have shape (n,)")
         if min(*self.texel_size, *self.pitch) <= 0:

@@ -1,7 +1,8 @@
 """Rigid indenters: each shape is defined once and serves both models.
 
-The reference model reads `gap`, the height of the lower surface; the fast model reads `primitives`, convex solids
-it makes geoms from.  Indenter frame: origin at the lowest point on the axis, z up, away from the cover.
+The reference model reads `gap`, the height of the lower surface; the fast model reads `primitives`, convex
+solids it makes geoms from.  Indenter frame: origin at the lowest point on the axis, z away from the
+cover.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ class Primitive:
 
     Attributes:
         kind: Which solid.
-        size: sphere: (radius,); cylinder, capsule: (radius, half length) along z; box: half edges (x, y, z) [m].
+        size: sphere: (radius,); cylinder, capsule: (radius, half length) along z; box: half
+            edges (x, y, z) [m].
         position: Centre [m].
         quaternion: Orientation, scalar first [-].
     """

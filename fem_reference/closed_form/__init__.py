@@ -1,0 +1,29 @@
+"""Closed forms of the linear layer problem: the verification that tests use and users can call.
+
+Nothing here shares code with the finite elements.
+"""
+
+from fem_reference.closed_form.contact import LayerContact, hertz, punch, sphere
+from fem_reference.closed_form.layer import (
+    Transfer,
+    half_space_compliance,
+    one_layer_compliance,
+    point_response,
+    point_response_spline,
+    transfer,
+    variance,
+)
+
+__all__ = [
+    "LayerContact",
+    "Transfer",
+    "half_space_compliance",
+    "hertz",
+    "one_layer_compliance",
+    "point_response",
+    "point_response_spline",
+    "punch",
+    "sphere",
+    "transfer",
+    "variance",
+]

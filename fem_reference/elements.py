@@ -1,0 +1,215 @@
+"""Mixed displacement-pressure elements (Taylor-Hood): quadratic displacement, linear pressure.
+
+scikit-fem gives meshes, shape functions, mappings and quadrature; the tensors are contracted here in whole-mesh
+array operations, never form by form.  The pressure is continuous inside a region and free to jump between regions,
+because the mean stress jumps where two materials meet.
+
+The displacement gradient at a point is a vector of components: (rr, rz, zr, zz, tt) for axisymmetric meshes with
+coordinates (r, z), the nine of a 3 x 3 matrix, row by row, in three dimensions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+import skfem
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_ELEMENTS = {
+    skfem.MeshTri1: (skfem.ElementTriP2, skfem.ElementTriP1),
+    skfem.MeshQuad1: (skfem.ElementQuad2, skfem.ElementQuad1),
+    skfem.MeshTet1: (skfem.ElementTetP2, skfem.ElementTetP1),
+    skfem.MeshHex1: (skfem.ElementHex2, skfem.ElementHex1),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MixedElements:
+    """Everything that assembly needs, as arrays over elements e, quadrature points q, local nodes a.
+
+    Attributes:
+        dimension: Displacement components per node, 2 or 3 [-].
+        nodes: Displacement nodes, shape (n, dimension) [m].
+        cells: Displacement nodes of each element, shape (e, a).
+        pressure_cells: Pressure unknowns of each element, shape (e, b).
+        region: Which material each element is made of, shape (e,).
+        gradient: Displacement gradient per local unknown, shape (e, q, g, a * dimension) [1/m].
+        divergence: Its trace, shape (e, q, a * dimension) [1/m].
+        pressure_shape: Pressure shape functions, shape (e, q, b) [-].
+        weight: Quadrature weight times volume, 2 pi r included when axisymmetric, shape (e, q) [m3].
+        basis: scikit-fem basis of the scalar displacement space.
+    """
+
+    dimension: int
+    nodes: FloatArray
+    cells: IntArray
+    pressure_cells: IntArray
+    region: IntArray
+    gradient: FloatArray
+    divergence: FloatArray
+    pressure_shape: FloatArray
+    weight: FloatArray
+    basis: skfem.CellBasis
+
+    @property
+    def displacements(self) -> int:
+        """Number of displacement unknowns; unknown `dimension * node + component` [-]."""
+        return self.nodes.size
+
+    @property
+    def pressures(self) -> int:
+        """Number of pressure unknowns; they follow the displacements [-]."""
+        return int(self.pressure_cells.max()) + 1
+
+    @property
+    def unknowns(self) -> IntArray:
+        """Displacement unknowns of each element, shape (e, a * dimension)."""
+        each = self.dimension * self.cells[:, :, None] + np.arange(self.dimension)
+        return each.reshape(len(self.cells), -1)
+
+
+def mixed_elements(
+    mesh: skfem.Mesh, *, region: IntArray | None = None, axisymmetric: bool = False, order: int = 4
+) -> MixedElements:
+    """Prepare Taylor-Hood elements on a mesh.
+
+    Args:
+        mesh: Linear triangles, quadrilaterals, tetrahedra or hexahedra [m].
+        region: Material index of each element, shape (e,); all 0 when not given.
+        axisymmetric: Read the coordinates of a two-dimensional mesh as (r, z).
+        order: Polynomial order that quadrature integrates exactly [-].
+
+    Raises:
+        ValueError: If the mesh type has no stable pair here, or an axisymmetric mesh is not two-dimensional.
+    """
+    if type(mesh) not in _ELEMENTS:
+        raise ValueError(f"no mixed element for {type(mesh).__name__}; use {[m.__name__ for m in _ELEMENTS]}")
+    if (mesh.dim() == 2) != axisymmetric:  # noqa: PLR2004
+        raise ValueError("two-dimensional meshes are axisymmetric here, three-dimensional ones are not")
+    quadratic, linear = _ELEMENTS[type(mesh)]
+    basis = skfem.Basis(mesh, quadratic(), intorder=order)
+    pressure = skfem.Basis(mesh, linear(), intorder=order)
+    material = np.zeros(mesh.nelements, dtype=np.int64) if region is None else np.asarray(region, np.int64)
+    shape = _values(basis)
+    slope = np.stack([np.asarray(basis.basis[a][0].grad) for a in range(basis.Nbfun)], axis=-1)  # (d, e, q, a)
+    position = np.asarray(basis.global_coordinates())
+    weight = basis.dx * (2 * np.pi * position[0] if axisymmetric else 1.0)
+    gradient = _axisymmetric(slope, shape, position[0]) if axisymmetric else _solid(slope)
+    trace = [0, 3, 4] if axisymmetric else [0, 4, 8]
+    return MixedElements(
+        dimension=mesh.dim(),
+        nodes=np.ascontiguousarray(basis.doflocs.T),
+        cells=basis.element_dofs.T.astype(np.int64),
+        pressure_cells=_split_by_region(pressure.element_dofs.T.astype(np.int64), material),
+        region=material,
+        gradient=gradient,
+        divergence=gradient[:, :, trace].sum(axis=2),
+        pressure_shape=_values(pressure),
+        weight=weight,
+        basis=basis,
+    )
+
+
+def linear_system(elements: MixedElements, shear_modulus: FloatArray, bulk_compliance: FloatArray) -> sp.csr_matrix:
+    """Stiffness of linear elasticity in displacement and mean pressure, exact from nu = 0 to 0.5.
+
+    sigma = 2 mu dev(eps) - p I and p = -K div u, K = 2 mu (1 + nu) / 3 (1 - 2 nu): with p as an unknown only 1 / K
+    appears, which is finite over the whole range (Hughes, The Finite Element Method, section 4.4).
+
+    Args:
+        elements: Prepared elements.
+        shear_modulus: Of each region [Pa].
+        bulk_compliance: 1 / K of each region, 0 when incompressible [1/Pa].
+
+    Returns:
+        Symmetric indefinite matrix over displacements, then pressures.
+    """
+    mu = np.asarray(shear_modulus)[elements.region]
+    inverse = np.asarray(bulk_compliance)[elements.region]
+    w = elements.weight
+    stress = np.einsum("gh,eqhj->eqgj", _deviator(elements.gradient.shape[2]), elements.gradient, optimize=True)
+    stress *= (2 * mu[:, None] * w)[:, :, None, None]
+    stiff = _product(elements.gradient, stress)
+    couple = -np.einsum("eqi,eqb,eq->eib", elements.divergence, elements.pressure_shape, w, optimize=True)
+    volume = -np.einsum(
+        "eqa,eqb,eq->eab",
+        elements.pressure_shape,
+        elements.pressure_shape,
+        w * inverse[:, None],
+        optimize=True,
+    )
+    return assemble(elements, stiff, couple, volume)
+
+
+def assemble(elements: MixedElements, stiff: FloatArray, couple: FloatArray, volume: FloatArray) -> sp.csr_matrix:
+    """Sum element blocks (e, i, j), (e, i, b), (e, b, b) into one symmetric sparse matrix."""
+    u = elements.unknowns
+    p = elements.pressure_cells + elements.displacements
+    rows = np.concatenate([u, p], axis=1)
+    n = u.shape[1]
+    block = np.empty((len(rows), rows.shape[1], rows.shape[1]))
+    block[:, :n, :n] = stiff
+    block[:, :n, n:] = couple
+    block[:, n:, :n] = couple.transpose(0, 2, 1)
+    block[:, n:, n:] = volume
+    i = np.broadcast_to(rows[:, :, None], block.shape).ravel()
+    j = np.broadcast_to(rows[:, None, :], block.shape).ravel()
+    size = elements.displacements + elements.pressures
+    return sp.coo_matrix((block.ravel(), (i, j)), shape=(size, size)).tocsr()
+
+
+def _product(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Sum over points and components, (e, q, g, i), (e, q, g, j) to (e, i, j), as one batched GEMM."""
+    e, q, g, i = left.shape
+    flat = left.reshape(e, q * g, i)
+    return np.asarray(np.matmul(flat.transpose(0, 2, 1), right.reshape(e, q * g, -1)))
+
+
+def _deviator(components: int) -> FloatArray:
+    """dev(sym(grad u)) as a matrix on gradient components, shape (g, g) [-]."""
+    if components == 5:  # noqa: PLR2004 -- rr, rz, zr, zz, tt
+        places = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)]
+    else:
+        places = [(i, j) for i in range(3) for j in range(3)]
+    out = np.zeros((components, components))
+    for row, (i, j) in enumerate(places):
+        for column, (k, m) in enumerate(places):
+            symmetric = ((i, j) == (k, m)) / 2 + ((i, j) == (m, k)) / 2
+            out[row, column] = symmetric - (i == j) * (k == m) / 3
+    return out
+
+
+def _values(basis: skfem.CellBasis) -> FloatArray:
+    """Shape functions at quadrature points, shape (e, q, a)."""
+    each = [np.broadcast_to(np.asarray(basis.basis[a][0]), basis.dx.shape) for a in range(basis.Nbfun)]
+    return np.stack(each, axis=-1)
+
+
+def _axisymmetric(slope: FloatArray, shape: FloatArray, radius: FloatArray) -> FloatArray:
+    e, q, a = shape.shape
+    out = np.zeros((e, q, 5, a, 2))
+    out[:, :, 0, :, 0] = slope[0]
+    out[:, :, 1, :, 0] = slope[1]
+    out[:, :, 2, :, 1] = slope[0]
+    out[:, :, 3, :, 1] = slope[1]
+    out[:, :, 4, :, 0] = shape / radius[:, :, None]
+    return out.reshape(e, q, 5, 2 * a)
+
+
+def _solid(slope: FloatArray) -> FloatArray:
+    d, e, q, a = slope.shape
+    out = np.zeros((e, q, d, d, a, d))
+    for component in range(d):
+        out[:, :, component, :, :, component] = slope.transpose(1, 2, 0, 3)
+    return out.reshape(e, q, d * d, a * d)
+
+
+def _split_by_region(cells: IntArray, region: IntArray) -> IntArray:
+    """Number pressure unknowns by (vertex, region), so that the pressure may jump between regions."""
+    pairs = cells + region[:, None] * (cells.max() + 1)
+    return np.unique(pairs, return_inverse=True)[1].reshape(cells.shape).astype(np.int64)

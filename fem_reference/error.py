@@ -1,0 +1,40 @@
+"""Discretisation error from a sequence of grids (Roache 1994; ASME V&V 20-2009, section 2-4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+def grid_convergence(
+    values: Sequence[float], sizes: Sequence[float], *, least: float = 1.0, most: float = 4.0
+) -> float:
+    """Estimate the error of the finest of three values.
+
+    The observed order is limited to `least`..`most`.  The safety factor is 1.25 where the three values converge
+    monotonically with an order inside that range, 3 where they do not.
+
+    Args:
+        values: Results, coarsest grid first, shape (3,).
+        sizes: Element sizes of the grids in the same order, descending.
+        least: Smallest order believed [-].
+        most: Largest order believed [-].
+
+    Returns:
+        Estimated absolute error of the last value, in its unit.
+
+    Raises:
+        ValueError: If there are not three grids of descending size.
+    """
+    if len(values) != 3 or len(sizes) != 3 or not sizes[0] > sizes[1] > sizes[2] > 0:  # noqa: PLR2004
+        raise ValueError("grid_convergence needs three values on grids of descending size")
+    coarse, fine = values[1] - values[0], values[2] - values[1]
+    if fine == 0:
+        return 0.0
+    ratio = sizes[1] / sizes[2]
+    monotonic = coarse * fine > 0
+    observed = float(np.log(abs(coarse / fine)) / np.log(ratio)) if coarse != 0 else least
+    order = min(max(observed, least), most)
+    factor = 1.25 if monotonic and least <= observed <= most + 1 else 3.0
+    return float(factor * abs(fine) / (ratio**order - 1))
