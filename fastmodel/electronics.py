@@ -1,0 +1,134 @@
+"""From texel forces to the sensor's integers and grey levels.
+
+Per texel: noise -> characteristic -> gain -> threshold -> saturation -> whole counts -> 8-bit grey.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.errors import ShapeError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+#: Number of coefficients of the report's 5th-degree characteristic.
+_COEFFICIENTS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Electronics:
+    """What the sensor does with a texel's force.
+
+    Attributes:
+        rate_hz: Frames per second [Hz].
+        sensitivity: Slope of the linear characteristic, counts = sensitivity * force + offset [1/N].
+        offset: Count that the characteristic gives at no force; negative makes a dead zone [-].
+        output_max: Largest count that the sensor delivers; white in the image [-].
+        bits: Bits of the converter: no count exceeds 2^bits - 1 [-].
+        noise: Standard deviation of the Gaussian noise on every texel force and frame [N].
+        threshold: Counts that the firmware subtracts; whatever lies below reads zero [-].
+        saturation_band: Counts below `output_max` over which saturation sets in softly; 0 for a sharp
+            clip [-].
+        characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, instead of the straight line
+            [1/N^k]; None for the line.
+        gains: One factor per texel on the counts before the threshold, shape (n,) [-]; None for ones.
+        seed: Seed of the noise; the same seed gives the same frames [-].
+    """
+
+    rate_hz: float
+    sensitivity: float
+    offset: float = 0.0
+    output_max: int = 4095
+    bits: int = 12
+    noise: float = 0.0
+    threshold: float = 0.0
+    saturation_band: float = 0.0
+    characteristic: tuple[float, ...] | None = None
+    gains: tuple[float, ...] | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ValueError: If a number is out of range; the message lists every fault.
+        """
+        faults = [message for wrong, message in self._rules() if wrong]
+        if faults:
+            raise ValueError("; ".join(faults))
+
+    def _rules(self) -> list[tuple[bool, str]]:
+        largest = 2**self.bits - 1
+        c = self.characteristic
+        return [
+            (not 0 < self.rate_hz < np.inf, f"rate_hz must be positive, not {self.rate_hz}"),
+            (not 0 < self.sensitivity < np.inf, f"sensitivity must be positive, not {self.sensitivity}"),
+            (not np.isfinite(self.offset), f"offset must be finite, not {self.offset}"),
+            (
+                not 1 <= self.output_max <= largest,
+                f"output_max must lie in 1..{largest} ({self.bits} bits), not {self.output_max}",
+            ),
+            (not 0 <= self.noise < np.inf, f"noise must not be negative, not {self.noise}"),
+            (not 0 <= self.threshold < np.inf, f"threshold must not be negative, not {self.threshold}"),
+            (
+                not 0 <= self.saturation_band < self.output_max,
+                f"saturation_band must lie in 0..output_max, not {self.saturation_band}",
+            ),
+            (
+                c is not None and (len(c) != _COEFFICIENTS or not np.isfinite(c).all()),
+                f"characteristic takes {_COEFFICIENTS} finite coefficients c0..c5, not {c}",
+            ),
+            (
+                self.gains is not None and not all(0 <= gain < np.inf for gain in self.gains),
+                "gains must be finite and not negative",
+            ),
+        ]
+
+    def counts(self, forces: npt.ArrayLike, noise: np.random.Generator | None = None) -> IntArray:
+        """Counts of texels under given forces, shape (..., n) to (..., n) [-].
+
+        Args:
+            forces: Texel forces after filter and spread [N].
+            noise: Source of the noise; without one the counts are free of noise.
+
+        Raises:
+            ShapeError: If there are gains for another number of texels.
+        """
+        force = np.asarray(forces, dtype=np.float64)
+        if noise is not None and self.noise > 0:
+            force = force + noise.normal(0.0, self.noise, force.shape)
+        signal = self._characteristic(force) * self._gains(force.shape) - self.threshold
+        return np.rint(self._saturate(np.maximum(signal, 0.0))).astype(np.int64)
+
+    def image(self, counts: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+        """Grey levels round(255 counts / output_max), same shape [-]."""
+        grey = np.rint(255.0 * np.asarray(counts, dtype=np.float64) / self.output_max)
+        return np.clip(grey, 0, 255).astype(np.uint8)
+
+    def _characteristic(self, force: FloatArray) -> FloatArray:
+        if self.characteristic is None:
+            return self.sensitivity * force + self.offset
+        return np.asarray(np.polynomial.polynomial.polyval(force, self.characteristic))
+
+    def _gains(self, shape: tuple[int, ...]) -> FloatArray:
+        if self.gains is None:
+            return np.ones(1)
+        if shape[-1:] != (len(self.gains),):
+            raise ShapeError(f"there are gains for {len(self.gains)} texels, but forces of shape {shape}")
+        return np.asarray(self.gains)
+
+    def _saturate(self, signal: FloatArray) -> FloatArray:
+        """Clip sharply, or bend with slope one into an exponential approach over the band."""
+        if self.saturation_band == 0:
+            return np.minimum(signal, self.output_max)
+        knee = self.output_max - self.saturation_band
+        excess = np.maximum(signal - knee, 0.0) / self.saturation_band
+        return np.where(signal > knee, knee - self.saturation_band * np.expm1(-excess), signal)
+
+
+#: The 2015 report's line of the Weiss WTS 0614-34: zero below 0.185 N, saturated from 1.646 N.
+WTS_0614_34 = Electronics(rate_hz=271.0, sensitivity=2665.7, offset=-493.87, output_max=3895, bits=12)

@@ -1,0 +1,307 @@
+"""Everything the fast model needs, as one folder: `parameters.toml` beside `cover.npz`.
+
+The TOML is complete and in SI: array, spread, filter, electronics, provenance.  `cover.npz` carries what does
+not belong into text: the spread operator `[texel, loaded texel]` and any further tables; its sha256 stands in
+the TOML.  Nothing is pickled.  Each file appears whole or not at all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import os
+import tempfile
+import tomllib
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import tomli_w
+
+from fastmodel.butterworth import Butterworth
+from fastmodel.electronics import Electronics
+from fastmodel.errors import ParametersError, ShapeError
+from fastmodel.spread import Gaussian, Spread, Tabulated
+from meshes import TexelArray
+
+FloatArray = npt.NDArray[np.float64]
+T = TypeVar("T")
+
+#: Version of the folder's format; a reader refuses what it does not know.
+FORMAT = 1
+TOML_NAME = "parameters.toml"
+NPZ_NAME = "cover.npz"
+_OPERATOR = "operator"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Parameters:
+    """A tactile array with its cover, as the fast model sees it.
+
+    Attributes:
+        array: Where the texels are.
+        spread: How the cover spreads force over texels.
+        electronics: What the sensor does with a texel's force.
+        filter: Low-pass on every texel; None for none.
+        provenance: Where the numbers come from: estimator, versions, hashes, assumptions.
+        tables: Further arrays of the cover that travel with it, by name, for example a point response.
+    """
+
+    array: TexelArray
+    spread: Spread
+    electronics: Electronics
+    filter: Butterworth | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    tables: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that the parts fit one another.
+
+        Raises:
+            ShapeError: If the spread operator or the gains are for another number of texels.
+            ParametersError: If a table is named like the operator.
+        """
+        self.spread.operator(self.array)
+        gains = self.electronics.gains
+        if gains is not None and len(gains) != self.array.count:
+            raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
+        if _OPERATOR in self.tables:
+            raise ParametersError(f"a table must not be named {_OPERATOR!r}; that name is the spread's")
+
+    def save(self, folder: str | Path) -> Path:
+        """Write `parameters.toml` and `cover.npz` into a folder, made if need be.
+
+        Args:
+            folder: Where to.
+
+        Returns:
+            The path of `parameters.toml`.
+
+        Raises:
+            OSError: If the folder cannot be written.
+        """
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
+        packed = _pack({name: np.asarray(table) for name, table in tables.items()})
+        text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
+        _write_whole(target / NPZ_NAME, packed)
+        _write_whole(target / TOML_NAME, text.encode())
+        return target / TOML_NAME
+
+
+def load(folder: str | Path) -> Parameters:
+    """Read a folder that `Parameters.save` wrote.
+
+    Args:
+        folder: The folder, or its `parameters.toml`.
+
+    Raises:
+        ParametersError: If a file is missing, damaged, of another format, or holds bad values.
+    """
+    path = Path(folder)
+    path = path if path.suffix == ".toml" else path / TOML_NAME
+    document = _read_toml(path)
+    reader = _Reader(document, path)
+    if reader.take("format") != FORMAT:
+        raise ParametersError(f"{path}: format is {document['format']!r}; this version reads {FORMAT}")
+    tables = _read_tables(path.parent / reader.take("cover.file"), reader.take("cover.sha256"))
+    if _OPERATOR not in tables:
+        raise ParametersError(f"{path.parent / NPZ_NAME}: holds no {_OPERATOR!r}, only {sorted(tables)}")
+    operator = tables.pop(_OPERATOR)
+    return reader.build(
+        "parameters",
+        lambda: Parameters(
+            array=reader.build("array", lambda: _array(reader)),
+            spread=reader.build("spread", lambda: _spread(reader, operator)),
+            electronics=reader.build("electronics", lambda: _electronics(reader)),
+            filter=reader.build("filter", lambda: _filter(document.get("filter"))),
+            provenance=document.get("provenance", {}),
+            tables=tables,
+        ),
+    )
+
+
+class _Reader:
+    """Looks values up by dotted path and turns every failure into one line that names file and place."""
+
+    def __init__(self, document: Mapping[str, Any], path: Path) -> None:
+        self._document = document
+        self._path = path
+
+    def take(self, key: str) -> Any:  # noqa: ANN401 -- TOML values
+        value: Any = self._document
+        for part in key.split("."):
+            if not isinstance(value, Mapping) or part not in value:
+                raise ParametersError(f"{self._path}: {key} is missing")
+            value = value[part]
+        return value
+
+    def build(self, place: str, make: Callable[[], T]) -> T:
+        try:
+            return make()
+        except ParametersError:
+            raise
+        except (TypeError, ValueError, KeyError) as error:
+            raise ParametersError(f"{self._path}: [{place}] {error}") from error
+
+
+def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "array": _describe_array(parameters.array),
+        "spread": _describe_spread(parameters.spread),
+        "electronics": _plain(parameters.electronics),
+        "cover": {"file": NPZ_NAME, "sha256": sha256},
+    }
+    if parameters.filter is not None:
+        document["filter"] = _plain(parameters.filter)
+    if parameters.provenance:
+        document["provenance"] = _without_none(dict(parameters.provenance))
+    return document
+
+
+def _describe_array(array: TexelArray) -> dict[str, Any]:
+    """Name, size and pitch; a mask and single positions only where they are not the plain grid's."""
+    plain: dict[str, Any] = {
+        "name": array.name,
+        "rows": array.rows,
+        "columns": array.columns,
+        "pitch": list(array.pitch),
+        "texel_size": list(array.texel_size),
+    }
+    if not array.active.all():
+        plain["active"] = array.image(array.active).astype(int).tolist()
+    grid = TexelArray.grid(array.rows, array.columns, array.pitch)
+    if not (np.array_equal(array.centres, grid.centres) and np.array_equal(array.normals, grid.normals)):
+        plain["centres"] = array.centres.tolist()
+        plain["normals"] = array.normals.tolist()
+    return plain
+
+
+def _array(reader: _Reader) -> TexelArray:
+    table = reader.take("array")
+    pitch, size = reader.take("array.pitch"), reader.take("array.texel_size")
+    grid = TexelArray.grid(
+        reader.take("array.rows"),
+        reader.take("array.columns"),
+        (pitch[0], pitch[1]),
+        texel_size=(size[0], size[1]),
+        active=table.get("active"),
+        name=reader.take("array.name"),
+    )
+    if "centres" not in table:
+        return grid
+    return dataclasses.replace(
+        grid,
+        centres=np.array(table["centres"], dtype=np.float64),
+        normals=np.array(reader.take("array.normals"), dtype=np.float64),
+    )
+
+
+def _describe_spread(spread: Spread) -> dict[str, Any]:
+    if isinstance(spread, Gaussian):
+        return {"kind": "gaussian", **_plain(spread)}
+    return {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
+
+
+def _spread(reader: _Reader, operator: FloatArray) -> Spread:
+    values = dict(reader.take("spread"))
+    match values.pop("kind", None):
+        case "gaussian":
+            return Gaussian(**values)
+        case "operator":
+            return Tabulated(matrix=operator, **values)
+        case kind:
+            raise ValueError(f"kind is {kind!r}; it must be 'gaussian' or 'operator'")
+
+
+def _electronics(reader: _Reader) -> Electronics:
+    values = dict(reader.take("electronics"))
+    for name in ("characteristic", "gains"):
+        if name in values:
+            values[name] = tuple(values[name])
+    return Electronics(**values)
+
+
+def _filter(values: Mapping[str, Any] | None) -> Butterworth | None:
+    return None if values is None else Butterworth(**values)
+
+
+def _plain(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance
+    """A dataclass as TOML values; None is left out."""
+    return _without_none(dataclasses.asdict(instance))
+
+
+def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
+    plain: dict[str, Any] = {}
+    for key, value in values.items():
+        if value is None:
+            continue
+        if isinstance(value, Mapping):
+            plain[key] = _without_none(value)
+        elif isinstance(value, np.generic | np.ndarray):
+            plain[key] = value.tolist()
+        else:
+            plain[key] = list(value) if isinstance(value, tuple) else value
+    return plain
+
+
+def _pack(tables: Mapping[str, npt.NDArray[Any]]) -> bytes:
+    """The tables as npz whose bytes depend on nothing but the tables."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, table in sorted(tables.items()):
+            entry = io.BytesIO()
+            np.lib.format.write_array(entry, np.ascontiguousarray(table), allow_pickle=False)
+            archive.writestr(
+                zipfile.ZipInfo(f"{name}.npy"), entry.getvalue(), compress_type=zipfile.ZIP_DEFLATED
+            )
+    return buffer.getvalue()
+
+
+def _read_tables(path: Path, sha256: str) -> dict[str, FloatArray]:
+    packed = _read(path)
+    if hashlib.sha256(packed).hexdigest() != sha256:
+        raise ParametersError(f"{path}: does not belong to {TOML_NAME} (sha256 differs); write both anew")
+    try:
+        with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
+            return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise ParametersError(f"{path}: not a readable npz file: {error}") from error
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(_read(path).decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ParametersError(f"{path}: not readable as TOML: {error}") from error
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ParametersError(
+            f"{path}: {error.strerror}; a folder with {TOML_NAME} and {NPZ_NAME} is needed"
+        ) from error
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Temporary file, fsync, rename: readers see the old file or the new one, never a part."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,59 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fastmodel.electronics import WTS_0614_34, Electronics
+from fastmodel.errors import ShapeError
+
+
+def test_the_reports_line():
+    forces = np.array([0.0, 0.18, 0.19, 1.0, 1.64, 1.65, 5.0, -0.3])
+    counts = WTS_0614_34.counts(forces)
+    assert counts.tolist() == [0, 0, 13, 2172, 3878, 3895, 3895, 0]
+    assert np.issubdtype(counts.dtype, np.integer)
+
+
+def test_image_is_grey_of_full_output():
+    image = WTS_0614_34.image([[0, 3895], [1948, 1]])
+    assert image.dtype == np.uint8
+    assert image.tolist() == [[0, 255], [128, 0]]
+
+
+def test_fifth_degree_characteristic_and_gains():
+    chain = Electronics(rate_hz=100, sensitivity=1, characteristic=(10, 100, 5, 0, 0, -1), gains=(1.0, 2.0))
+    assert chain.counts([2.0, 2.0]).tolist() == [198, 396]
+    with pytest.raises(ShapeError, match="2 texels"):
+        chain.counts([1.0, 1.0, 1.0])
+
+
+def test_threshold_is_subtracted_as_the_firmware_does():
+    chain = Electronics(rate_hz=100, sensitivity=1000, threshold=100)
+    assert chain.counts([0.05, 0.1, 0.101, 0.3]).tolist() == [0, 0, 1, 200]
+
+
+def test_soft_saturation_is_smooth_monotonic_and_bounded():
+    chain = Electronics(rate_hz=100, sensitivity=1000, output_max=4000, saturation_band=800)
+    force = np.linspace(0, 20, 4001)
+    counts = chain.counts(force)
+    assert np.array_equal(counts[force <= 3.2], np.rint(1000 * force[force <= 3.2]))
+    assert np.all(np.diff(counts) >= 0)
+    assert np.abs(np.diff(counts, 2)).max() <= 2
+    assert counts.max() == 4000
+
+
+def test_noise_is_seeded_and_has_the_stated_width():
+    chain = dataclasses.replace(WTS_0614_34, noise=0.01)
+    force = np.full((2000, 84), 1.0)
+    first = chain.counts(force, np.random.default_rng(3))
+    again = chain.counts(force, np.random.default_rng(3))
+    assert np.array_equal(first, again)
+    assert first.std() == pytest.approx(26.657, rel=0.01)
+    assert chain.counts(force).std() == 0
+
+
+def test_every_fault_is_listed():
+    with pytest.raises(ValueError, match=r"rate_hz.*sensitivity.*output_max.*1..4095.*threshold"):
+        Electronics(rate_hz=0, sensitivity=-1, output_max=5000, threshold=-3)
+    with pytest.raises(ValueError, match=r"c0\.\.c5"):
+        Electronics(rate_hz=1, sensitivity=1, characteristic=(1.0, 2.0))

@@ -1,0 +1,145 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fastmodel.parameters
+from fastmodel.butterworth import Butterworth
+from fastmodel.electronics import WTS_0614_34
+from fastmodel.errors import ParametersError, ShapeError
+from fastmodel.parameters import Parameters, load
+from fastmodel.spread import Gaussian, Tabulated
+from meshes import TexelArray
+from meshes.catalogue import ARRAYS
+
+
+def make(**changes):
+    return Parameters(
+        **{
+            "array": ARRAYS["sdh2-distal"],
+            "spread": Gaussian.from_sigma(0.71, 0.52),
+            "electronics": WTS_0614_34,
+            "filter": Butterworth(cutoff_hz=30.0, order=3),
+            "provenance": {
+                "estimator": "least-squares-uniform",
+                "error": {"sigma": np.float64(0.01), "x": None},
+            },
+            "tables": {"radius": np.linspace(0, 1e-2, 7)},
+            **changes,
+        }
+    )
+
+
+def same_array(one, other):
+    return (
+        np.array_equal(one.centres, other.centres)
+        and np.array_equal(one.normals, other.normals)
+        and np.array_equal(one.active, other.active)
+        and (one.pitch, one.texel_size, one.name) == (other.pitch, other.texel_size, other.name)
+    )
+
+
+def test_what_is_saved_comes_back(tmp_path):
+    saved = make()
+    path = saved.save(tmp_path / "new" / "folder")
+    assert sorted(p.name for p in path.parent.iterdir()) == ["cover.npz", "parameters.toml"]
+    back = load(path.parent)
+    assert same_array(back.array, saved.array)
+    assert (back.spread, back.filter) == (saved.spread, saved.filter)
+    assert back.electronics == saved.electronics
+    assert back.provenance == {"estimator": "least-squares-uniform", "error": {"sigma": 0.01}}
+    assert np.array_equal(back.tables["radius"], saved.tables["radius"])
+
+
+def test_operator_gains_and_free_layout_come_back(tmp_path):
+    rng = np.random.default_rng(0)
+    angle = np.linspace(-0.5, 0.5, 6)
+    array = TexelArray(
+        centres=np.stack([np.sin(angle), np.zeros(6), np.cos(angle) - 1], axis=1) * 8e-3,
+        normals=np.stack([np.sin(angle), np.zeros(6), np.cos(angle)], axis=1),
+        texel_size=(1e-3, 2e-3),
+        pitch=(1.6e-3, 2e-3),
+        rows=1,
+        columns=6,
+        active=np.ones(6, dtype=bool),
+        name="bent",
+    )
+    electronics = dataclasses.replace(
+        WTS_0614_34, gains=(1.0, 0.9, 1.1, 1.0, 1.2, 0.8), characteristic=(0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    )
+    spread = Tabulated(matrix=rng.random((6, 6)), source="finite elements")
+    make(array=array, spread=spread, electronics=electronics, filter=None).save(tmp_path)
+    back = load(tmp_path / "parameters.toml")
+    assert same_array(back.array, array)
+    assert np.array_equal(back.spread.matrix, spread.matrix)
+    assert (back.spread.source, back.filter, back.electronics) == ("finite elements", None, electronics)
+
+
+def test_same_parameters_give_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        make().save(tmp_path / name)
+    for file in ("cover.npz", "parameters.toml"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("sigma_x = 0.71", "sigma_x = -1.0"), r"\[spread\] sigma must be positive"),
+        (("sigma_x = 0.71", "sigma_q = 0.71"), r"\[spread\].*sigma_q"),
+        (('kind = "gaussian"', 'kind = "boxcar"'), r"\[spread\] kind is 'boxcar'; it must be"),
+        (("rows = 13", "rows = 12"), r"\[array\]"),
+        (("rows = 13", ""), r"array\.rows is missing"),
+        (("format = 1", "format = 99"), "format is 99; this version reads 1"),
+        (("bits = 12", "bits = 8"), r"\[electronics\] output_max must lie in 1\.\.255"),
+        (("cutoff_hz = 30.0", "cutoff_hz = -30.0"), r"\[filter\] cutoff_hz"),
+        (("[array]", "[array"), "not readable as TOML"),
+    ],
+)
+def test_bad_toml_is_one_clear_line(tmp_path, change, message):
+    path = make().save(tmp_path)
+    text = path.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change))
+    with pytest.raises(ParametersError, match=message) as caught:
+        load(tmp_path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value).split("TOML:")[0]
+
+
+def test_missing_truncated_and_foreign_files_are_named(tmp_path):
+    with pytest.raises(ParametersError, match=r"parameters\.toml: No such file"):
+        load(tmp_path / "nowhere")
+    make().save(tmp_path)
+    tables = tmp_path / "cover.npz"
+    whole = tables.read_bytes()
+    tables.write_bytes(whole[:-20])
+    with pytest.raises(ParametersError, match="sha256 differs"):
+        load(tmp_path)
+    tables.unlink()
+    with pytest.raises(ParametersError, match=r"cover\.npz: No such file"):
+        load(tmp_path)
+
+
+def test_failed_write_leaves_the_old_file_whole_and_no_litter(tmp_path, monkeypatch):
+    path = make().save(tmp_path)
+    before = path.read_bytes()
+
+    def fail(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(fastmodel.parameters.os, "fsync", fail)
+    with pytest.raises(OSError, match="No space"):
+        make(spread=Gaussian.from_sigma(2.0)).save(tmp_path)
+    assert path.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cover.npz", "parameters.toml"]
+    load(tmp_path)
+
+
+def test_parts_that_do_not_fit_are_refused():
+    with pytest.raises(ShapeError, match="78 texels"):
+        make(spread=Tabulated(matrix=np.eye(84)))
+    with pytest.raises(ShapeError, match="gains for 3"):
+        make(electronics=dataclasses.replace(WTS_0614_34, gains=(1.0, 1.0, 1.0)))
+    with pytest.raises(ParametersError, match="must not be named"):
+        make(tables={"operator": np.eye(78)})
