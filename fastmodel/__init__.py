@@ -1,25 +1,84 @@
-"""The fast model: rigid texels in MuJoCo, point spread function, Butterworth filter, electronics."""
+"""The fast model: a tactile array under a soft cover, in MuJoCo, faster than real time.
+
+The picture to have in mind is a chain, one vector of n texels long (row-major, x fastest):
+
+    contact force on each rigid texel   `BoxTexels`     every physics step, read from MuJoCo   [N]
+    -> Butterworth low-pass             `Butterworth`   at that rate                           [N]
+    -> spread by the cover              `Gaussian`      once per frame, one constant matrix    [N]
+    -> noise, characteristic, counts    `Electronics`   once per frame                         [-]
+    -> `Frame`                          true time, counts, texel forces, 8-bit image
+
+`Parameters` holds all of it for one sensor and travels as a folder (`save`, `load`); `fit_gaussian` makes the
+spread from a reference response.  Two ways to run it:
+
+    parameters = fastmodel.load("wts-0614-34.parameters")
+    sensor = fastmodel.attach(spec, "fingertip", parameters)      # before compiling
+    model = spec.compile(); data = mujoco.MjData(model)
+    sensor.bind(model)
+    while ...:
+        mujoco.mj_step(model, data)
+        if sensor.step(data):
+            show(sensor.frame().image)
+
+    result = fastmodel.indent(parameters, meshes.Sphere(radius=5e-3), load=4.9)   # a bench test, settled
+
+Contact forces add up to the weight; after spread, what the texels do not feel is `outside`.  Two things carry
+no meaning: how deep an object sinks (MuJoCo's contact softness is an engine setting, not the cover's), and how
+box texels share a flat face (by number of contact points, not by area).
+
+Every error about input is a `FastModelError`, itself a `ValueError`.  Needs numpy, scipy and mujoco; numba, when
+installed, speeds the filter up.
+"""
 
 from fastmodel.butterworth import Butterworth, FilterBank
+from fastmodel.contact import METHODS, BoxTexels, TexelContact
 from fastmodel.electronics import WTS_0614_34, Electronics
-from fastmodel.errors import FastModelError
+from fastmodel.errors import (
+    FastModelError,
+    FilterError,
+    LifeCycleError,
+    MissedArrayError,
+    ParametersError,
+    ShapeError,
+    StateError,
+    UnknownNameError,
+)
 from fastmodel.fit import Fit, fit_gaussian
 from fastmodel.frame import Frame
 from fastmodel.parameters import Parameters, load
-from fastmodel.spread import Gaussian, Spread, Tabulated
+from fastmodel.rig import FastIndentation, indent
+from fastmodel.sensor import OptionWarning, Sensor, attach, recommend_options
+from fastmodel.spread import Gaussian, Spread, Tabulated, outside_share
 
 __all__ = [
+    "METHODS",
     "WTS_0614_34",
+    "BoxTexels",
     "Butterworth",
     "Electronics",
+    "FastIndentation",
     "FastModelError",
     "FilterBank",
+    "FilterError",
     "Fit",
     "Frame",
     "Gaussian",
+    "LifeCycleError",
+    "MissedArrayError",
+    "OptionWarning",
     "Parameters",
+    "ParametersError",
+    "Sensor",
+    "ShapeError",
     "Spread",
+    "StateError",
     "Tabulated",
+    "TexelContact",
+    "UnknownNameError",
+    "attach",
     "fit_gaussian",
+    "indent",
     "load",
+    "outside_share",
+    "recommend_options",
 ]

@@ -59,9 +59,7 @@ class Butterworth:
             FilterError: If the cut-off is not below half the sampling rate.
         """
         if not self.cutoff_hz < rate_hz / 2:
-            raise FilterError(
-                f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz"
-            )
+            raise FilterError(f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz")
         K = np.tan(np.pi * self.cutoff_hz / rate_hz)
         rows = [_first_order(K)] if self.order % 2 else []
         # Lowest quality first keeps the values inside the cascade small.
@@ -90,9 +88,7 @@ class FilterBank:
     both paths do the same operations in the same order.
     """
 
-    def __init__(
-        self, design: Butterworth, rate_hz: float, count: int, *, native: bool | None = None
-    ) -> None:
+    def __init__(self, design: Butterworth, rate_hz: float, count: int, *, native: bool | None = None) -> None:
         """Prepare a filter at rest.
 
         Args:

@@ -160,9 +160,7 @@ def _fit_sigmas(
 
     low, high = np.log(SIGMA_RANGE)
     start = np.log(_first_guess(image, loaded))
-    solution = least_squares(
-        difference, start, jac=jacobian, bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15
-    )
+    solution = least_squares(difference, start, jac=jacobian, bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15)
     sx, sy = np.exp(solution.x)
     return (float(sx), float(sy))
 

@@ -259,9 +259,7 @@ def _pack(tables: Mapping[str, npt.NDArray[Any]]) -> bytes:
         for name, table in sorted(tables.items()):
             entry = io.BytesIO()
             np.lib.format.write_array(entry, np.ascontiguousarray(table), allow_pickle=False)
-            archive.writestr(
-                zipfile.ZipInfo(f"{name}.npy"), entry.getvalue(), compress_type=zipfile.ZIP_DEFLATED
-            )
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), entry.getvalue(), compress_type=zipfile.ZIP_DEFLATED)
     return buffer.getvalue()
 
 
