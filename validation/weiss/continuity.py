@@ -85,11 +85,7 @@ class Continuity:
         """Take the next frame's clock and the bytes skipped before it; return the gaps that are now known."""
         last, self._last = self._last, ticks
         if last is None:
-            return (
-                [Gap(kind="bytes skipped", host_time=host_time, before=ticks, skipped=skipped)]
-                if skipped
-                else []
-            )
+            return [Gap(kind="bytes skipped", host_time=host_time, before=ticks, skipped=skipped)] if skipped else []
         step = _Step(last, ticks, skipped, host_time)
         if len(self._steps) >= _LEARNT:
             return self._judge([step])

@@ -137,9 +137,7 @@ def test_noise_neither_raises_nor_passes_unchecked(noise):
 
 
 def test_more_than_three_aa_in_a_row():
-    stream = (
-        encode(0x22) + b"\xaa" + encode(0x30) + b"\xaa\xaa" + encode(0x46) + b"\xaa\xaa\xaa" + encode(0x50)
-    )
+    stream = encode(0x22) + b"\xaa" + encode(0x30) + b"\xaa\xaa" + encode(0x46) + b"\xaa\xaa\xaa" + encode(0x50)
     messages = Parser().feed(stream)
     assert [m.identifier for m in messages] == [0x22, 0x30, 0x46, 0x50]
     assert [m.skipped for m in messages] == [0, 1, 2, 3]
