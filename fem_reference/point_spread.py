@@ -69,7 +69,7 @@ class PointSpread:
         corners, index = _corners(array)
         volume = self._corner_integral(corners[:, 0] - place[:, :1], corners[:, 1] - place[:, 1:])
         low_low, high_low, low_high, high_high = (volume[:, index[:, i]] for i in range(4))
-        return np.where(array.active, high_high - high_low - low_high + low_low, 0.0)
+        return np.asarray(np.where(array.active, high_high - high_low - low_high + low_low, 0.0))
 
     def texel_response(
         self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None

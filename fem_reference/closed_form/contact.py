@@ -110,4 +110,4 @@ def _kernel(cover: Cover, x: FloatArray, t: FloatArray) -> FloatArray:
     """M(x, t), shape (len(x), len(t)) [1/m]."""
     k, weight = hankel_nodes(cover, float(x.max() + t.max()))
     relative = transfer(cover, k).compliance / half_space_compliance(cover.layers[-1], k) - 1
-    return np.einsum("k,ik,jk->ij", relative * weight, np.cos(np.outer(x, k)), np.cos(np.outer(t, k)), optimize=True)
+    return np.asarray((np.cos(np.outer(x, k)) * (relative * weight)) @ np.cos(np.outer(k, t)))
