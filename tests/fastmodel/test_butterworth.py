@@ -32,9 +32,7 @@ def test_measured_gain_of_the_running_filter(order, native):
     bank = FilterBank(Butterworth(cutoff_hz=cutoff, order=order), RATE, 2, native=native)
     sine = np.sin(2 * np.pi * cutoff * time)
     out = np.array([bank.step([value, 1.0]) for value in sine])[2000:]
-    amplitude = np.hypot(
-        *(2 * np.mean(out[:, 0] * f(2 * np.pi * cutoff * time[2000:])) for f in (np.sin, np.cos))
-    )
+    amplitude = np.hypot(*(2 * np.mean(out[:, 0] * f(2 * np.pi * cutoff * time[2000:])) for f in (np.sin, np.cos)))
     assert amplitude == pytest.approx(np.sqrt(0.5), rel=5e-3)
     assert out[-1, 1] == pytest.approx(1, abs=1e-9)
 

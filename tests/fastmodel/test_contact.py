@@ -1,0 +1,90 @@
+import mujoco
+import numpy as np
+import pytest
+
+from fastmodel.contact import BoxTexels, geom_name
+from fastmodel.pose import Pose, about_z, multiply
+from meshes import TexelArray
+
+ARRAY = TexelArray.grid(4, 5, 10e-3)
+
+
+def scene(cone, condim, tilt=(1.0, 0.0, 0.0, 0.0), seed=0):
+    """Several free objects dropped on an array, some sliding, some rolling."""
+    rng = np.random.default_rng(seed)
+    spec = mujoco.MjSpec()
+    spec.option.cone = cone
+    spec.option.timestep = 1e-3
+    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), tilt), "a")
+    kinds = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+    for k in range(6):
+        place = [((k % 3) - 1) * 14e-3, (k // 3 - 0.5) * 16e-3, 7e-3]
+        body = spec.worldbody.add_body(pos=place, quat=rng.normal(size=4))
+        body.add_freejoint()
+        body.add_geom(
+            type=kinds[k % 3], size=[4e-3, 5e-3, 3e-3], density=4000, condim=condim, friction=[0.6, 0.01, 0.001]
+        )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qvel[:] = rng.normal(size=model.nv) * 0.05
+    return model, data
+
+
+def by_the_book(model, data):
+    """One `mj_contactForce` at a time: the slow oracle."""
+    texel = {model.geom(geom_name("a", i)).id: i for i in range(ARRAY.count)}
+    total, force = np.zeros(ARRAY.count), np.zeros(6)
+    for k in range(data.ncon):
+        mujoco.mj_contactForce(model, data, k, force)
+        world = data.contact[k].frame.reshape(3, 3).T @ force[:3]
+        for geom, sign in zip(data.contact[k].geom, (1, -1), strict=True):
+            if geom in texel:
+                total[texel[geom]] += sign * world @ data.geom_xmat[geom].reshape(3, 3)[:, 2]
+    return np.maximum(total, 0)
+
+
+@pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
+@pytest.mark.parametrize("condim", [1, 3, 4, 6])
+def test_array_reading_equals_contact_by_contact(cone, condim):
+    tilt = multiply(np.array([np.cos(0.1), np.sin(0.1), 0, 0]), about_z(0.4))
+    model, data = scene(cone, condim, tilt)
+    reader = BoxTexels().bind(model, ARRAY, "a")
+    touched = 0
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+        expected = by_the_book(model, data)
+        touched += np.count_nonzero(expected)
+        assert np.allclose(reader.forces(data), expected, rtol=1e-12, atol=1e-15)
+    assert touched > 50
+
+
+def test_a_wrong_cone_would_be_noticed():
+    """The planted defect: elliptic forces read as pyramidal edges differ from the oracle."""
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
+    reader = BoxTexels().bind(model, ARRAY, "a")
+    reader._pyramidal = True
+    worst = 0.0
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+        worst = max(worst, np.abs(reader.forces(data) - by_the_book(model, data)).max())
+    assert worst > 1e-6
+
+
+def test_no_contact_is_zero_and_boxes_weigh_nothing():
+    spec = mujoco.MjSpec()
+    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert np.array_equal(BoxTexels().bind(model, ARRAY, "a").forces(data), np.zeros(20))
+    assert model.body_mass.sum() == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_scenes_never_give_negative_or_undefined_forces(seed):
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 4, seed=seed)
+    reader = BoxTexels().bind(model, ARRAY, "a")
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        forces = reader.forces(data)
+        assert np.all(np.isfinite(forces) & (forces >= 0))

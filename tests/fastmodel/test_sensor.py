@@ -1,0 +1,255 @@
+import dataclasses
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+import fastmodel
+from fastmodel import (
+    WTS_0614_34,
+    Butterworth,
+    FastModelError,
+    FilterError,
+    Gaussian,
+    LifeCycleError,
+    OptionWarning,
+    Parameters,
+    StateError,
+    UnknownNameError,
+)
+from fastmodel.pose import multiply, rotate
+from meshes import TexelArray
+from meshes.catalogue import ARRAYS
+
+WTS = ARRAYS["wts-0614-34"]
+PARAMETERS = Parameters(
+    array=WTS,
+    spread=Gaussian.from_sigma(0.6),
+    electronics=dataclasses.replace(WTS_0614_34, noise=0.002),
+    filter=Butterworth(cutoff_hz=40.0, order=4),
+)
+IDENTITY = np.array([1.0, 0, 0, 0])
+
+
+def ball_on_array(parameters=PARAMETERS, turn=IDENTITY, timestep=1e-3, **settings):
+    """A 100 g ball on a slide over an array, the whole scene turned by a quaternion."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = timestep
+    spec.option.gravity = rotate(turn, np.array([[0, 0, -9.80665]]))[0]
+    holder = spec.worldbody.add_body(name="holder", quat=turn)
+    sensor = fastmodel.attach(spec, "holder", parameters, **settings)
+    ball = holder.add_body(name="ball", pos=[0.5e-3, 1e-3, 6.5e-3])
+    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[6e-3, 0, 0], mass=0.1)
+    model = spec.compile()
+    # The ball's body is a child of the holder, which MuJoCo takes for the fixed world: contacts stay on.
+    return sensor.bind(model), model, mujoco.MjData(model)
+
+
+def run(sensor, model, data, steps):
+    frames = []
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        if sensor.step(data):
+            frames.append(sensor.frame())
+    return frames
+
+
+def test_frames_carry_their_true_time_at_the_sensors_rate():
+    frames = run(*ball_on_array(), 2000)
+    times = np.array([frame.time for frame in frames])
+    assert len(frames) == 542
+    assert set(np.rint(np.diff(times) * 1000).astype(int)) == {3, 4}
+    assert np.allclose(times * 1000, np.rint(times * 1000), atol=1e-6)
+    due = np.arange(1, 543) / 271.0
+    assert np.all((times - due > -1e-5) & (times - due < 1e-3))
+
+
+def test_a_frame_is_the_filtered_and_spread_contact_force():
+    sensor, model, data = ball_on_array()
+    forces, frames = [], []
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        new = sensor.step(data)
+        forces.append(sensor.contact_forces())
+        if new:
+            frames.append((len(forces) - 1, sensor.frame()))
+    filtered = sosfilt(butter(4, 40.0, fs=1000.0, output="sos"), forces, axis=0)
+    operator = PARAMETERS.spread.operator(WTS)
+    for index, frame in frames:
+        assert np.allclose(frame.texel_forces, operator @ filtered[index], atol=1e-9)
+    assert forces[-1].sum() == pytest.approx(0.980665, rel=1e-3)
+    assert frames[-1][1].texel_forces.sum() + sensor.outside() == pytest.approx(0.980665, rel=1e-3)
+
+
+def test_counts_and_image_are_the_sensors_integers():
+    frame = run(*ball_on_array(), 600)[-1]
+    assert frame.counts.shape == (84,)
+    assert np.issubdtype(frame.counts.dtype, np.integer)
+    assert frame.counts.min() == 0
+    assert 0 < frame.counts.max() <= 3895
+    assert frame.image.shape == (14, 6)
+    assert np.array_equal(frame.image.ravel(), np.rint(255 * frame.counts / 3895))
+    with pytest.raises(ValueError, match="read-only"):
+        frame.counts[0] = 1
+
+
+def test_turning_array_and_object_together_changes_no_texel_force():
+    level, turned = (
+        ball_on_array(),
+        ball_on_array(turn=multiply(np.array([0.6, 0.8, 0, 0]), np.array([0.8, 0, 0.6, 0]))),
+    )
+    run(*level, 500)
+    run(*turned, 500)
+    assert np.abs(level[0].contact_forces() - turned[0].contact_forces()).max() < 1e-6 * 0.98
+
+
+def test_same_seed_gives_the_same_frames_after_reset():
+    sensor, model, data = ball_on_array()
+    first = run(sensor, model, data, 300)
+    mujoco.mj_resetData(model, data)
+    sensor.reset()
+    again = run(sensor, model, data, 300)
+    assert all(np.array_equal(a.counts, b.counts) and a.time == b.time for a, b in zip(first, again, strict=True))
+
+
+def test_reset_under_load_starts_settled():
+    sensor, model, data = ball_on_array()
+    run(sensor, model, data, 1500)
+    held = sensor.contact_forces()
+    mujoco.mj_step(model, data)
+    sensor.reset(held)
+    frames = run(sensor, model, data, 50)
+    assert all(frame.texel_forces.sum() + sensor.outside() == pytest.approx(0.980665, rel=1e-3) for frame in frames)
+
+
+def test_forces_may_be_formed_on_every_nth_step():
+    sensor, model, data = ball_on_array(every=3)
+    frames = run(sensor, model, data, 900)
+    assert len(frames) == pytest.approx(271 * 0.9, abs=2)
+    assert all(
+        abs((frame.time * 1000 - 1) % 3) < 1e-6 or abs((frame.time * 1000 - 1) % 3 - 3) < 1e-6 for frame in frames
+    )
+    assert frames[-1].texel_forces.sum() + sensor.outside() == pytest.approx(0.980665, rel=1e-3)
+
+
+def test_two_arrays_squeeze_one_free_mesh_between_moving_fingers():
+    """Two arrays of one model on moving bodies, each at its own pose, feel the same grip from both sides."""
+    array = TexelArray.grid(4, 4, 3e-3)
+    parameters = Parameters(array=array, spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34)
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    spec.option.gravity = [0, 0, 0]
+    corners = 4e-3 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    spec.add_mesh(name="cube", uservert=corners.ravel())
+    cube = spec.worldbody.add_body(name="cube")
+    cube.add_freejoint()
+    cube.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="cube", density=8000)
+    sensors = {}
+    for side, turn in (("left", [np.sqrt(0.5), 0, np.sqrt(0.5), 0]), ("right", [np.sqrt(0.5), 0, -np.sqrt(0.5), 0])):
+        sign = -1 if side == "left" else 1
+        finger = spec.worldbody.add_body(name=side, pos=[sign * 5e-3, 0, 0])
+        finger.add_joint(name=side, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0], damping=[2.0, 0, 0])
+        finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[1e-3, 0, 0], pos=[sign * 0.02, 0, 0], mass=0.05)
+        sensors[side] = fastmodel.attach(spec, finger, parameters, name=side, quaternion=turn)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for sensor in sensors.values():
+        sensor.bind(model)
+    for _ in range(1500):
+        data.qfrc_applied[model.joint("left").dofadr[0]] = 0.7
+        data.qfrc_applied[model.joint("right").dofadr[0]] = -0.7
+        mujoco.mj_step(model, data)
+        for sensor in sensors.values():
+            sensor.step(data)
+    for sensor in sensors.values():
+        assert sensor.contact_forces().sum() == pytest.approx(0.7, rel=2e-3)
+
+
+def test_attach_leaves_the_models_options_alone_and_warns():
+    spec = mujoco.MjSpec()
+    before = (spec.option.cone, spec.option.solver, spec.option.timestep, spec.option.impratio, spec.option.integrator)
+    sensor = fastmodel.attach(spec, "world", PARAMETERS)
+    after = (spec.option.cone, spec.option.solver, spec.option.timestep, spec.option.impratio, spec.option.integrator)
+    assert before == after
+    with pytest.warns(OptionWarning, match="recommend_options"):
+        sensor.bind(spec.compile())
+
+
+def test_warnings_name_rates_that_do_not_fit():
+    fast = dataclasses.replace(PARAMETERS, filter=Butterworth(cutoff_hz=200.0))
+    with pytest.warns(OptionWarning, match="half the frame rate of 271"):
+        ball_on_array(fast)
+    with pytest.warns(OptionWarning, match="frames come at 200 Hz"):
+        ball_on_array(timestep=5e-3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ball_on_array()
+
+
+def test_masked_texels_count_nothing():
+    array = ARRAYS["sdh2-distal"]
+    electronics = dataclasses.replace(WTS_0614_34, offset=300.0)
+    sensor, model, data = ball_on_array(dataclasses.replace(PARAMETERS, array=array, electronics=electronics))
+    frame = run(sensor, model, data, 20)[-1]
+    assert np.all(frame.counts[~array.active] == 0)
+    assert np.all(frame.counts[array.active] > 0)
+
+
+def test_misuse_is_named():
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body(name="palm")
+    with pytest.raises(UnknownNameError, match="no body named 'plam'; valid names: palm, world"):
+        fastmodel.attach(spec, "plam", PARAMETERS)
+    with pytest.raises(FastModelError, match="every"):
+        fastmodel.attach(spec, "palm", PARAMETERS, every=0)
+    with pytest.raises(FastModelError, match="pose"):
+        fastmodel.attach(spec, "palm", PARAMETERS, quaternion=(0, 0, 0, 0))
+    sensor = fastmodel.attach(spec, "palm", PARAMETERS)
+    with pytest.raises(FastModelError, match="'sensor' is on this spec already"):
+        fastmodel.attach(spec, "palm", PARAMETERS)
+    with pytest.raises(LifeCycleError, match="not bound"):
+        sensor.frame()
+    with pytest.raises(LifeCycleError, match="sensor/texel0"):
+        sensor.bind(mujoco.MjModel.from_xml_string("<mujoco/>"))
+    with pytest.raises(FilterError, match="half the sampling rate of 50"):
+        ball_on_array(timestep=20e-3)
+
+
+def test_a_model_recompiled_behind_the_handle_is_noticed():
+    sensor, _, _ = ball_on_array()
+    _, model, data = ball_on_array()
+    mujoco.mj_step(model, data)
+    with pytest.raises(LifeCycleError, match="another model"):
+        sensor.step(data)
+
+
+def test_a_skipped_step_a_reset_and_a_broken_state_are_noticed():
+    sensor, model, data = ball_on_array()
+    run(sensor, model, data, 5)
+    mujoco.mj_step(model, data, nstep=2)
+    with pytest.raises(LifeCycleError, match="after every mj_step"):
+        sensor.step(data)
+    sensor.reset()
+    run(sensor, model, data, 5)
+    data.qpos[0] = np.nan
+    mujoco.mj_step(model, data)
+    with pytest.raises(LifeCycleError, match="reset"):
+        sensor.step(data)
+    mujoco.mj_resetData(model, data)
+    sensor.reset()
+    run(sensor, model, data, 200)
+    mujoco.mj_step(model, data)
+    data.efc_force[:] = np.nan
+    with pytest.raises(StateError, match="not finite"):
+        sensor.step(data)
+
+
+def test_before_the_first_frame_the_array_is_at_rest():
+    sensor, _, _ = ball_on_array()
+    assert sensor.frame().counts.sum() == 0
+    assert sensor.frame().time == 0
