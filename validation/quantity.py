@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     import pint
@@ -61,11 +61,7 @@ def read(value: object, kind: Kind, *, place: str = "") -> float:
     where = f"{place}: " if place else ""
     example = f"write for example '{_EXAMPLES[kind][1]}'"
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, str | int | float)
-        or (isinstance(value, str) and not match)
-    ):
+    if isinstance(value, bool) or not isinstance(value, str | int | float) or (isinstance(value, str) and not match):
         raise QuantityError(f"{where}{value!r} is not a {kind}; {example}")
     if match is None or not match[2]:
         raise QuantityError(f"{where}{value!r} has no unit; {example}")
@@ -78,8 +74,15 @@ def read(value: object, kind: Kind, *, place: str = "") -> float:
     return number
 
 
-def read_vector(value: object, kind: Kind, count: int, *, place: str = "") -> tuple[float, ...]:
+def read_vector(value: object, kind: Kind, count: int, *, place: str = "", joint: str = ",") -> tuple[float, ...]:
     """Read `count` quantities joined by `x` or `,`, such as `10mmx10mmx5mm` or `0.7mm,-1.1mm`.
+
+    Args:
+        value: The text.
+        kind: What is measured.
+        count: How many values there must be.
+        place: Where the text stands.
+        joint: What joins the values of the example in a fault's message.
 
     Raises:
         QuantityError: As `read`, or if there are not `count` of them.
@@ -87,13 +90,13 @@ def read_vector(value: object, kind: Kind, count: int, *, place: str = "") -> tu
     parts = _SEPARATOR.split(value.strip()) if isinstance(value, str) else [value]
     if len(parts) != count:
         where = f"{place}: " if place else ""
-        example = ",".join([_EXAMPLES[kind][1].replace(" ", "")] * count)
+        example = joint.join([_EXAMPLES[kind][1].replace(" ", "")] * count)
         raise QuantityError(f"{where}{value!r} is not {count} values; write for example '{example}'")
     return tuple(read(part, kind, place=place) for part in parts)
 
 
 @functools.cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> pint.UnitRegistry[Any]:
     import pint
 
     try:

@@ -65,7 +65,7 @@ def _mask(table: ArrayTable) -> npt.NDArray[np.bool_] | None:
             f"array.mask: must have {table.rows} rows of {table.columns} entries 0 or 1, "
             f"row 0 (smallest y) first; write for example '{example}' for one row"
         )
-    return np.array(rows) == "1"
+    return np.array([[entry == "1" for entry in row] for row in rows])
 
 
 def _read_positions(path: Path, count: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -81,8 +81,6 @@ def _read_positions(path: Path, count: int) -> tuple[npt.NDArray[np.float64], np
     except ValueError as error:
         raise InputError(f"array.positions: {path}: {error}; {_EXAMPLE}") from None
     if len(numbers) != count or not np.isfinite(numbers).all():
-        raise InputError(
-            f"array.positions: {path} holds {len(numbers)} texels, rows x columns is {count}; {_EXAMPLE}"
-        )
+        raise InputError(f"array.positions: {path} holds {len(numbers)} texels, rows x columns is {count}; {_EXAMPLE}")
     normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (count, 1))  # noqa: PLR2004 -- x, y, z
     return numbers[:, :3].copy(), normals.copy()

@@ -70,9 +70,7 @@ def _print_tables(parts: Mapping[str, Mapping[str, str | None]]) -> None:
         found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
         absent = ", ".join(name for name, number in versions.items() if not number)
         target = f"'softcover\\[{part}]'" if part else "softcover"
-        cure = (
-            f"{absent}: [bold]python -m pip install {target}[/bold]" if absent else "[green]nothing[/green]"
-        )
+        cure = f"{absent}: [bold]python -m pip install {target}[/bold]" if absent else "[green]nothing[/green]"
         table.add_row(part or "(base)", _WHAT_FOR[part], found, cure)
     console = Console()
     console.print(table)
@@ -82,14 +80,10 @@ def _print_tables(parts: Mapping[str, Mapping[str, str | None]]) -> None:
 
 def _surroundings() -> dict[str, str]:
     recordings = Path(os.environ.get("SOFTCOVER_RECORDINGS", "../shared/recordings"))
-    browser = next(
-        (path for name in ("chromium", "google-chrome", "firefox") if (path := shutil.which(name))), None
-    )
+    browser = next((path for name in ("chromium", "google-chrome", "firefox") if (path := shutil.which(name))), None)
     return {
         "cores": str(os.cpu_count()),
-        "recordings": str(recordings)
-        if recordings.is_dir()
-        else "none (set SOFTCOVER_RECORDINGS to their folder)",
+        "recordings": str(recordings) if recordings.is_dir() else "none (set SOFTCOVER_RECORDINGS to their folder)",
         "browser for the report": browser or "none found on the search path; any browser opens index.html",
     }
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 
-from cyclopts import App, CycloptsError, Parameter, UnknownCommandError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError
 
 from validation.cli.failures import explain
 from validation.errors import InputError, nearest
@@ -16,6 +16,22 @@ from validation.errors import InputError, nearest
 #: What each command does, and examples for its help page.
 _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     {
+        "derive": (
+            "Point spread function of a sensor's cover, and the fast model's parameters fitted to it.",
+            (
+                "softcover derive wts-0614-34",
+                "softcover derive sensor.toml --out derived",
+                "softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json",
+            ),
+        ),
+        "press": (
+            "One indentation by the finite elements and by the fast model, and how far they agree.",
+            (
+                "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g",
+                "softcover press sensor.toml --indenter box:size=9mmx9mmx5mm --load 2N --at=1mm,-2mm --yaw=45deg",
+                "softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json",
+            ),
+        ),
         "init": (
             "Write a commented sensor file to start from.",
             ("softcover init", "softcover init my-sensor.toml"),
@@ -23,6 +39,13 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
         "materials": (
             "List the materials that a cover can be made of by name.",
             ("softcover materials", "softcover derive wts-0614-34 --material dragon-skin-30 --thickness 2mm"),
+        ),
+        "export": (
+            "The sensor for other simulators: an MJCF model and the fast model's parameters.",
+            (
+                "softcover export wts-0614-34 --format mjcf --out wts",
+                "softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm",
+            ),
         ),
         "doctor": (
             "Say what is installed, what is missing and the command that brings it.",
@@ -74,6 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         error = raised
         if isinstance(error, UnknownCommandError):
             error = InputError(f"unknown command {words[0]!r}; {nearest(words[0], _COMMANDS)}")
+        elif isinstance(error, MissingArgumentError) and error.argument is not None:
+            error = InputError(f"{error.argument.name} is missing; `softcover {_command(words)}--help` has examples")
         explanation = explain(error)
         if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
             raise

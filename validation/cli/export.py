@@ -1,0 +1,43 @@
+"""`softcover export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.options import MaterialName, Sensor, Thickness
+from validation.cli.output import say
+from validation.cli.progress import Progress
+from validation.errors import InputError, nearest
+from validation.sensor_file import load
+
+#: Formats that can be written.
+FORMATS = ("mjcf",)
+
+
+def export(
+    sensor: Sensor,
+    *,
+    format: Annotated[str, Parameter(name="--format", help="What to write: mjcf.")] = "mjcf",  # noqa: A002
+    out: Annotated[Path, Parameter(help="Folder for the files; an earlier result is replaced.")] = Path(
+        "softcover-out"
+    ),
+    material: MaterialName = None,
+    thickness: Thickness = None,
+) -> None:
+    """The sensor for other simulators: an MJCF model with its texels, and the fast model's parameters."""
+    from validation.derive import derive
+    from validation.folder import new_folder
+    from validation.mjcf import write_mjcf
+
+    if format not in FORMATS:
+        raise InputError(f"--format: unknown format {format!r}; {nearest(format, FORMATS)}")
+    description = load(sensor, material=material, thickness=thickness)
+    with new_folder(out) as folder:
+        with Progress() as progress:
+            parameters = derive(description, progress=progress).parameters
+        parameters.save(folder)
+        write_mjcf(parameters, folder / f"{description.name}.xml", name=description.name)
+    say(f"wrote {out}/{description.name}.xml, parameters.toml, cover.npz")

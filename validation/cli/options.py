@@ -1,0 +1,18 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+Sensor = Annotated[str, Parameter(help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal.")]
+Json = Annotated[
+    bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
+]
+Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; an earlier result is replaced.")]
+MaterialName = Annotated[
+    str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
+]
+Thickness = Annotated[str | None, Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.")]

@@ -1,0 +1,107 @@
+"""`softcover press`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, TypeVar
+
+from cyclopts import Parameter
+
+from validation.case import Case
+from validation.cli.options import Json, MaterialName, Sensor, Thickness
+from validation.cli.output import print_json
+from validation.cli.progress import Progress
+from validation.comparison import MODELS, Comparison, compare
+from validation.errors import InputError, nearest
+from validation.indenter_text import read_depth, read_indenter, read_load, read_position, read_yaw
+from validation.sensor_file import load as load_sensor
+
+T = TypeVar("T")
+
+_Shape = Annotated[str, Parameter(help="Shape, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
+_Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.")]
+_Depth = Annotated[str | None, Parameter(help="Approach from first touch, instead of a load: 0.3mm.")]
+_At = Annotated[str, Parameter(help="Indenter's axis in the array's frame.", allow_leading_hyphen=True)]
+_Yaw = Annotated[str, Parameter(help="Rotation about that axis.", allow_leading_hyphen=True)]
+_Model = Annotated[str, Parameter(help="Which models: fem, fast, or both.")]
+
+
+def press(
+    sensor: Sensor,
+    *,
+    indenter: _Shape,
+    load: _Load = None,
+    depth: _Depth = None,
+    at: _At = "0mm,0mm",
+    yaw: _Yaw = "0deg",
+    model: _Model = "fem,fast",
+    material: MaterialName = None,
+    thickness: Thickness = None,
+    json: Json = False,
+) -> None:
+    """One indentation by the finite elements and by the fast model, and how far they agree."""
+    faults: list[str] = []
+    description = _collect(faults, lambda: load_sensor(sensor, material=material, thickness=thickness))
+    shape = _collect(faults, lambda: read_indenter(indenter))
+    place = _collect(faults, lambda: read_position(at))
+    angle = _collect(faults, lambda: read_yaw(yaw))
+    models = _collect(faults, lambda: _read_models(model))
+    force, approach = _collect(faults, lambda: _read_force(load, depth)) or (None, None)
+    if faults or not (description and shape and place and models) or angle is None:
+        raise InputError(*faults)
+    case = Case(
+        # With a depth the load follows from the reference.
+        name="press",
+        indenter=shape,
+        shape=indenter,
+        load=force or 0.0,
+        at=place,
+        yaw=angle,
+    )
+    with Progress() as progress:
+        comparison = compare(description, case, depth=approach, models=models, progress=progress)
+    if json:
+        print_json(comparison.as_json())
+    else:
+        _print(comparison)
+
+
+def _collect(faults: list[str], read: Callable[[], T]) -> T | None:
+    """Run one reader; keep its faults, so that all of them are reported at once."""
+    try:
+        return read()
+    except InputError as error:
+        faults.extend(error.faults)
+        return None
+
+
+def _read_models(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(","))
+    unknown = [f"--model: unknown model {name!r}; {nearest(name, MODELS)}" for name in names if name not in MODELS]
+    if unknown:
+        raise InputError(*unknown)
+    return names
+
+
+def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
+    if (load is None) == (depth is None):
+        raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
+    return (None, read_depth(depth)) if load is None else (read_load(load), None)  # type: ignore[arg-type]
+
+
+def _print(comparison: Comparison) -> None:
+    from rich.console import Console
+
+    from validation.cli.tables import comparison_table, cover_text, heat_maps
+
+    console = Console()
+    case, sensor = comparison.case, comparison.sensor
+    console.print(f"{case.shape} on {sensor.name}, {case.load:.4g} N at {case.pose}", highlight=False)
+    console.print(f"cover: {cover_text(sensor.cover)}\n", highlight=False)
+    images = []
+    if comparison.fem is not None and "fem" in comparison.models:
+        images.append(("finite elements", comparison.fem.texel_forces))
+    if comparison.fast is not None:
+        images.append(("fast model", comparison.fast.texel_forces))
+    console.print(heat_maps(sensor.array, images))
+    console.print(comparison_table(comparison))

@@ -1,0 +1,64 @@
+"""Progress on standard error: a moving bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
+
+#: Plain lines come at most this often [s].
+_QUIET = 2.0
+
+
+class Progress:
+    """Tells the user what is being done; call it with a stage, or `step` through a counted one."""
+
+    def __init__(self) -> None:
+        self._bar: RichProgress | None = None
+        self._task: TaskID | None = None
+        self._started = time.perf_counter()
+        self._last = self._started
+
+    def __enter__(self) -> Self:
+        """Start the display."""
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+            from rich.progress import Progress as Bar
+
+            columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+            self._bar = Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop the display."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, stage: str) -> None:
+        """Begin a stage of unknown length."""
+        self._show(stage, 0, None)
+
+    def step(self, done: int, total: int, name: str) -> None:
+        """Report that `done` of `total` are finished and `name` comes next."""
+        self._show(name, done, total)
+
+    def _show(self, text: str, done: int, total: int | None) -> None:
+        if self._bar is not None:
+            if self._task is None:
+                self._task = self._bar.add_task(text, total=total)
+            self._bar.update(self._task, description=text, completed=done, total=total)
+            return
+        now = time.perf_counter()
+        if text and now - self._last > _QUIET:
+            self._last = now
+            count = "" if total is None else f" {done}/{total}"
+            sys.stderr.write(f"[{now - self._started:5.1f} s]{count} {text}\n")

@@ -1,0 +1,124 @@
+"""Tables and tactile images for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from rich.table import Table
+from rich.text import Text
+
+from meshes import Cover, TexelArray
+from validation.comparison import Comparison
+from validation.derive import Derivation
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def cover_text(cover: Cover) -> str:
+    """The cover in one line, with its label where it is assumed."""
+    layers = " + ".join(
+        f"{1e3 * layer.thickness:.4g} mm {layer.material.name} "
+        f"(E {layer.material.youngs_modulus / 1e6:.4g} MPa, nu {layer.material.poisson_ratio:.4g})"
+        for layer in cover.layers
+    )
+    return f"ASSUMED: {layers}" if cover.assumed else layers
+
+
+def derivation_table(derivation: Derivation) -> Table:
+    """What was derived."""
+    sensor, fit = derivation.sensor, derivation.fit
+    errors = derivation.error_estimate
+    table = Table(title=f"Point spread function of {sensor.name}", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    gaussian = fit.gaussian
+    rows = (
+        ("cover", cover_text(sensor.cover)),
+        ("sigma x, y", f"{gaussian.sigma_x:.4f}, {gaussian.sigma_y:.4f} pitches ({fit.estimator})"),
+        ("ksize x, y", f"{gaussian.ksize_x}, {gaussian.ksize_y} texels"),
+        ("residual", f"{100 * fit.residual:.2f} % of the load on the wrong texel"),
+        ("outside kernel", f"{100 * fit.outside_kernel:.2f} % of the load"),
+        ("resolution", f"{_length(derivation.resolution)} at the base"),
+        ("", f"{_length(derivation.resolution_on_array)} with these texels, worst alignment"),
+        ("sigma / thickness", f"{derivation.sensitivity['thickness'] * 1e-3:+.3f} pitches per mm"),
+        ("sigma / Poisson ratio", f"{derivation.sensitivity['poisson_ratio'] * 0.01:+.4f} pitches per 0.01"),
+        ("error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())),
+        ("time", f"{derivation.seconds:.2f} s"),
+    )
+    for name, value in rows:
+        table.add_row(name, value)
+    return table
+
+
+def estimates_table(derivation: Derivation) -> Table:
+    """Every estimator's sigma."""
+    table = Table(title="Sigma by estimator, in pitches; only the first is used")
+    for heading in ("estimator", "x", "y"):
+        table.add_column(heading, justify="left" if heading == "estimator" else "right")
+    used = derivation.fit.estimator
+    for name, pair in sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != used):
+        table.add_row(name, *(f"{value:.4f}" for value in pair))
+    return table
+
+
+def heat_maps(array: TexelArray, images: Sequence[tuple[str, FloatArray]]) -> Table:
+    """Tactile images side by side on one scale, in mN, row 0 at the bottom."""
+    peak = max(float(np.max(np.abs(values))) for _, values in images) or 1.0
+    table = Table.grid(padding=(0, 3))
+    for _ in images:
+        table.add_column()
+    table.add_row(*(Text(f"{title}, mN", style="bold") for title, _ in images))
+    table.add_row(*(_heat_map(array, values, peak) for _, values in images))
+    return table
+
+
+def _heat_map(array: TexelArray, values: FloatArray, peak: float) -> Text:
+    text = Text()
+    image, active = array.image(values), array.image(array.active)
+    for row in range(array.rows - 1, -1, -1):
+        for column in range(array.columns):
+            value = float(image[row, column])
+            if active[row, column]:
+                text.append(f"{1e3 * value:6.0f}", style=_style(value / peak))
+            else:
+                text.append("      ")
+        text.append("\n")
+    return text
+
+
+def _style(share: float) -> str:
+    if share < 0:
+        return "white on rgb(30,50,110)"
+    level = min(1.0, math.sqrt(share))
+    red, green, blue = (round(255 * part) for part in (level, 0.72 * level**1.5, 0.25 * level**3))
+    return f"{'black' if level > 0.75 else 'white'} on rgb({red},{green},{blue})"  # noqa: PLR2004 -- legibility
+
+
+def _length(value: float) -> str:
+    return "none" if math.isnan(value) else f"{1e3 * value:.2f} mm"
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """Totals of each model and, where both are there, the scores."""
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    fem, fast = comparison.fem, comparison.fast
+    if fem is not None and "fem" in comparison.models:
+        errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
+        assumed = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
+        table.add_row("finite elements", f"{fem.total_force:.4f} N, {fem.outside:.4f} N of it outside the array")
+        table.add_row("", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²")
+        table.add_row("", f"error estimate {errors}")
+        table.add_row("", f"assumes {assumed}; {fem.seconds:.2f} s")
+    if fast is not None:
+        table.add_row("fast model", f"{fast.total_force:.4f} N, {fast.outside:.4f} N of it outside the array")
+        table.add_row("", f"{fast.seconds:.3f} s")
+    if comparison.score is not None:
+        table.add_section()
+        for name, value in comparison.score.as_json().items():
+            table.add_row(name, "none" if value is None else f"{value:.4g}")
+    return table

@@ -1,0 +1,259 @@
+"""Derive = reference + fit: from a cover to the parameters of the fast model.
+
+The finite elements give the point spread function of the cover; its texel responses are what the Gaussian kernel is
+fitted to.  Everything that a reader needs to judge the result goes with it: every estimator's value, the residual,
+the force beyond the kernel, the error estimate of the reference, resolution and sensitivities.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.fit import Fit, fit_gaussian
+from meshes import Cover, TexelArray
+from validation.errors import InputError
+from validation.resolution import texel_separation, two_point_separation
+from validation.sensor_file import SensorDescription
+
+if TYPE_CHECKING:
+    from fastmodel.parameters import Parameters
+    from fem_reference.point_spread import PointSpread
+
+FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[str], None]
+
+#: Relative step of thickness and absolute step of Poisson ratio in the sensitivities [-].
+_THICKNESS_STEP = 0.02
+_POISSON_STEP = 0.005
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Derivation:
+    """What a cover does to a touch, and the fast model's parameters for it.
+
+    Attributes:
+        sensor: What it was derived from.
+        point_spread: The reference's response to a point load.
+        texel_response: Response to a unit point load over the middle texel's centre, shape (rows, columns) [-].
+        texel_response_uniform: The same for unit force as uniform pressure over that texel [-].
+        outside: Force beyond the array of the two responses [-].
+        fit: The fitted kernel and how well it fits.
+        parameters: What the fast model needs.
+        error_estimate: Relative errors of the reference (`total_force`, `peak_texel`, `sigma`) [-].
+        resolution: Smallest separation of two equal point loads with a dip of base pressure between [m].
+        resolution_on_array: The same for texel values, in the worst alignment; nan if there is none [m].
+        sensitivity: Derivatives of sigma: `thickness` [pitches/m] and `poisson_ratio` [pitches].
+        seconds: Wall time [s].
+    """
+
+    sensor: SensorDescription
+    point_spread: PointSpread
+    texel_response: FloatArray
+    texel_response_uniform: FloatArray
+    outside: tuple[float, float]
+    fit: Fit
+    parameters: Parameters
+    error_estimate: Mapping[str, float]
+    resolution: float
+    resolution_on_array: float
+    sensitivity: Mapping[str, float]
+    seconds: float
+
+    def as_json(self) -> dict[str, Any]:
+        """The result under the names that the command line prints."""
+        gaussian = self.fit.gaussian
+        return {
+            "sensor": self.sensor.name,
+            "cover": describe_cover(self.sensor.cover),
+            "psf": {
+                "sigma_x": gaussian.sigma_x,
+                "sigma_y": gaussian.sigma_y,
+                "ksize_x": gaussian.ksize_x,
+                "ksize_y": gaussian.ksize_y,
+                "estimator": self.fit.estimator,
+                "estimates": {name: list(pair) for name, pair in self.fit.estimates.items()},
+                "residual": self.fit.residual,
+                "outside_kernel": self.fit.outside_kernel,
+            },
+            "texel_response": self.texel_response,
+            "texel_response_outside": self.outside[0],
+            "texel_response_uniform": self.texel_response_uniform,
+            "texel_response_uniform_outside": self.outside[1],
+            "point_response": {
+                "radius_m": self.point_spread.radius,
+                "pressure_per_force": self.point_spread.pressure_per_force,
+            },
+            "error_estimate": dict(self.error_estimate),
+            "resolution": self.resolution,
+            "resolution_on_array": self.resolution_on_array,
+            "sensitivity": dict(self.sensitivity),
+            "seconds": self.seconds,
+        }
+
+
+def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> Derivation:
+    """Derive the point spread function of a sensor's cover and fit the fast model's kernel to it.
+
+    Args:
+        sensor: Array, cover and electronics.
+        progress: Told what is being done.
+
+    Raises:
+        InputError: If the array is curved.
+        ConvergenceError: If the reference did not converge.
+    """
+    from fastmodel.parameters import Parameters
+    from fem_reference.point_spread import point_spread
+
+    started = time.perf_counter()
+    tell = progress or (lambda _: None)
+    array = sensor.array
+    if not array.planar:
+        raise InputError(f"{sensor.source}: array: curved layouts are not yet supported; all z must be 0")
+    tell("point spread function by finite elements")
+    spread = point_spread(sensor.cover)
+    point = np.asarray(spread.texel_response(array, load="point"))
+    uniform = np.asarray(spread.texel_response(array, load="uniform"))
+    tell("kernel fit")
+    fit = _fit(spread, array, point, uniform)
+    tell("resolution and sensitivities")
+    return Derivation(
+        sensor=sensor,
+        point_spread=spread,
+        texel_response=np.asarray(array.image(point), dtype=np.float64),
+        texel_response_uniform=np.asarray(array.image(uniform), dtype=np.float64),
+        outside=_outside(spread, array),
+        fit=fit,
+        parameters=Parameters(
+            array=array,
+            spread=sensor.spread or fit.gaussian,
+            filter=sensor.filter,
+            electronics=sensor.electronics,
+            provenance=_provenance(sensor, fit),
+            tables={
+                "point_response_radius": np.asarray(spread.radius),
+                "point_response_pressure": np.asarray(spread.pressure_per_force),
+            },
+        ),
+        error_estimate=spread.error_estimate,
+        resolution=two_point_separation(spread),
+        resolution_on_array=texel_separation(spread, array),
+        sensitivity=_sensitivity(sensor, spread),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def describe_cover(cover: Cover) -> dict[str, Any]:
+    """The cover as plain data, with its label where it is assumed."""
+    return {
+        "assumed": cover.assumed,
+        "base": cover.base,
+        "thickness_m": cover.thickness,
+        "layers": [
+            {
+                "thickness_m": layer.thickness,
+                "material": layer.material.name,
+                "model": layer.material.model,
+                "youngs_modulus": layer.material.youngs_modulus,
+                "poisson_ratio": layer.material.poisson_ratio,
+                "source": layer.material.source,
+                "spread": layer.material.spread,
+            }
+            for layer in cover.layers
+        ],
+    }
+
+
+def _outside(spread: PointSpread, array: TexelArray) -> tuple[float, float]:
+    """Force beyond the array under a unit point load on the middle texel and under uniform pressure there [-].
+
+    Integrated over the radius, apart from the texels, so that the balance of the two is a check.
+    """
+    centre = array.centres[array.middle, :2]
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
+    places = centre + np.column_stack([x.ravel(), y.ravel()])
+    uniform = np.outer(weights, weights).ravel() / 4 @ spread.outside(array, places, angles=60)
+    return float(spread.outside(array, centre)[0]), float(uniform)
+
+
+def _fit(spread: PointSpread, array: TexelArray, point: FloatArray | None, uniform: FloatArray) -> Fit:
+    return fit_gaussian(
+        array.image(uniform),
+        (array.rows // 2, array.columns // 2),
+        active=array.image(array.active),
+        point_response=None if point is None else array.image(point),
+        radius=spread.radius,
+        pressure_per_force=spread.pressure_per_force,
+        pitch=array.pitch,
+    )
+
+
+def _sensitivity(sensor: SensorDescription, spread: PointSpread) -> dict[str, float]:
+    """Derivatives of sigma_x by central differences (one-sided at the ends of the Poisson ratio's range).
+
+    Of the uncut kernel: the smallest ksize that holds 99.9 % jumps, and the cut kernel's sigma with it.
+    """
+    array, height = sensor.array, sensor.cover.thickness
+    # The response of a cover scaled by s to an array equals that of the cover itself to the array scaled by 1 / s.
+    thicker, thinner = (_sigma(spread, _scaled(array, 1 / (1 + step))) for step in (_THICKNESS_STEP, -_THICKNESS_STEP))
+    ratios = [_shifted(sensor.cover, sign * _POISSON_STEP) for sign in (1, -1)]
+    change = ratios[0].layers[0].material.poisson_ratio - ratios[1].layers[0].material.poisson_ratio
+    upper, lower = (_sigma(_spread_of(cover, sensor.cover, spread), array) for cover in ratios)
+    return {
+        "thickness": (thicker - thinner) / (2 * _THICKNESS_STEP * height),
+        "poisson_ratio": (upper - lower) / change,
+    }
+
+
+def _spread_of(cover: Cover, known: Cover, spread: PointSpread) -> PointSpread:
+    from fem_reference.point_spread import point_spread
+
+    return spread if cover == known else point_spread(cover)
+
+
+def _sigma(spread: PointSpread, array: TexelArray) -> float:
+    uniform = np.asarray(spread.texel_response(array, load="uniform"))
+    return _fit(spread, array, None, uniform).estimates["least-squares-uniform-uncut"][0]
+
+
+def _scaled(array: TexelArray, factor: float) -> TexelArray:
+    return dataclasses.replace(
+        array,
+        centres=array.centres * factor,
+        texel_size=(array.texel_size[0] * factor, array.texel_size[1] * factor),
+        pitch=(array.pitch[0] * factor, array.pitch[1] * factor),
+    )
+
+
+def _shifted(cover: Cover, step: float) -> Cover:
+    """The cover with every layer's Poisson ratio moved, within its range."""
+    layers = tuple(
+        dataclasses.replace(
+            layer,
+            material=dataclasses.replace(
+                layer.material, poisson_ratio=float(np.clip(layer.material.poisson_ratio + step, 0, 0.5))
+            ),
+        )
+        for layer in cover.layers
+    )
+    return dataclasses.replace(cover, layers=layers)
+
+
+def _provenance(sensor: SensorDescription, fit: Fit) -> dict[str, Any]:
+    from importlib.metadata import version
+
+    return {
+        "softcover": version("softcover"),
+        "sensor": sensor.name,
+        "cover_assumed": sensor.cover.assumed,
+        "estimator": "given in the sensor file" if sensor.spread else fit.estimator,
+        "residual": fit.residual,
+        "outside_kernel": fit.outside_kernel,
+    }
