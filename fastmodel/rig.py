@@ -133,6 +133,9 @@ def _model(
     body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
     for primitive in indenter.primitives():
         _add_geom(body, primitive)
+    for geom in spec.geoms:
+        # Frictionless, like the reference: with friction an indenter's edge can hook on the side of a box and lift it.
+        geom.condim = 1
     return spec.compile()
 
 
