@@ -7,14 +7,13 @@ Single high-order polynomials lose their poles to rounding from about order 5; s
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FilterError, ShapeError
+from fastmodel.native import choose_kernel
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -98,11 +97,12 @@ class FilterBank:
             native: True for the numba kernel, False for numpy, None for whichever is there.
 
         Raises:
-            FilterError: If the cut-off is not below half the rate, or numba is wanted and not installed.
+            FilterError: If the cut-off is not below half the rate.
+            FastModelError: If numba is asked for and not installed.
         """
         self._sections = design.sections(rate_hz)
         self._state = np.zeros((len(self._sections), 2, count))
-        self._advance = _choose(native)
+        self._advance = choose_kernel(_advance_loops, _advance_numpy, native=native)
 
     def settle(self, values: npt.ArrayLike = 0.0) -> None:
         """Put the filter into the state it would reach under constant input.
@@ -163,24 +163,3 @@ def _advance_loops(sections: FloatArray, state: FloatArray, sample: FloatArray) 
             state[s, 0, i] = b1 * x - a1 * y + state[s, 1, i]
             state[s, 1, i] = b2 * x - a2 * y
             sample[i] = y
-
-
-def _choose(native: bool | None) -> Callable[[FloatArray, FloatArray, FloatArray], Any]:
-    kernel = None if native is False else _native_kernel()
-    if native and kernel is None:
-        raise FilterError("the native kernel needs numba: pip install 'softcover[fast]'")
-    return kernel or _advance_numpy
-
-
-_compiled: list[Callable[[FloatArray, FloatArray, FloatArray], Any]] = []
-
-
-def _native_kernel() -> Callable[[FloatArray, FloatArray, FloatArray], Any] | None:
-    """The compiled loops, compiled at first use, or None without numba."""
-    if not _compiled:
-        try:
-            import numba
-        except ImportError:
-            return None
-        _compiled.append(numba.njit("void(f8[:,::1], f8[:,:,::1], f8[::1])", cache=True)(_advance_loops))
-    return _compiled[0]

@@ -16,7 +16,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.box_forces import press_loops, press_numpy
 from fastmodel.errors import LifeCycleError, UnknownNameError
+from fastmodel.native import choose_kernel
 from fastmodel.pose import Pose, multiply, quaternions, rotate
 from fastmodel.spread import tangent_axes
 from meshes import TexelArray
@@ -31,7 +33,7 @@ class TexelContact(Protocol):
     def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
         """Add to the spec what the method needs."""
 
-    def bind(self, model: Any, array: TexelArray, name: str) -> ContactReader:  # noqa: ANN401 -- MjModel
+    def bind(self, model: Any, array: TexelArray, name: str, *, native: bool | None = None) -> ContactReader:  # noqa: ANN401
         """Resolve names to index arrays, once."""
 
 
@@ -96,8 +98,14 @@ class BoxTexels:
                 rgba=[0.25, 0.27, 0.3, 1.0] if array.active[index] else [0.5, 0.5, 0.5, 0.4],
             )
 
-    def bind(self, model: Any, array: TexelArray, name: str) -> ContactReader:  # noqa: ANN401
+    def bind(self, model: Any, array: TexelArray, name: str, *, native: bool | None = None) -> ContactReader:  # noqa: ANN401
         """Find the boxes in the compiled model.
+
+        Args:
+            model: The compiled model.
+            array: The array that was attached.
+            name: The prefix it was attached with.
+            native: True for the numba kernel, False for numpy, None for whichever is there.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
@@ -109,24 +117,25 @@ class BoxTexels:
                 f"geom {names[ids.index(min(ids))]!r} is not in this model; bind a model compiled from the spec "
                 f"that sensor {name!r} was attached to"
             )
-        return BoxReader(model, np.array(ids))
+        return BoxReader(model, np.array(ids), native=native)
 
 
 class BoxReader:
     """Sums contact forces per box by geom id, all contacts at once."""
 
-    def __init__(self, model: Any, geoms: IntArray) -> None:  # noqa: ANN401
+    def __init__(self, model: Any, geoms: IntArray, *, native: bool | None = None) -> None:  # noqa: ANN401
         """Remember which geom is which texel.
 
         Args:
             model: The compiled model.
             geoms: Geom id of each texel, shape (n,).
+            native: True for the numba kernel, False for numpy, None for whichever is there.
         """
-        self._geoms = geoms
         self._count = len(geoms)
-        self._texel = np.full(model.ngeom + 1, -1)  # one more, so that geom -1 (no geom) is no texel
-        self._texel[geoms] = np.arange(len(geoms))
-        self._pyramidal = model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+        self._texel_of = np.full(model.ngeom + 1, -1)  # one more, so that geom -1 (no geom) is no texel
+        self._texel_of[geoms] = np.arange(len(geoms))
+        self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
+        self._press = choose_kernel(press_loops, press_numpy, native=native)
 
     def forces(self, data: Any) -> FloatArray:  # noqa: ANN401
         """Component of each box's contact force against its outward normal, shape (n,) [N].
@@ -135,51 +144,22 @@ class BoxReader:
         a box the contact leans.  A sum below zero (friction lifting a box by its side) is no touch and reads
         zero.
         """
-        contact = data.contact
-        texels = self._texel[contact.geom]
-        hit = np.flatnonzero((texels >= 0).any(axis=1) & (contact.efc_address >= 0))
-        if len(hit) == 0:
-            return np.zeros(self._count)
-        world = contact_forces(contact, data.efc_force, hit, pyramidal=self._pyramidal)
         total = np.zeros(self._count)
-        normals = data.geom_xmat[self._geoms][:, 2::3]
-        for side, sign in ((0, 1.0), (1, -1.0)):  # MuJoCo pushes the second geom along +, the first along -
-            texel = texels[hit, side]
-            pressed = sign * np.einsum("ij,ij->i", world, normals[texel])
-            total += np.bincount(texel + 1, np.where(texel >= 0, pressed, 0.0), self._count + 1)[1:]
+        contact = data.contact
+        if data.nefc:
+            self._press(
+                contact.geom,
+                contact.efc_address,
+                contact.dim,
+                contact.frame,
+                contact.friction,
+                data.efc_force,
+                data.geom_xmat,
+                self._texel_of,
+                self._pyramidal,
+                total,
+            )
         return np.maximum(total, 0.0)
-
-
-def contact_forces(contact: Any, efc_force: FloatArray, hit: IntArray, *, pyramidal: bool) -> FloatArray:  # noqa: ANN401
-    """Forces of chosen contacts on their second geom in the world frame, shape (k, 3) [N].
-
-    Elliptic cones store normal and tangential forces.  Pyramidal cones store edge forces f: the normal force
-    is their sum, the i-th tangential force mu_i (f_2i - f_2i+1).
-
-    Args:
-        contact: `data.contact`.
-        efc_force: `data.efc_force`, shape (nefc,) [N].
-        hit: Indices of the contacts, shape (k,).
-        pyramidal: Whether the model's friction cone is pyramidal.
-    """
-    first, dim = contact.efc_address[hit], contact.dim[hit]
-    frames = contact.frame[hit].reshape(-1, 3, 3)
-    local = np.zeros((len(hit), 3))
-    edged = pyramidal & (dim > 1)
-    rows = np.where(edged, 2 * (dim - 1), dim)
-    reach = np.arange(int(rows.max()))
-    stored = efc_force[np.minimum(first[:, None] + reach, len(efc_force) - 1)] * (reach < rows[:, None])
-    local[:, 0] = np.where(edged, stored.sum(axis=1), stored[:, 0])
-    friction = contact.friction[hit]
-    for axis in range(2):
-        has = dim > axis + 1
-        pair = 2 * axis
-        if pyramidal and stored.shape[1] > pair + 1:
-            edges = friction[:, axis] * (stored[:, pair] - stored[:, pair + 1])
-            local[:, axis + 1] = np.where(has, edges, 0.0)
-        elif not pyramidal and stored.shape[1] > axis + 1:
-            local[:, axis + 1] = np.where(has, stored[:, axis + 1], 0.0)
-    return np.asarray(np.einsum("ki,kij->kj", local, frames))
 
 
 #: Contact methods by name.

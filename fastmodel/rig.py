@@ -28,9 +28,13 @@ FloatArray = npt.NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 #: Step of the rig's own model [s].
 TIMESTEP = 1e-3
-#: Longest time that is given to come to rest [s].
-SETTLE_TIME = 3.0
-#: Relative distance of the contact force from the weight that counts as rest [-].
+#: Time that is given to come to rest [s].
+SETTLE_TIME = 1.0
+#: Time over which forces are averaged where contacts keep flickering [s].
+AVERAGE_TIME = 1.0
+#: Distance of the mean force from the load that still counts as carried [-].
+CARRIED = 1e-3
+#: Acceleration over gravity, and speed [m/s], below which the indenter rests [-].
 REST = 1e-6
 _GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -49,6 +53,8 @@ class FastIndentation:
         texel_forces: After spread, shape (n,); masked texels are zero [N].
         outside: Contact force that no texel feels after spread [N].
         total_force: Sum of the contact forces: the weight [N].
+        chatter: Standard deviation of the total force over time where contacts flickered and forces are means,
+            over the load; zero where the indenter came to rest [-].
         depth: Approach of the indenter; None where the method has none that means anything [m].
         method: Name or settings of the contact method.
         seconds: Wall time [s].
@@ -58,6 +64,7 @@ class FastIndentation:
     texel_forces: FloatArray
     outside: float
     total_force: float
+    chatter: float
     depth: float | None
     method: str
     seconds: float
@@ -92,13 +99,14 @@ def indent(
         raise FastModelError(f"load must be positive and at, yaw finite; not {load} N, {at} m, {yaw} rad")
     chosen = choose(method)
     model = _model(parameters, indenter, chosen, load=load, at=at, yaw=yaw)
-    contact = _settle(model, chosen.bind(model, parameters.array, _ARRAY), load)
+    contact, chatter = _settle(model, chosen.bind(model, parameters.array, _ARRAY, native=False), load)
     texel_forces = parameters.spread.operator(parameters.array) @ contact
     return FastIndentation(
         contact_forces=contact,
         texel_forces=texel_forces,
         outside=float(contact.sum() - texel_forces.sum()),
         total_force=float(contact.sum()),
+        chatter=chatter,
         depth=None,
         method=method if isinstance(method, str) else repr(method),
         seconds=time.perf_counter() - started,
@@ -159,17 +167,27 @@ def _touch_height(parameters: Parameters, indenter: Indenter, at: tuple[float, f
     return float(array.centres[under, 2].max(initial=0.0)) + max(array.pitch)
 
 
-def _settle(model: Any, reader: ContactReader, load: float) -> FloatArray:  # noqa: ANN401 -- MjModel
-    """Step until the contact carries the weight and the indenter stands still; the last step's forces."""
+def _settle(model: Any, reader: ContactReader, load: float) -> tuple[FloatArray, float]:  # noqa: ANN401 -- MjModel
+    """Step until the indenter rests: its contact forces and their chatter.
+
+    Where a face hovers at the edge of touching one more texel, contacts come and go for ever.  The mean over time
+    is the steady force then, because it carries exactly the weight.
+    """
     data = mujoco.MjData(model)
-    for _ in range(int(SETTLE_TIME / model.opt.timestep)):
+    for _ in range(int(SETTLE_TIME / TIMESTEP)):
         mujoco.mj_step(model, data)
-        if abs(data.qacc[0]) < REST * STANDARD_GRAVITY and abs(data.qvel[0]) < REST and data.ncon:
-            break
-    forces = reader.forces(data)
-    if abs(forces.sum() - load) > 1e-3 * load:
+        if data.ncon and abs(data.qacc[0]) < REST * STANDARD_GRAVITY and abs(data.qvel[0]) < REST:
+            return reader.forces(data), 0.0
+    taken = np.array([_step(model, data, reader) for _ in range(int(AVERAGE_TIME / TIMESTEP))])
+    totals = taken.sum(axis=1)
+    if abs(totals.mean() / load - 1) > CARRIED:
         raise MissedArrayError(
-            f"the indenter did not come to rest on the texels: they carry {forces.sum():.4g} N of {load:.4g} N; "
+            f"the indenter did not come to rest on the texels: they carry {totals.mean():.4g} N of {load:.4g} N; "
             f"'at' must lie on the array"
         )
-    return forces
+    return taken.mean(axis=0), float(totals.std() / load)
+
+
+def _step(model: Any, data: Any, reader: ContactReader) -> FloatArray:  # noqa: ANN401 -- MjModel and MjData
+    mujoco.mj_step(model, data)
+    return reader.forces(data)

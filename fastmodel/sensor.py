@@ -44,6 +44,7 @@ def attach(
     quaternion: npt.ArrayLike = (1.0, 0.0, 0.0, 0.0),
     contact: str | TexelContact = "boxes",
     every: int = 1,
+    native: bool | None = None,
 ) -> Sensor:
     """Put a tactile array on a body of a spec that is not compiled yet.
 
@@ -58,6 +59,7 @@ def attach(
         quaternion: Orientation of the array's frame in the body's, scalar first, shape (4,) [-].
         contact: Contact method, by name or as settings.
         every: Form contact forces on every n-th physics step [-].
+        native: True for numba kernels, False for numpy, None for whichever is there.
 
     Raises:
         UnknownNameError: If the body or the contact method does not exist.
@@ -69,7 +71,7 @@ def attach(
     if spec.geom(geom_name(name, 0)) is not None:
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     method.attach(_find_body(spec, body), parameters.array, _pose(position, quaternion), name)
-    return Sensor(name=name, parameters=parameters, contact=method, every=int(every))
+    return Sensor(name=name, parameters=parameters, contact=method, every=int(every), native=native)
 
 
 def recommend_options(spec: Any) -> None:  # noqa: ANN401 -- MjSpec
@@ -94,12 +96,15 @@ class Sensor:
         parameters: The array and its cover.
     """
 
-    def __init__(self, *, name: str, parameters: Parameters, contact: TexelContact, every: int) -> None:
+    def __init__(
+        self, *, name: str, parameters: Parameters, contact: TexelContact, every: int, native: bool | None
+    ) -> None:
         """Remember the settings; `attach` is the way in."""
         self.name = name
         self.parameters = parameters
         self._contact = contact
         self._every = every
+        self._native = native
         self._running: _Running | None = None
 
     def bind(self, model: Any) -> Sensor:  # noqa: ANN401 -- MjModel
@@ -115,8 +120,8 @@ class Sensor:
             LifeCycleError: If the model was not compiled from the spec with this array.
             FilterError: If the filter's cut-off is not below half the rate it runs at.
         """
-        reader = self._contact.bind(model, self.parameters.array, self.name)
-        self._running = _Running(self.parameters, reader, model, self._every)
+        reader = self._contact.bind(model, self.parameters.array, self.name, native=self._native)
+        self._running = _Running(self.parameters, reader, model, self._every, native=self._native)
         _warn(self.parameters, model, self._every)
         return self
 
@@ -181,7 +186,15 @@ class Sensor:
 class _Running:
     """The state of a bound sensor."""
 
-    def __init__(self, parameters: Parameters, reader: ContactReader, model: Any, every: int) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        parameters: Parameters,
+        reader: ContactReader,
+        model: Any,  # noqa: ANN401 -- MjModel
+        every: int,
+        *,
+        native: bool | None,
+    ) -> None:
         self._electronics = parameters.electronics
         self._array = parameters.array
         self._operator = parameters.spread.operator(parameters.array)
@@ -191,7 +204,8 @@ class _Running:
         self._timestep = float(model.opt.timestep)
         rate = 1.0 / (every * self._timestep)
         count = parameters.array.count
-        self._filter = None if parameters.filter is None else FilterBank(parameters.filter, rate, count)
+        design = parameters.filter
+        self._filter = None if design is None else FilterBank(design, rate, count, native=native)
         self.reset(np.zeros(()))
 
     def reset(self, contact_forces: FloatArray) -> None:

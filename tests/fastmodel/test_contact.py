@@ -43,12 +43,15 @@ def by_the_book(model, data):
     return np.maximum(total, 0)
 
 
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
 @pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
 @pytest.mark.parametrize("condim", [1, 3, 4, 6])
-def test_array_reading_equals_contact_by_contact(cone, condim):
+def test_array_reading_equals_contact_by_contact(cone, condim, native):
+    if native:
+        pytest.importorskip("numba")
     tilt = multiply(np.array([np.cos(0.1), np.sin(0.1), 0, 0]), about_z(0.4))
     model, data = scene(cone, condim, tilt)
-    reader = BoxTexels().bind(model, ARRAY, "a")
+    reader = BoxTexels().bind(model, ARRAY, "a", native=native)
     touched = 0
     for _ in range(60):
         mujoco.mj_step(model, data)

@@ -1,0 +1,97 @@
+"""Reading MuJoCo's contact forces as arrays: what presses on each texel along its normal.
+
+A contact's force f in its own frame (rows: normal, two tangents) acts on its second geom, -f on its first.
+Elliptic cones store f itself.  Pyramidal cones store edge forces e: the normal force is their sum, the i-th
+tangential force mu_i (e_2i - e_2i+1).  Torques (from the fourth component on) press nothing.
+
+Both functions take the same arrays and add to `total` in place: `geom` (k, 2), `address` (k,) of the contact's
+first row in `efc_force` (-1 for none), `dim` (k,), `frame` (k, 9), `friction` (k, 5), `efc_force` (rows,) [N],
+`geom_xmat` (geoms, 9), `texel_of` (geoms + 1,) with -1 for other geoms, `pyramidal`, `total` (n,) [N].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
+    geom: IntArray,
+    address: IntArray,
+    dim: IntArray,
+    frame: FloatArray,
+    friction: FloatArray,
+    efc_force: FloatArray,
+    geom_xmat: FloatArray,
+    texel_of: IntArray,
+    pyramidal: bool,
+    total: FloatArray,
+) -> None:
+    """All contacts of one dimension at a time."""
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        texel = texel_of[geom[:, side]]
+        on_texel = (texel >= 0) & (address >= 0)
+        if not on_texel.any():
+            continue
+        for size in set(dim[on_texel].tolist()):
+            k = np.flatnonzero(on_texel & (dim == size))
+            local = _decode(efc_force, address[k], friction[k], size, pyramidal=pyramidal)
+            axes = frame[k].reshape(-1, 3, 3)[:, : local.shape[1]]
+            normals = geom_xmat[geom[k, side], 2::3]
+            pressed = (local * np.matmul(axes, normals[:, :, None])[:, :, 0]).sum(axis=1)
+            total += np.bincount(texel[k], sign * pressed, len(total))
+
+
+def _decode(
+    efc_force: FloatArray, address: IntArray, friction: FloatArray, size: int, *, pyramidal: bool
+) -> FloatArray:
+    """Normal and tangential forces in the contact frame, shape (k, 1) or (k, 3) [N]."""
+    kept = min(size, 3)
+    if size == 1 or not pyramidal:
+        return np.asarray(efc_force[address[:, None] + np.arange(kept)])
+    edges = efc_force[address[:, None] + np.arange(2 * (size - 1))]
+    tangential = friction[:, : kept - 1] * (edges[:, : 2 * kept - 2 : 2] - edges[:, 1 : 2 * kept - 2 : 2])
+    return np.concatenate([edges.sum(axis=1, keepdims=True), tangential], axis=1)
+
+
+def press_loops(  # noqa: C901, PLR0917 -- one flat loop, as numba likes it
+    geom: IntArray,
+    address: IntArray,
+    dim: IntArray,
+    frame: FloatArray,
+    friction: FloatArray,
+    efc_force: FloatArray,
+    geom_xmat: FloatArray,
+    texel_of: IntArray,
+    pyramidal: bool,
+    total: FloatArray,
+) -> None:
+    """One contact at a time, for numba."""
+    local = np.zeros(3)
+    for k in range(geom.shape[0]):
+        first = address[k]
+        if first < 0:
+            continue
+        kept = min(dim[k], 3)
+        if pyramidal and dim[k] > 1:
+            local[0] = 0.0
+            for edge in range(2 * (dim[k] - 1)):
+                local[0] += efc_force[first + edge]
+            for axis in range(1, kept):
+                edge = first + 2 * (axis - 1)
+                local[axis] = friction[k, axis - 1] * (efc_force[edge] - efc_force[edge + 1])
+        else:
+            for axis in range(kept):
+                local[axis] = efc_force[first + axis]
+        for side in range(2):
+            texel = texel_of[geom[k, side]]
+            if texel < 0:
+                continue
+            pressed = 0.0
+            for axis in range(kept):
+                for i in range(3):
+                    pressed += local[axis] * frame[k, 3 * axis + i] * geom_xmat[geom[k, side], 3 * i + 2]
+            total[texel] += pressed if side == 0 else -pressed
