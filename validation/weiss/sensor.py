@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -195,7 +195,7 @@ class Sensor:
 
     def stream(
         self, *, run_length: bool = False, interval_ms: int = 0, reconnect: float = 0.0
-    ) -> Iterator[Reading | Gap]:
+    ) -> Generator[Reading | Gap, None, None]:
         """Frames as the device sends them, and a `Gap` wherever some are missing.
 
         Ends only by the caller (leave the loop, close the iterator) or by an error; either way the device is told

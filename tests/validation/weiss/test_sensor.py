@@ -105,11 +105,11 @@ def test_commands_between_frames_lose_nothing(plug_in):
 def test_damage_on_the_line_shows_as_gaps_and_never_as_wrong_values(plug_in):
     wrong = Misbehaviour(rates={"change-bytes": 0.05, "lose": 0.05, "insert-noise": 0.03}, seed=3)
     with Sensor(plug_in(misbehaviour=wrong).port) as sensor:
-        readings, gaps = _take(sensor, 300)
+        readings, gaps = _take(sensor, 150)
     assert all(_is_ramp(reading) for reading in readings)
     marked = {gap.after for gap in gaps}
     steps = [(a, b) for a, b in pairwise(readings) if b.ticks - a.ticks > 5]
-    assert len(steps) > 10
+    assert len(steps) > 4
     assert all(a.ticks in marked for a, b in steps)
 
 

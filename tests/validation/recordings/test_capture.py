@@ -1,0 +1,357 @@
+"""Recording: from a virtual sensor on a port to a file that every tool reads, whatever happens meanwhile."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from random import Random
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
+
+from validation.recordings import capture, mcap_reader, ros_messages
+from validation.recordings.labels import Setup
+from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
+from validation.recordings.recording import RecordingError
+from validation.weiss.parser import Parser
+from validation.weiss.sensor import Reading, Sensor
+from validation.weiss.serve import PseudoTerminal, serve
+from validation.weiss.virtual import WTS_0614_34, Misbehaviour, VirtualSensor, pattern
+
+SETUP = Setup(indenter="sphere:radius=5mm", load=4.9, note="left palm, 3rd trial")
+
+
+@pytest.fixture
+def port():
+    """A port with a sensor whose every frame differs."""
+    with _running(VirtualSensor(pattern("ramp"))) as name:
+        yield name
+
+
+class _running:  # noqa: N801 -- reads as a verb
+    def __init__(self, sensor):
+        self.end, self.stop = PseudoTerminal(), threading.Event()
+        self.thread = threading.Thread(target=serve, args=(sensor, self.end), kwargs={"stop": self.stop})
+
+    def __enter__(self):
+        self.thread.start()
+        return self.end.name
+
+    def __exit__(self, *_):
+        self.stop.set()
+        self.thread.join()
+        self.end.close()
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A recording of one second, with the readings that the recorder saw."""
+    path = tmp_path_factory.mktemp("recorded") / "touch.mcap"
+    seen = []
+    with _running(VirtualSensor(pattern("ramp"))) as name, Sensor(name) as sensor:
+        sensor.set_threshold(11)
+        done = capture.record(sensor, path, setup=SETUP, seconds=1, on_event=seen.append)
+    return path, [event for event in seen if isinstance(event, Reading)], done
+
+
+def test_what_was_recorded_comes_back(recorded):
+    path, readings, done = recorded
+    recording = mcap_reader.read(path)
+    assert recording.complete
+    assert recording.gaps == ()
+    assert done.frames == len(recording.times) == len(readings) > 260
+    assert done.rate == pytest.approx(271, rel=0.02)
+    (array,) = recording.arrays
+    assert (array.counts == [reading.counts for reading in readings]).all()
+    assert recording.ticks.tolist() == [reading.ticks for reading in readings]
+    assert recording.host_monotonic.tolist() == [reading.host_time for reading in readings]
+    assert np.allclose(recording.times, (recording.host_monotonic - recording.host_monotonic[0]) * 1e-9)
+    assert (array.texels.rows, array.texels.columns, array.texels.pitch) == (14, 6, (3.4e-3, 3.4e-3))
+    assert recording.temperatures.shape == (2, 1)
+
+
+def test_the_setup_is_in_the_file(recorded):
+    setup = mcap_reader.read(recorded[0]).setup
+    assert (setup.indenter, setup.load, setup.note) == (SETUP.indenter, SETUP.load, SETUP.note)
+    assert setup.device["threshold"] == 11
+    assert setup.device["type"] == "WTS 0614-34"
+    assert {"gain", "temperature", "serial", "firmware"} <= set(setup.device)
+
+
+def test_raw_bytes_hold_the_same_frames(recorded):
+    path, readings, _ = recorded
+    parser = Parser(texels=84)
+    messages = [m for _, data in mcap_reader.read_raw(path) for m in parser.feed(data) if m.identifier == 0]
+    assert len(messages) >= len(readings)
+    assert parser.counters.skipped == 0
+    first = messages[0].payload
+    assert first[5:] == readings[0].counts.astype("<u2").tobytes()
+
+
+def test_mcap_and_its_ros_2_decoder_read_it(recorded):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    path, readings, _ = recorded
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        (metadata,) = reader.iter_metadata()
+        assert json.loads(metadata.metadata["labels"])["setup"]["load"] == 4.9
+        images = [message for *_, message in reader.iter_decoded_messages(topics="/tactile/image")]
+    assert len(images) == len(readings)
+    picture = images[-1]
+    assert (picture.encoding, picture.height, picture.width, picture.step) == ("mono16", 14, 6, 12)
+    assert np.frombuffer(bytes(picture.data), "<u2").tolist() == readings[-1].counts.tolist()
+
+
+def test_rosbags_reads_it_knowing_no_type_beforehand(recorded):
+    from rosbags.highlevel import AnyReader
+
+    path, readings, _ = recorded
+    with AnyReader([path]) as reader:
+        wanted = [c for c in reader.connections if c.topic in {"/tactile/image", "/tactile/frame"}]
+        found = {c.topic: reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(wanted)}
+    assert found["/tactile/image"].data.view("<u2").tolist() == readings[-1].counts.tolist()
+    assert found["/tactile/frame"].counts.tolist() == readings[-1].counts.tolist()
+    assert found["/tactile/frame"].device_ticks == readings[-1].ticks
+
+
+def test_gaps_are_in_the_file(tmp_path):
+    wrong = Misbehaviour(rates={"lose": 0.05}, seed=2)
+    with _running(VirtualSensor(pattern("ramp"), misbehaviour=wrong)) as name, Sensor(name) as sensor:
+        done = capture.record(sensor, tmp_path / "gaps.mcap", seconds=0.7)
+    recording = mcap_reader.read(tmp_path / "gaps.mcap")
+    missing = np.flatnonzero(np.diff(recording.ticks) > 5)
+    assert done.gaps == len(recording.gaps) >= len(missing) > 2
+    for place in missing:
+        assert any(f"after tick {recording.ticks[place]}," in gap for gap in recording.gaps)
+
+
+def test_unplugged_while_recording(tmp_path):
+    path = tmp_path / "cut.mcap"
+    running = _running(VirtualSensor(pattern("ramp")))
+    name = running.__enter__()
+    threading.Timer(0.6, running.__exit__).start()
+    with Sensor(name) as sensor, pytest.raises(capture.RecordingStoppedError) as caught:
+        capture.record(sensor, path)
+    assert "unplugged" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    recording = mcap_reader.read(path)
+    assert recording.complete
+    assert f"{len(recording.times)} frames are kept in {path}" in str(caught.value)
+    assert len(recording.times) > 100
+
+
+_RECORD = (
+    "import sys\nfrom validation.weiss.sensor import Sensor\nfrom validation.recordings.capture import record\n"
+    "try:\n"
+    "    with Sensor(sys.argv[1]) as sensor:\n"
+    "        shown = [0]\n"
+    "        def show(event):\n"
+    "            shown[0] += 1\n"
+    "            if shown[0] == 1: print('go', flush=True)\n"
+    "        done = record(sensor, sys.argv[2], on_event=show)\n"
+    "        print(done.frames, done.ended)\n"
+    "except OSError as error:\n"
+    "    sys.exit(f'error: {error}')\n"
+)
+
+
+def _recorder(port, path, **options):
+    return subprocess.Popen(  # noqa: S603
+        [sys.executable, "-c", _RECORD, port, str(path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def _killed(port, path, after):
+    """Kill a recorder; return the time of the kill on the clock that frames carry [ns]."""
+    run = _recorder(port, path)
+    assert run.stdout.readline() == "go\n"
+    time.sleep(after)
+    run.kill()
+    killed = time.monotonic_ns()
+    run.communicate()
+    return killed
+
+
+def _check_killed(path, killed):
+    recording = mcap_reader.read(path)
+    assert not recording.complete
+    assert (killed - recording.host_monotonic[-1]) * 1e-9 < 0.5
+    assert np.diff(recording.ticks).max() <= 4
+    assert (np.diff(recording.arrays[0].counts, axis=1) % 4096 == 40).all()
+
+
+def test_killed_at_any_moment(port, tmp_path):
+    random = Random(4)  # noqa: S311 -- reproducible, no secret
+    for trial in range(2):
+        path = tmp_path / f"{trial}.mcap"
+        _check_killed(path, _killed(port, path, random.uniform(0.3, 0.9)))
+    assert mcap_reader.recover(path)
+    before = mcap_reader.read(path)
+    assert before.complete
+    assert not mcap_reader.recover(path)
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path]) as reader:
+        wanted = [c for c in reader.connections if c.topic == "/tactile/image"]
+        assert sum(1 for _ in reader.messages(wanted)) == len(before.times)
+
+
+@pytest.mark.slow
+def test_killed_two_hundred_times(port, tmp_path):
+    random = Random(5)  # noqa: S311 -- reproducible, no secret
+    path = tmp_path / "killed.mcap"
+    for _ in range(200):
+        _check_killed(path, _killed(port, path, random.uniform(0.25, 1.0)))
+        path.unlink()
+
+
+def test_control_c_ends_a_recording_properly(port, tmp_path):
+    run = _recorder(port, tmp_path / "c.mcap")
+    assert run.stdout.readline() == "go\n"
+    time.sleep(0.3)
+    run.send_signal(signal.SIGINT)
+    out, errors = run.communicate(timeout=10)
+    recording = mcap_reader.read(tmp_path / "c.mcap")
+    assert (out, errors) == (f"{len(recording.times)} interrupted\n", "")
+    assert recording.complete
+
+
+def test_a_full_disk_ends_in_one_line_and_keeps_what_came(port, tmp_path):
+    """The limit on a file's size makes the system refuse writes just as a full disk does."""
+
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+    path = tmp_path / "full.mcap"
+    run = _recorder(port, path, preexec_fn=limit)
+    _, errors = run.communicate(timeout=60)
+    assert run.returncode == 1
+    assert len(errors.splitlines()) == 1
+    assert f"{path}: the disk takes no more (File too large)" in errors
+    recording = mcap_reader.read(path)
+    assert not recording.complete
+    assert len(recording.times) > 30
+    frames = int(errors.split(" frames had come")[0].rsplit(" ", 1)[1])
+    assert frames - len(recording.times) < 271 / 2
+
+
+def test_a_file_system_without_room(tmp_path):
+    with pytest.raises(StorageError, match="cannot be written"):
+        _write("/proc/no-such-place.mcap", 1)
+    if not os.path.exists("/dev/full"):  # noqa: PTH110 -- a device
+        pytest.skip("no /dev/full here")
+    path = tmp_path / "full.mcap"
+    path.touch()
+    with pytest.raises(StorageError, match="name a new file"):
+        _write(path, 1)
+
+
+def _write(path, frames, arrays=1):
+    described = [capture.live_array(WTS_0614_34)] * arrays
+    with RecordingWriter(path, arrays=described, setup=Setup()) as writer:
+        for number in range(frames):
+            clocks = Clocks(10**18 + number * 4_000_000, number, number)
+            for index in range(arrays):
+                writer.add_frame(index, clocks, np.arange(84) + number + 1000 * index)
+    return path
+
+
+def _truth(frames):
+    return np.arange(84) + np.arange(frames)[:, None]
+
+
+def test_several_arrays(tmp_path):
+    recording = mcap_reader.read(_write(tmp_path / "a.mcap", 20, arrays=3))
+    assert [(array.counts - 1000 * n == _truth(20)).all() for n, array in enumerate(recording.arrays)] == [True] * 3
+
+
+def test_counts_that_do_not_fit_are_refused(tmp_path):
+    with RecordingWriter(tmp_path / "a.mcap", arrays=[capture.live_array(WTS_0614_34)], setup=Setup()) as writer:
+        for counts in (np.full(84, -1), np.full(84, 70000)):
+            with pytest.raises(ValueError, match="65535"):
+                writer.add_frame(0, Clocks(1), counts)
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_damaged_files_never_give_wrong_numbers_silently(tmp_path, finished):
+    """Bit flips and truncations: an error, or the true numbers, or the true numbers of a marked, shorter file."""
+    frames = 20
+    path = _write(tmp_path / "a.mcap", frames)
+    data = path.read_bytes()
+    if not finished:
+        data = data[: data.rindex(b"\x0f" + (4).to_bytes(8, "little"))]
+    random = Random(6)  # noqa: S311 -- reproducible, no secret
+    refused = 0
+    for trial in range(160):
+        damaged = bytearray(data)
+        if trial % 4:
+            damaged[random.randrange(len(data))] ^= 1 << random.randrange(8)
+        else:
+            del damaged[random.randrange(len(data)) :]
+        path.write_bytes(damaged)
+        try:
+            recording = mcap_reader.read(path)
+        except RecordingError as error:
+            refused += str(path) in str(error)
+            continue
+        count = len(recording.times)
+        assert (recording.arrays[0].counts == _truth(frames)[:count]).all()
+        assert recording.ticks.tolist() == list(range(count))
+        assert count == frames or not recording.complete
+    assert refused > 40
+
+
+def test_lost_frames_inside_a_file_are_noticed(tmp_path, monkeypatch):
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path, arrays=[capture.live_array(WTS_0614_34)], setup=Setup()) as writer:
+        for number in (0, 1, 3):
+            writer._sequence[0] = number
+            writer.add_frame(0, Clocks(number), np.zeros(84, dtype=int))
+    with pytest.raises(RecordingError, match="frame 3 of /tactile/frame follows frame 1"):
+        mcap_reader.read(path)
+
+
+def test_files_that_are_no_recordings(tmp_path):
+    plain = tmp_path / "plain.mcap"
+    plain.write_text("hello")
+    for path, what in (
+        (plain, "not an MCAP file"),
+        (tmp_path / "none.mcap", "no such file"),
+        (_foreign(tmp_path / "foreign.mcap"), "without the labels"),
+        (_write(tmp_path / "empty.mcap", 0), "no frames"),
+    ):
+        with pytest.raises(RecordingError, match=what):
+            mcap_reader.read(path)
+
+
+def _foreign(path):
+    from mcap.writer import Writer
+
+    writer = Writer(str(path))
+    writer.start()
+    writer.finish()
+    return path
+
+
+def test_messages_come_back():
+    assert ros_messages.read_octets(ros_messages.octets(b"\x00\xaa\xff")) == b"\x00\xaa\xff"
+    assert ros_messages.read_text(ros_messages.text("µ")) == "µ"
+    assert ros_messages.read_numbers(ros_messages.numbers([1.5, -2])).tolist() == [1.5, -2]
+    forces = ros_messages.FrameFields(1, 2, np.arange(3, dtype=np.uint16), np.array([0.5, 1, 2]))
+    back = ros_messages.read_frame(ros_messages.frame(5, "x", forces))
+    assert (back.host_monotonic, back.ticks) == (1, 2)
+    assert back.texel_forces.tolist() == [0.5, 1, 2]
