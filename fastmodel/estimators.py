@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import cumulative_trapezoid, trapezoid
-from scipy.optimize import minimize_scalar
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -57,22 +55,25 @@ def radial_estimates(radius: FloatArray, pressure: FloatArray) -> dict[str, floa
         pressure: Pressure per force at these radii, shape (m,) [1/m2].
     """
     half = np.sqrt(2 * np.log(2))
-    force = cumulative_trapezoid(2 * np.pi * radius * pressure, radius, initial=0)
+    rings = 2 * np.pi * radius * pressure
+    force = np.append(0.0, np.cumsum(0.5 * (rings[1:] + rings[:-1]) * np.diff(radius)))
     return {
         "radial-profile": _profile_fit(radius, pressure, np.ones_like(radius)),
         "radial-profile-area": _profile_fit(radius, pressure, radius),
         "radial-peak": _root(1 / (2 * np.pi * pressure[0])),
         "radial-half-height": _first_crossing(radius, pressure[0] / 2 - pressure) / half,
         "radial-half-force": _first_crossing(radius, force - 0.5) / half,
-        "radial-variance": _root(np.pi * trapezoid(pressure * radius**3, radius)),
+        "radial-variance": _root(np.pi * np.trapezoid(pressure * radius**3, radius)),
     }
 
 
 def _profile_fit(radius: FloatArray, pressure: FloatArray, weight: FloatArray) -> float:
+    from scipy.optimize import minimize_scalar
+
     def misfit(log_sigma: float) -> float:
         s = np.exp(log_sigma)
         model = np.exp(-0.5 * (radius / s) ** 2) / (2 * np.pi * s**2)
-        return float(trapezoid(weight * (model - pressure) ** 2, radius) / pressure[0] ** 2)
+        return float(np.trapezoid(weight * (model - pressure) ** 2, radius) / pressure[0] ** 2)
 
     guess = np.log(_root(1 / (2 * np.pi * pressure[0])))
     found = minimize_scalar(misfit, bounds=(guess - 2, guess + 2), method="bounded", options={"xatol": 1e-10})

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.estimators import Pair, image_estimates, radial_estimates
@@ -142,6 +141,8 @@ def _fit_sigmas(
     ksizes: tuple[int, int] | None,
 ) -> Pair:
     """Sigmas of the unit-sum Gaussian nearest to the image, with given kernel widths or uncut."""
+    from scipy.optimize import least_squares
+
     i = np.arange(image.shape[1]) - loaded[1]
     j = np.arange(image.shape[0]) - loaded[0]
 

@@ -2,7 +2,8 @@
 
 The TOML is complete and in SI: array, spread, filter, electronics, provenance.  `cover.npz` carries what does
 not belong into text: the spread operator `[texel, loaded texel]` and any further tables; its sha256 stands in
-the TOML.  Nothing is pickled.  Each file appears whole or not at all.
+the TOML.  Nothing is pickled.  A save that is killed at any moment leaves the folder as it was, or as it should
+become: never a part of a file, never one file of each.
 """
 
 from __future__ import annotations
@@ -10,8 +11,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import io
-import os
-import tempfile
 import tomllib
 import zipfile
 from collections.abc import Callable, Mapping
@@ -26,6 +25,7 @@ import tomli_w
 from fastmodel.butterworth import Butterworth
 from fastmodel.electronics import Electronics
 from fastmodel.errors import ParametersError, ShapeError
+from fastmodel.files import kept_path, pack, replace_pair
 from fastmodel.spread import Gaussian, Spread, Tabulated
 from meshes import TexelArray
 
@@ -88,10 +88,9 @@ class Parameters:
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
-        packed = _pack({name: np.asarray(table) for name, table in tables.items()})
+        packed = pack({name: np.asarray(table) for name, table in tables.items()})
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
-        _write_whole(target / NPZ_NAME, packed)
-        _write_whole(target / TOML_NAME, text.encode())
+        replace_pair(target / NPZ_NAME, packed, target / TOML_NAME, text.encode())
         return target / TOML_NAME
 
 
@@ -252,21 +251,13 @@ def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
-def _pack(tables: Mapping[str, npt.NDArray[Any]]) -> bytes:
-    """The tables as npz whose bytes depend on nothing but the tables."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, table in sorted(tables.items()):
-            entry = io.BytesIO()
-            np.lib.format.write_array(entry, np.ascontiguousarray(table), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), entry.getvalue(), compress_type=zipfile.ZIP_DEFLATED)
-    return buffer.getvalue()
-
-
 def _read_tables(path: Path, sha256: str) -> dict[str, FloatArray]:
     packed = _read(path)
     if hashlib.sha256(packed).hexdigest() != sha256:
-        raise ParametersError(f"{path}: does not belong to {TOML_NAME} (sha256 differs); write both anew")
+        kept = kept_path(path, sha256)
+        if not kept.exists():
+            raise ParametersError(f"{path}: does not belong to {TOML_NAME} (sha256 differs); write both anew")
+        packed = _read(kept)
     try:
         with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
@@ -288,18 +279,3 @@ def _read(path: Path) -> bytes:
         raise ParametersError(
             f"{path}: {error.strerror}; a folder with {TOML_NAME} and {NPZ_NAME} is needed"
         ) from error
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Temporary file, fsync, rename: readers see the old file or the new one, never a part."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,18 +41,31 @@ class Pose:
 
 def quaternions(matrices: FloatArray) -> FloatArray:
     """Quaternions of rotation matrices, shape (n, 3, 3) to (n, 4) [-]."""
-    return np.asarray(Rotation.from_matrix(matrices).as_quat(scalar_first=True))
+    turns = np.empty((len(matrices), 4))
+    for turn, matrix in zip(turns, matrices, strict=True):
+        mujoco.mju_mat2Quat(turn, np.ascontiguousarray(matrix).ravel())
+    return turns
 
 
 def multiply(first: FloatArray, then: FloatArray) -> FloatArray:
     """Hamilton product first * then, each of shape (4,) or (n, 4) [-]."""
-    product = Rotation.from_quat(first, scalar_first=True) * Rotation.from_quat(then, scalar_first=True)
-    return np.asarray(product.as_quat(scalar_first=True))
+    w, x, y, z = np.moveaxis(np.asarray(first), -1, 0)
+    a, b, c, d = np.moveaxis(np.asarray(then), -1, 0)
+    return np.stack(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ],
+        axis=-1,
+    )
 
 
 def rotate(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Vectors turned by one quaternion, shape (n, 3) [any]."""
-    return np.asarray(Rotation.from_quat(quaternion, scalar_first=True).apply(vectors))
+    """Vectors v turned by one unit quaternion (w, u): v + 2 u x (u x v + w v), shape (n, 3) [any]."""
+    w, u = quaternion[0], quaternion[1:]
+    return np.asarray(vectors + 2 * np.cross(u, np.cross(u, vectors) + w * vectors))
 
 
 def about_z(angle: float) -> FloatArray:

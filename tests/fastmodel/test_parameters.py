@@ -1,9 +1,13 @@
 import dataclasses
+import os
+import pathlib
+import signal
+import time
 
 import numpy as np
 import pytest
 
-import fastmodel.parameters
+import fastmodel.files
 from fastmodel.butterworth import Butterworth
 from fastmodel.electronics import WTS_0614_34
 from fastmodel.errors import ParametersError, ShapeError
@@ -128,12 +132,57 @@ def test_failed_write_leaves_the_old_file_whole_and_no_litter(tmp_path, monkeypa
     def fail(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(fastmodel.parameters.os, "fsync", fail)
+    monkeypatch.setattr(fastmodel.files.os, "fsync", fail)
     with pytest.raises(OSError, match="No space"):
         make(spread=Gaussian.from_sigma(2.0)).save(tmp_path)
     assert path.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cover.npz", "parameters.toml"]
     load(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_killed_save_leaves_a_whole_folder(tmp_path):
+    """Kill the writer sixty times at random moments: always one of the two states, never a mixture."""
+    states = [make(spread=Gaussian.from_sigma(sigma)) for sigma in (0.5, 1.5)]
+    states[0].save(tmp_path)
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(60):
+        child = os.fork()
+        if child == 0:
+            while True:
+                for state in reversed(states):
+                    state.save(tmp_path)
+        time.sleep(rng.uniform(0, 0.05))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        seen.add(load(tmp_path).spread.sigma_x)
+    assert seen == {0.5, 1.5}
+    for litter in tmp_path.glob(".*.part"):
+        os.utime(litter, (0, 0))
+    states[0].save(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cover.npz", "parameters.toml"]
+
+
+@pytest.mark.parametrize("failing", range(6))
+def test_whichever_rename_or_flush_fails_a_pair_remains(tmp_path, monkeypatch, failing):
+    make(spread=Gaussian.from_sigma(0.5)).save(tmp_path)
+    calls = iter(range(100))
+
+    def sometimes(real):
+        def call(*arguments):
+            if next(calls) == failing:
+                raise OSError(28, "No space left on device")
+            return real(*arguments)
+
+        return call
+
+    monkeypatch.setattr(fastmodel.files.os, "fsync", sometimes(os.fsync))
+    monkeypatch.setattr(fastmodel.files.Path, "replace", sometimes(pathlib.Path.replace))
+    with pytest.raises(OSError, match="No space"):
+        make(spread=Gaussian.from_sigma(1.5)).save(tmp_path)
+    assert load(tmp_path).spread.sigma_x == 0.5
+    assert not list(tmp_path.glob(".*.part"))
 
 
 def test_parts_that_do_not_fit_are_refused():
