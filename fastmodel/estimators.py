@@ -63,7 +63,7 @@ def radial_estimates(radius: FloatArray, pressure: FloatArray) -> dict[str, floa
         "radial-peak": _root(1 / (2 * np.pi * pressure[0])),
         "radial-half-height": _first_crossing(radius, pressure[0] / 2 - pressure) / half,
         "radial-half-force": _first_crossing(radius, force - 0.5) / half,
-        "radial-variance": _root(np.pi * np.trapezoid(pressure * radius**3, radius)),
+        "radial-variance": _root(float(np.pi * np.trapezoid(pressure * radius**3, radius))),
     }
 
 
