@@ -70,9 +70,7 @@ def write_text(path: Path, text: str) -> None:
 def _check_replaceable(target: Path) -> None:
     if target.is_dir():
         if any(target.iterdir()) and not (target / _MARKER).is_file():
-            raise InputError(
-                f"--out: {target} holds files that softcover did not write; name a new or an empty folder"
-            )
+            raise InputError(f"--out: {target} holds files that softcover did not write; name a new or an empty folder")
     elif target.exists():
         raise InputError(f"--out: {target} is a file; name a folder")
 

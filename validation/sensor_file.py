@@ -68,9 +68,7 @@ BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
 )
 
 
-def load(
-    sensor: str | Path, *, material: str | None = None, thickness: str | None = None
-) -> SensorDescription:
+def load(sensor: str | Path, *, material: str | None = None, thickness: str | None = None) -> SensorDescription:
     """Read a sensor from a TOML file or by its built-in name.
 
     Args:
@@ -96,9 +94,7 @@ def template() -> str:
 def _read_file(path: Path) -> SensorDescription:
     if not path.is_file():
         hint = nearest(str(path), BUILT_IN)
-        raise InputError(
-            f"{path}: no such sensor file or built-in sensor; {hint}, or a file from `softcover init`"
-        )
+        raise InputError(f"{path}: no such sensor file or built-in sensor; {hint}, or a file from `softcover init`")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -149,9 +145,7 @@ def _cover(tables: SensorTables) -> Cover:
 
 def _check_together(tables: SensorTables, source: Path) -> None:
     """Find the faults that show only when several keys are read together."""
-    faults = [
-        f"{source}: {fault}" for fault in (*_electronics_faults(tables), *_spread_faults(tables.spread))
-    ]
+    faults = [f"{source}: {fault}" for fault in (*_electronics_faults(tables), *_spread_faults(tables.spread))]
     if faults:
         raise InputError(*faults)
 
@@ -201,18 +195,14 @@ def _filter(table: FilterTable | None) -> Butterworth | None:
 def _spread(table: SpreadTable | None) -> Gaussian | None:
     if table is None:
         return None
-    return Gaussian(
-        sigma_x=table.sigma_x, sigma_y=table.sigma_y, ksize_x=table.ksize_x, ksize_y=table.ksize_y
-    )
+    return Gaussian(sigma_x=table.sigma_x, sigma_y=table.sigma_y, ksize_x=table.ksize_x, ksize_y=table.ksize_y)
 
 
 def _replaced_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:
     """The cover of one layer that `--material` and `--thickness` describe; what is not given stays."""
     faults = []
     if (material is None or thickness is None) and len(cover.layers) > 1:
-        faults.append(
-            "--material, --thickness: the cover has several layers; give both to replace them by one"
-        )
+        faults.append("--material, --thickness: the cover has several layers; give both to replace them by one")
     chosen = cover.layers[0].material if material is None else _named_material(material, faults)
     height = cover.layers[0].thickness
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 
 from validation.cli.options import Json, MaterialName, Out, Sensor, Thickness
-from validation.cli.output import plain, print_json, say
+from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.derive import Derivation
 from validation.derive import derive as derive_parameters
@@ -32,7 +32,7 @@ def derive(
 
             write_derivation(derivation, folder)
     if json:
-        print_json(plain(derivation.as_json()))
+        print_json(derivation.as_json())
     else:
         _print(derivation)
     if out:

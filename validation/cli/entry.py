@@ -16,6 +16,10 @@ from validation.errors import InputError, nearest
 #: What each command does, and examples for its help page.
 _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     {
+        "demo": (
+            "The whole way on the default sensor: PSF, fit, scores against finite elements and recordings, report.",
+            ("softcover demo", "softcover demo --out my-report", "softcover demo --recordings ~/recordings"),
+        ),
         "derive": (
             "Point spread function of a sensor's cover, and the fast model's parameters fitted to it.",
             (
@@ -30,6 +34,14 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
                 "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g",
                 "softcover press sensor.toml --indenter box:size=9mmx9mmx5mm --load 2N --at=1mm,-2mm --yaw=45deg",
                 "softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json",
+            ),
+        ),
+        "validate": (
+            "Score the fast model of a sensor against finite elements, and against recordings where given.",
+            (
+                "softcover validate sensor.toml --out my-report",
+                "softcover validate sdh2-distal --recordings ~/recordings",
+                "softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json",
             ),
         ),
         "init": (

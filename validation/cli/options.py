@@ -16,3 +16,6 @@ MaterialName = Annotated[
     str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
 ]
 Thickness = Annotated[str | None, Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.")]
+Recordings = Annotated[
+    Path | None, Parameter(name="--recordings", help="Folder with recordings of a real sensor under known weights.")
+]

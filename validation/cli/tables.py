@@ -11,8 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from meshes import Cover, TexelArray
+from validation.campaign import CampaignResult
 from validation.comparison import Comparison
 from validation.derive import Derivation
+from validation.pooling import Pooled
+from validation.stamp import StampScores
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -122,3 +125,50 @@ def comparison_table(comparison: Comparison) -> Table:
         for name, value in comparison.score.as_json().items():
             table.add_row(name, "none" if value is None else f"{value:.4g}")
     return table
+
+
+def campaign_table(campaign: CampaignResult) -> Table:
+    """Means over cases with their intervals, by model."""
+    floor = campaign.noise_floor
+    table = Table(
+        title=f"Against finite elements: {len(campaign.cases)} cases, means and 95 % intervals over cases",
+        caption=f"error estimate of the reference: total force {100 * floor['total_force']:.2g} %, "
+        f"peak texel {100 * floor['peak_texel']:.2g} %",
+    )
+    columns = (
+        ("misplaced force", "misplaced_force", 100, " %"),
+        ("relative L2", "relative_l2", 100, " %"),
+        ("total force", "total_force_error", 100, " %"),
+        ("centre", "centre_of_pressure_m", 1e3, " mm"),
+        ("image changed", "image_changed_percent", 1, " %"),
+    )
+    table.add_column("model", no_wrap=True)
+    for heading, *_ in columns:
+        table.add_column(heading, justify="right")
+    for model, metrics in campaign.pooled.items():
+        table.add_row(model, *(_pooled(metrics[name], factor, unit) for _, name, factor, unit in columns))
+    return table
+
+
+def recordings_table(scores: StampScores) -> Table:
+    """Image changed of every model on recordings that were not fitted, by split."""
+    splits = list(dict.fromkeys(row.split for row in scores.rows))
+    table = Table(title="Against recordings: image changed [%] on weights that were not fitted".replace("[", "\\["))
+    table.add_column("model", no_wrap=True)
+    for split in splits:
+        table.add_column(scores.about[split], justify="right")
+    names = dict.fromkeys((row.model, row.texel_gains, row.kind) for row in scores.rows)
+    for model, gains, kind in names:
+        cells = []
+        for split in splits:
+            row = next((r for r in scores.rows if (r.split, r.model, r.texel_gains) == (split, model, gains)), None)
+            cells.append("" if row is None else f"{row.pooled['image_changed_percent'].mean:.2f}")
+        label = {"null": " (null)", "floor": " (floor)"}.get(kind, " + texel gains" if gains else "")
+        table.add_row(f"{model}{label}", *cells)
+    return table
+
+
+def _pooled(value: Pooled, factor: float, unit: str) -> str:
+    if not value.cases:
+        return "none"
+    return f"{factor * value.mean:.3g}{unit}\n[dim]{factor * value.low:.3g}..{factor * value.high:.3g}[/dim]"

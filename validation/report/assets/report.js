@@ -1,0 +1,28 @@
+"use strict";
+// Tables sort on a click or on Enter; a second time turns the order round.  What has no number goes last.
+function sortBy(header) {
+  const table = header.closest("table");
+  const body = table.tBodies[0];
+  const column = header.cellIndex;
+  const descending = header.getAttribute("aria-sort") === "ascending";
+  const key = (row) => row.cells[column].dataset.value ?? row.cells[column].textContent.trim();
+  const numeric = [...body.rows].every((row) => key(row) === "" || !Number.isNaN(Number(key(row))));
+  const rows = [...body.rows].sort((a, b) => {
+    const [x, y] = [key(a), key(b)];
+    if (x === "" || y === "") return (x === "") - (y === "");
+    const order = numeric ? Number(x) - Number(y) : x.localeCompare(y);
+    return descending ? -order : order;
+  });
+  for (const other of table.tHead.querySelectorAll("th")) other.removeAttribute("aria-sort");
+  header.setAttribute("aria-sort", descending ? "descending" : "ascending");
+  body.append(...rows);
+}
+for (const header of document.querySelectorAll("table.sortable thead th")) {
+  header.tabIndex = 0;
+  header.addEventListener("click", () => sortBy(header));
+  header.addEventListener("keydown", (event) => { if (event.key === "Enter") sortBy(header); });
+}
+for (const [id, figure] of Object.entries(JSON.parse(document.getElementById("figures").textContent))) {
+  Plotly.newPlot(id, figure.data, figure.layout, { responsive: true, displayModeBar: false });
+}
+document.documentElement.dataset.ready = "true";

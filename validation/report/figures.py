@@ -1,0 +1,103 @@
+"""Interactive figures as plain data for plotly.js."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from validation.campaign import MODELS, CampaignResult
+from validation.derive import Derivation
+
+_COLOURS = {"fast": "#2b6cb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
+_INK = "#24303f"
+
+
+def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
+    """Radial base pressure under a unit point load, the exact solution, and the fitted Gaussian."""
+    from fem_reference.closed_form import point_response
+
+    spread = derivation.point_spread
+    radius = np.linspace(0, min(spread.reach, 6 * derivation.sensor.cover.thickness), 300)
+    pitch = derivation.sensor.array.pitch
+    sigma = derivation.fit.gaussian.sigma_x * pitch[0]
+    gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
+    lines = (
+        ("finite elements", spread.pressure(radius), {"color": _COLOURS["fast"], "width": 3}),
+        ("exact layer solution", point_response(derivation.sensor.cover, radius), {"color": _INK, "dash": "dot"}),
+        ("fitted Gaussian (to uniform texel load)", gaussian, {"color": _COLOURS["no-spread"], "dash": "dash"}),
+    )
+    return {
+        "data": [
+            {"type": "scatter", "mode": "lines", "name": name, "x": 1e3 * radius, "y": 1e-6 * y, "line": line}
+            for name, y, line in lines
+        ],
+        "layout": _layout("distance from the load [mm]", "base pressure per force [1/mm²]"),
+    }
+
+
+def texel_profile_figure(derivation: Derivation) -> dict[str, Any]:
+    """The middle row of the texel responses, and of the kernel that was fitted to them."""
+    array, gaussian = derivation.sensor.array, derivation.fit.gaussian
+    row, column = array.rows // 2, array.columns // 2
+    offset = np.arange(array.rows) - row
+    half = gaussian.ksize_y // 2
+    inside = np.abs(offset) <= half
+    weights = np.where(inside, np.exp(-0.5 * (offset / gaussian.sigma_y) ** 2), 0.0)
+    middle = (
+        1
+        / np.exp(-0.5 * (np.arange(-(gaussian.ksize_x // 2), gaussian.ksize_x // 2 + 1) / gaussian.sigma_x) ** 2).sum()
+    )
+    kernel = weights / weights.sum() * middle
+    lines = (
+        ("reference, uniform texel load", derivation.texel_response_uniform[:, column], _COLOURS["fast"], "circle"),
+        ("reference, point load", derivation.texel_response[:, column], _INK, "diamond"),
+        ("fitted kernel", kernel, _COLOURS["no-spread"], "square"),
+    )
+    return {
+        "data": [
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": name,
+                "x": offset,
+                "y": 100 * values,
+                "line": {"color": colour},
+                "marker": {"symbol": symbol, "size": 7},
+            }
+            for name, values, colour, symbol in lines
+        ],
+        "layout": _layout("texels from the loaded one, along y", "force on the texel [% of the load]"),
+    }
+
+
+def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
+    """Misplaced force of every case by every model."""
+    names = [result.case.name for result in campaign.cases]
+    bars = [
+        {
+            "type": "bar",
+            "name": MODELS[model],
+            "x": names,
+            "y": [100 * result.predictions[model].score.misplaced_force for result in campaign.cases],
+            "marker": {"color": _COLOURS[model]},
+        }
+        for model in MODELS
+    ]
+    layout = _layout("", "misplaced force [% of the load]")
+    layout["xaxis"]["tickangle"] = -35
+    return {"data": bars, "layout": layout | {"barmode": "group", "margin": {"l": 60, "r": 10, "t": 10, "b": 130}}}
+
+
+def _layout(x: str, y: str) -> dict[str, Any]:
+    axis = {"gridcolor": "#e4e7ec", "zerolinecolor": "#c3c9d2", "automargin": True}
+    return {
+        "font": {"family": "system-ui, sans-serif", "size": 12, "color": _INK},
+        "xaxis": axis | {"title": {"text": x}},
+        "yaxis": axis | {"title": {"text": y}},
+        "margin": {"l": 60, "r": 10, "t": 10, "b": 50},
+        "legend": {"orientation": "h", "y": 1.12, "x": 0},
+        "plot_bgcolor": "white",
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "height": 360,
+    }

@@ -1,0 +1,120 @@
+"""Tactile images as inline SVG: light, sharp at any size, with the value of each texel on hover.
+
+Row 0, the smallest y, is drawn at the bottom; arrays themselves are never flipped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes import TexelArray
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Edge of a texel on the page [px].
+_CELL = 15
+#: Colours from nothing to most (of rising lightness), and from minus to plus about white.
+_FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9dd4b", "#fdf3a1")
+_DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c", "#97142a")
+_MASKED = "#e6e6ea"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """From values to colours; the same for images that are compared.
+
+    Attributes:
+        peak: Value with the strongest colour.
+        difference: Whether colours run from minus to plus about white, instead of from nothing to most.
+        unit: Unit that is shown.
+        factor: From the values' unit to the shown one.
+    """
+
+    peak: float
+    difference: bool = False
+    unit: str = "mN"
+    factor: float = 1e3
+
+    @property
+    def colours(self) -> tuple[str, ...]:
+        """Colours at even steps."""
+        return _DIFFERENCE if self.difference else _FORCE
+
+    def colour(self, value: float) -> str:
+        """The colour of one value."""
+        share = value / self.peak if self.peak > 0 else 0.0
+        colours = self.colours
+        place = float(np.clip(0.5 + share / 2 if self.difference else share, 0, 1)) * (len(colours) - 1)
+        lower = min(int(place), len(colours) - 2)
+        low, high = (np.array([int(colours[lower + i][k : k + 2], 16) for k in (1, 3, 5)]) for i in (0, 1))
+        return "#" + "".join(f"{round(float(part)):02x}" for part in low + (place - lower) * (high - low))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """A closed line over an image, in the array's frame.
+
+    Attributes:
+        x: Along the columns, shape (m,) [m].
+        y: Along the rows, shape (m,) [m].
+    """
+
+    x: FloatArray
+    y: FloatArray
+
+
+def tactile_image(array: TexelArray, values: FloatArray, scale: Scale, *, outline: Outline | None = None) -> str:
+    """Draw one value per texel.
+
+    Args:
+        array: The texels.
+        values: One per texel, shape (n,).
+        scale: From values to colours.
+        outline: Drawn over the image, for example where the indenter touches.
+    """
+    cells = "".join(_cell(array, index, float(value), scale) for index, value in enumerate(values))
+    width, height = array.columns * _CELL, array.rows * _CELL
+    line = "" if outline is None else _line(array, outline)
+    return (
+        f'<svg class="tactile" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img">'
+        f"{cells}{line}</svg>"
+    )
+
+
+def colour_bar(scale: Scale) -> str:
+    """A legend for images drawn with this scale."""
+    last = len(scale.colours) - 1
+    stops = "".join(
+        f"<stop offset='{100 * i / last:.1f}%' stop-color='{colour}'/>" for i, colour in enumerate(scale.colours)
+    )
+    low = -scale.peak if scale.difference else 0.0
+    name = "bar-difference" if scale.difference else "bar-force"
+    return (
+        f'<span class="bar"><span>{low * scale.factor:.3g}</span><svg width="90" height="10" role="img">'
+        f'<defs><linearGradient id="{name}">{stops}</linearGradient></defs>'
+        f'<rect width="90" height="10" fill="url(#{name})"/></svg>'
+        f"<span>{scale.peak * scale.factor:.3g} {scale.unit}</span></span>"
+    )
+
+
+def _cell(array: TexelArray, index: int, value: float, scale: Scale) -> str:
+    row, column = divmod(index, array.columns)
+    colour, text = _MASKED, f"[{row}, {column}] no texel"
+    if array.active[index]:
+        colour, text = scale.colour(value), f"[{row}, {column}] {value * scale.factor:.4g} {scale.unit}"
+    return (
+        f'<rect x="{column * _CELL}" y="{(array.rows - 1 - row) * _CELL}" width="{_CELL}" height="{_CELL}" '
+        f'fill="{colour}"><title>{text}</title></rect>'
+    )
+
+
+def _line(array: TexelArray, outline: Outline) -> str:
+    left = array.centres[:, 0].min() - array.pitch[0] / 2
+    bottom = array.centres[:, 1].min() - array.pitch[1] / 2
+    x = (outline.x - left) / array.pitch[0] * _CELL
+    y = (array.rows - (outline.y - bottom) / array.pitch[1]) * _CELL
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    return f'<polygon points="{points}" class="outline"/>'

@@ -1,0 +1,61 @@
+"""From an evaluation to a folder: `index.html`, its assets, `scores.json`, `parameters.toml`, `cover.npz`."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+from validation.errors import MissingExtraError
+from validation.evaluation import Evaluation
+from validation.plain import plain
+from validation.report.contents import contents
+
+#: The page's own files, copied beside it.
+_ASSETS = ("report.css", "report.js")
+
+
+def require() -> None:
+    """Check that what writes a report is installed, before any long work.
+
+    Raises:
+        MissingExtraError: If it is not.
+    """
+    from importlib.util import find_spec
+
+    for module in ("jinja2", "plotly"):
+        if find_spec(module) is None:
+            raise MissingExtraError("report", module)
+
+
+def write_report(evaluation: Evaluation, folder: Path) -> None:
+    """Write the report.
+
+    Args:
+        evaluation: What to show.
+        folder: An existing folder to write to.
+
+    Raises:
+        MissingExtraError: If jinja2 or plotly is not installed.
+        OSError: If the folder cannot be written.
+    """
+    require()
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    assets = resources.files("validation.report").joinpath("assets")
+    environment = Environment(
+        loader=PackageLoader("validation.report", "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("index.html.j2")
+    (folder / "index.html").write_text(template.render(contents(evaluation)), encoding="utf-8")
+    for name in _ASSETS:
+        (folder / name).write_bytes(assets.joinpath(name).read_bytes())
+    plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")
+    (folder / "plotly.min.js").write_bytes(plotly.read_bytes())
+    scores = json.dumps(plain(evaluation.as_json()), indent=1, allow_nan=False)
+    (folder / "scores.json").write_text(scores, encoding="utf-8")
+    evaluation.derivation.parameters.save(folder)
