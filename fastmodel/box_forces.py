@@ -33,15 +33,13 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
     """All contacts of one dimension at a time."""
     for side, sign in ((0, 1.0), (1, -1.0)):
         texel = texel_of[geom[:, side]]
-        on_texel = (texel >= 0) & (address >= 0)
-        if not on_texel.any():
-            continue
-        for size in set(dim[on_texel].tolist()):
-            k = np.flatnonzero(on_texel & (dim == size))
+        hit = np.flatnonzero((texel >= 0) & (address >= 0))
+        for size in set(dim[hit].tolist()):
+            k = hit[dim[hit] == size]
             local = _decode(efc_force, address[k], friction[k], size, pyramidal=pyramidal)
             axes = frame[k].reshape(-1, 3, 3)[:, : local.shape[1]]
             normals = geom_xmat[geom[k, side], 2::3]
-            pressed = (local * np.matmul(axes, normals[:, :, None])[:, :, 0]).sum(axis=1)
+            pressed = np.einsum("ki,ki->k", local, np.einsum("kij,kj->ki", axes, normals))
             total += np.bincount(texel[k], sign * pressed, len(total))
 
 

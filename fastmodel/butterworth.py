@@ -145,7 +145,7 @@ def _first_order(K: float) -> list[float]:
 
 def _advance_numpy(sections: FloatArray, state: FloatArray, sample: FloatArray) -> None:
     """One sample through the cascade, in place."""
-    for (b0, b1, b2, _, a1, a2), memory in zip(sections, state, strict=True):
+    for (b0, b1, b2, _, a1, a2), memory in zip(sections.tolist(), state, strict=True):
         filtered = b0 * sample + memory[0]
         memory[0] = b1 * sample - a1 * filtered + memory[1]
         memory[1] = b2 * sample - a2 * filtered

@@ -101,13 +101,16 @@ class Electronics:
         force = np.asarray(forces, dtype=np.float64)
         if noise is not None and self.noise > 0:
             force = force + noise.normal(0.0, self.noise, force.shape)
-        signal = self._characteristic(force) * self._gains(force.shape) - self.threshold
+        signal = self._characteristic(force)
+        if self.gains is not None:
+            signal = signal * self._gains(force.shape)
+        signal = signal - self.threshold
         return np.rint(self._saturate(np.maximum(signal, 0.0))).astype(np.int64)
 
     def image(self, counts: npt.ArrayLike) -> npt.NDArray[np.uint8]:
         """Grey levels round(255 counts / output_max), same shape [-]."""
         grey = np.rint(255.0 * np.asarray(counts, dtype=np.float64) / self.output_max)
-        return np.clip(grey, 0, 255).astype(np.uint8)
+        return np.minimum(np.maximum(grey, 0), 255).astype(np.uint8)
 
     def _characteristic(self, force: FloatArray) -> FloatArray:
         if self.characteristic is None:
@@ -115,11 +118,10 @@ class Electronics:
         return np.asarray(np.polynomial.polynomial.polyval(force, self.characteristic))
 
     def _gains(self, shape: tuple[int, ...]) -> FloatArray:
-        if self.gains is None:
-            return np.ones(1)
-        if shape[-1:] != (len(self.gains),):
-            raise ShapeError(f"there are gains for {len(self.gains)} texels, but forces of shape {shape}")
-        return np.asarray(self.gains)
+        gains = np.asarray(self.gains)
+        if shape[-1:] != gains.shape:
+            raise ShapeError(f"there are gains for {len(gains)} texels, but forces of shape {shape}")
+        return gains
 
     def _saturate(self, signal: FloatArray) -> FloatArray:
         """Clip sharply, or bend with slope one into an exponential approach over the band."""

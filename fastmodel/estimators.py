@@ -54,7 +54,7 @@ def radial_estimates(radius: FloatArray, pressure: FloatArray) -> dict[str, floa
         radius: Radii, shape (m,), rising [m].
         pressure: Pressure per force at these radii, shape (m,) [1/m2].
     """
-    half = np.sqrt(2 * np.log(2))
+    half = float(np.sqrt(2 * np.log(2)))
     rings = 2 * np.pi * radius * pressure
     force = np.append(0.0, np.cumsum(0.5 * (rings[1:] + rings[:-1]) * np.diff(radius)))
     return {

@@ -10,6 +10,7 @@ fall due at the sensor's own rate and carry the true time of the values in them:
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
@@ -236,7 +237,7 @@ class _Running:
 
     def _sample(self, data: Any, name: str) -> None:  # noqa: ANN401 -- MjData
         forces = self._reader.forces(data)
-        if not np.isfinite(forces.sum()):
+        if not math.isfinite(forces.sum()):
             raise StateError(f"sensor {name!r}: contact forces are not finite at t = {data.time:g} s")
         self.contact_forces = forces
         self._filtered = forces if self._filter is None else self._filter.step(forces)

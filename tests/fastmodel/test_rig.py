@@ -12,6 +12,7 @@ from fastmodel import (
     Parameters,
     UnknownNameError,
     indent,
+    rig,
 )
 from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
@@ -107,6 +108,33 @@ def test_curved_array_feels_the_weight_too():
     result = indent(parameters, Sphere(radius=5e-3), load=2.0, at=(0.3e-3, 0.2e-3))
     assert result.total_force == pytest.approx(2.0, rel=1e-3)
     assert result.contact_forces.argmax() == 4
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
+def test_random_shapes_and_poses_never_break(count):
+    """Thin, tiny, huge, over corners and edges: the weight is carried, nothing negative, nothing undefined."""
+    rng = np.random.default_rng(count)
+    for _ in range(count):
+        a, b, c = 10 ** rng.uniform(-3.5, -1.7, 3)
+        shape = rng.choice([Sphere(radius=a), Cylinder(radius=a), Box(size=(a, b, c)), RoundedTip(radius=a)])
+        at = (rng.uniform(-0.0102, 0.0102), rng.uniform(-0.0238, 0.0238))
+        load = 10 ** rng.uniform(-2, 1.5)
+        result = indent(PARAMETERS, shape, load=load, at=at, yaw=rng.uniform(0, 7))
+        assert result.total_force == pytest.approx(load, rel=1e-3), (shape, at)
+        assert np.all(np.isfinite(result.texel_forces))
+        assert np.all(result.contact_forces >= 0)
+
+
+def test_forces_that_do_not_settle_are_averaged(monkeypatch):
+    """Cut the time to settle short: the mean still carries the weight, and what was not steady is told."""
+    shape = Cylinder(radius=5e-3)
+    settled = indent(PARAMETERS, shape, load=0.952)
+    monkeypatch.setattr(rig, "SETTLE_TIME", 0.1)
+    averaged = indent(PARAMETERS, shape, load=0.952)
+    assert settled.chatter == 0
+    assert 0 < averaged.chatter < 1e-3
+    assert averaged.total_force == pytest.approx(0.952, rel=1e-3)
+    assert np.allclose(averaged.contact_forces, settled.contact_forces, atol=1e-3)
 
 
 def test_it_is_fast_enough_for_campaigns():
