@@ -26,6 +26,9 @@ from meshes import Cover
 
 FloatArray = npt.NDArray[np.float64]
 
+#: A node this close to a boundary lies on it, in thicknesses [-].
+_TOUCH = 1e-9
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseResponse:
@@ -52,32 +55,31 @@ def point_load_response(cover: Cover, *, elements_per_thickness: int, reach: flo
         elements_per_thickness: Elements through the whole cover; each layer gets at least two [-].
         reach: Radius of the outer boundary, where nothing moves [m].
     """
+    unit, stiff = cover.thickness, cover.layers[-1].material.shear_modulus  # solve for numbers near one
     mesh, region = _mesh(cover, elements_per_thickness, reach)
-    elements = mixed_elements(mesh, region=region, axisymmetric=True)
-    shear = np.array([layer.material.shear_modulus for layer in cover.layers])
+    elements = mixed_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
+    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / stiff
     nu = np.array([layer.material.poisson_ratio for layer in cover.layers])
     matrix = linear_system(elements, shear, 3 * (1 - 2 * nu) / (2 * shear * (1 + nu)))
     r, z = elements.nodes.T
-    system = ConstrainedSystem(matrix, _fixed(cover, r, z, reach))
+    system = ConstrainedSystem(matrix, _fixed(cover, r, z, reach / unit))
     load = np.zeros(matrix.shape[0])
-    top = int(np.argmin(np.hypot(r, z - cover.thickness)))
-    load[2 * top + 1] = -1.0
+    load[2 * int(np.argmin(np.hypot(r, z - 1))) + 1] = -1.0
     solution = system.solve(load)
-    base = np.flatnonzero(np.abs(z) < 1e-9 * cover.thickness)
+    base = np.flatnonzero(np.abs(z) < _TOUCH)
     base = base[np.argsort(r[base])]
     forces = system.reaction(solution, load)[2 * base + 1]
     radius, pressure = _superconvergent(r[base], spla.spsolve(_edge_mass(r[base]), forces))
     return BaseResponse(
-        radius=radius,
-        pressure=pressure,
+        radius=radius * unit,
+        pressure=pressure / unit**2,
         reaction=float(forces.sum()),
         unknowns=matrix.shape[0],
     )
 
 
 def _fixed(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> npt.NDArray[np.int64]:
-    tolerance = 1e-9 * cover.thickness
-    axis, base, outer = r < tolerance, z < tolerance, r > reach - tolerance
+    axis, base, outer = r < _TOUCH, z < _TOUCH, r > reach - _TOUCH
     across = axis | outer | (base if cover.base == "bonded" else np.zeros_like(base))
     return np.concatenate([2 * np.flatnonzero(across), 2 * np.flatnonzero(base | outer) + 1])
 

@@ -86,7 +86,7 @@ class PointSpread:
         """
         centre = array.centres[array.middle if texel is None else texel, :2]
         if load == "point":
-            return self.texel_influence(array, centre)[0]
+            return np.asarray(self.texel_influence(array, centre)[0])
         nodes, weights = np.polynomial.legendre.leggauss(max(8, int(6 * max(array.texel_size) / self.thickness)))
         x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
         share = np.outer(weights, weights).ravel() / 4

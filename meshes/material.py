@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 #: Parameters of each model: name -> unit ("Pa" or "-").  Lists of moduli are flat: mu1, alpha1, mu2, ...
@@ -34,7 +34,7 @@ class Material:
 
     name: str
     model: str
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, float] = field(hash=False)
     poisson_ratio: float
     source: str = "given by the user"
     spread: float = 0.0

@@ -104,7 +104,7 @@ def point_response(cover: Cover, radius: npt.ArrayLike) -> FloatArray:
     return out.reshape(r.shape)
 
 
-def point_response_spline(cover: Cover, reach: float, points: int = 4001) -> CubicSpline:
+def point_response_spline(cover: Cover, reach: float, points: int = 1601) -> CubicSpline:
     """`point_response` on an even grid from 0 to `reach` [m] as a cubic spline, for many evaluations."""
     radius = np.linspace(0.0, reach, points)
     return CubicSpline(radius, point_response(cover, radius), bc_type="clamped")

@@ -1,0 +1,94 @@
+"""Pressing indenters into the bonded layer, against the exact integral equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference import closed_form, press
+from meshes import Box, Cylinder, Sphere
+
+RATIOS = [0.0, 0.3, 0.45, 0.49, 0.5]
+
+
+@pytest.mark.parametrize("nu", RATIOS)
+@pytest.mark.parametrize("ratio", [0.5, 1.0])
+def test_sphere_force_and_area(bonded, wts, nu, ratio):
+    cover = bonded(nu)
+    exact = closed_form.sphere(cover, 10e-3, ratio * cover.thickness)
+    found = press(cover, wts, Sphere(radius=10e-3), depth=exact.depth)
+    assert found.total_force == pytest.approx(exact.force, rel=1e-3)
+    assert found.contact_area == pytest.approx(np.pi * exact.contact_radius**2, rel=0.01)
+    back = press(cover, wts, Sphere(radius=10e-3), load=exact.force)
+    assert back.depth == pytest.approx(exact.depth, rel=1e-3)
+
+
+@pytest.mark.parametrize("nu", RATIOS)
+@pytest.mark.parametrize("ratio", [0.5, 1.0])
+def test_flat_punch_force(bonded, wts, nu, ratio):
+    cover = bonded(nu)
+    exact = closed_form.punch(cover, ratio * cover.thickness, 0.05e-3)
+    found = press(cover, wts, Cylinder(radius=exact.contact_radius), depth=exact.depth)
+    assert found.total_force == pytest.approx(exact.force, rel=1e-3)
+    assert abs(found.total_force / exact.force - 1) < 3 * found.error_estimate["total_force"] + 1e-4
+
+
+def test_small_contact_on_a_thick_layer_is_hertz(bonded, wts):
+    cover = bonded(0.3, thickness=20e-3)
+    hertz = closed_form.hertz(cover.layers[0], 5e-3, 0.02)
+    found = press(cover, wts, Sphere(radius=5e-3), load=0.02)
+    assert found.depth == pytest.approx(hertz.depth, rel=0.03)
+    assert found.contact_area == pytest.approx(np.pi * hertz.contact_radius**2, rel=0.02)
+
+
+def test_balance_and_linearity(bonded, wts):
+    cover = bonded(0.49)
+    one = press(cover, wts, Box(size=(8e-3, 8e-3, 5e-3)), load=1.0)
+    two = press(cover, wts, Box(size=(8e-3, 8e-3, 5e-3)), load=2.0)
+    assert one.texel_forces.sum() + one.outside == pytest.approx(1.0, abs=1e-12)
+    assert abs(one.outside) < 0.02
+    assert two.texel_forces == pytest.approx(2 * one.texel_forces, rel=1e-5, abs=1e-7)
+    assert two.depth == pytest.approx(2 * one.depth, rel=1e-5)
+
+
+def test_quarter_turn_of_a_square_changes_nothing(bonded, wts):
+    shape = Box(size=(8e-3, 8e-3, 5e-3))
+    straight = press(bonded(0.4), wts, shape, load=1.0)
+    turned = press(bonded(0.4), wts, shape, load=1.0, yaw=np.pi / 2)
+    assert turned.texel_forces == pytest.approx(straight.texel_forces, abs=1e-6)
+
+
+def test_mirrored_poses_mirror_the_image(bonded, wts):
+    shape = Box(size=(9e-3, 4e-3, 5e-3))
+    left = press(bonded(0.45), wts, shape, load=1.0, at=(-3e-3, 2e-3), yaw=0.4)
+    right = press(bonded(0.45), wts, shape, load=1.0, at=(3e-3, 2e-3), yaw=-0.4)
+    assert wts.image(right.texel_forces)[:, ::-1].ravel() == pytest.approx(left.texel_forces, abs=2e-6)
+
+
+def test_force_lands_under_the_indenter(bonded, wts):
+    found = press(bonded(0.3), wts, Sphere(radius=4e-3), load=0.5, at=(2.1e-3, -5.3e-3))
+    centre = found.texel_forces @ wts.centres[:, :2] / found.texel_forces.sum()
+    assert centre == pytest.approx([2.1e-3, -5.3e-3], abs=0.2e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"load": None}, "either a load or a depth"),
+        ({"depth": 1e-4}, "either a load or a depth"),
+        ({"load": -1.0}, "load must be positive"),
+        ({"load": float("nan")}, "load must be positive"),
+        ({"load": None, "depth": 3e-3}, "pierce"),
+        ({"load": 5000.0}, "pierce"),
+    ],
+)
+def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
+    request = {"load": 1.0, **change}
+    with pytest.raises(ValueError, match=message):
+        press(bonded(0.3), wts, Sphere(radius=5e-3), **request)
+
+
+def test_results_name_their_assumptions(bonded, wts):
+    found = press(bonded(0.3), wts, Sphere(radius=5e-3), load=0.5)
+    assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
+    assert set(found.error_estimate) == {"total_force", "peak_texel", "contact_area"}
