@@ -10,8 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from meshes import TexelArray
-from validation.recordings.labels import Setup
+from validation.recordings.labels import Setup, plain_array
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import RecordedArray
 from validation.weiss.commands import MatrixInfo
@@ -101,15 +100,13 @@ def record(
 
 def live_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArray:
     """The array that a device describes, without frames."""
-    pitch = (matrix.cell_width, matrix.cell_height)
-    return RecordedArray(
-        texels=TexelArray.grid(matrix.rows, matrix.columns, pitch, name=name),
-        enabled=np.ones(matrix.texels, dtype=bool),
-        counts=np.empty((0, matrix.texels), dtype=np.int32),
+    return plain_array(
+        matrix.rows,
+        matrix.columns,
+        np.empty((0, matrix.texels), dtype=np.int32),
+        pitch=(matrix.cell_width, matrix.cell_height),
         full_scale=matrix.full_scale,
-        unit="counts",
-        centre=(0.0, 0.0, 0.0),
-        rotation=(0.0, 0.0, 0.0),
+        name=name,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes import TexelArray
-from validation.recordings.recording import RecordedArray, Recording, RecordingError
+from validation.recordings.recording import FloatArray, RecordedArray, Recording, RecordingError
 
 IntArray = npt.NDArray[np.int64]
 
@@ -27,6 +27,7 @@ class Setup:
         load: Its weight or force [N]; None where unknown.
         note: Anything else.
         source: Port or file it came from.
+        source_sha256: Hash of that file, hexadecimal; empty for a port.
         device: What the device said of itself: type, serial, firmware, threshold, gain, temperature.
     """
 
@@ -34,6 +35,7 @@ class Setup:
     load: float | None = None
     note: str = ""
     source: str = ""
+    source_sha256: str = ""
     device: Mapping[str, str | int | float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -56,6 +58,8 @@ class LabelledRecording(Recording):
         complete: Whether the file was closed properly; a killed recorder leaves all but the last half second.
         host_monotonic: Host's monotonic clock of each frame, shape (frames,); 0 where unknown [ns].
         ticks: Device's clock of each frame, shape (frames,); 0 where unknown.
+        forces: A force sensor's readings beside the frames, shape (readings,) [N].
+        force_times: When they were taken, after the first frame, shape (readings,) [s].
     """
 
     setup: Setup
@@ -63,6 +67,38 @@ class LabelledRecording(Recording):
     complete: bool
     host_monotonic: IntArray
     ticks: IntArray
+    forces: FloatArray = field(default_factory=lambda: np.empty(0))
+    force_times: FloatArray = field(default_factory=lambda: np.empty(0))
+
+
+def plain_array(
+    rows: int,
+    columns: int,
+    counts: npt.NDArray[np.int32],
+    *,
+    pitch: tuple[float, float] = (3.4e-3, 3.4e-3),
+    full_scale: int = 4095,
+    name: str = "tactile",
+) -> RecordedArray:
+    """An array without masks, centred.
+
+    Args:
+        rows: Texels along y [-].
+        columns: Texels along x [-].
+        counts: Shape (frames, rows * columns).
+        pitch: Distance between texels along x and y [m].
+        full_scale: Largest count [-].
+        name: What to call it.
+    """
+    return RecordedArray(
+        texels=TexelArray.grid(rows, columns, pitch, name=name),
+        enabled=np.ones(rows * columns, dtype=bool),
+        counts=counts,
+        full_scale=full_scale,
+        unit="counts",
+        centre=(0.0, 0.0, 0.0),
+        rotation=(0.0, 0.0, 0.0),
+    )
 
 
 def label(recording: Recording, setup: Setup) -> LabelledRecording:

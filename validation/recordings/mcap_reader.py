@@ -21,6 +21,7 @@ from validation.errors import MissingExtraError
 from validation.recordings import labels, ros_messages
 from validation.recordings.labels import LabelledRecording
 from validation.recordings.mcap_writer import (
+    FORCE_TOPIC,
     GAP_TOPIC,
     RAW_TOPIC,
     SETUP_TOPIC,
@@ -63,6 +64,20 @@ def read_raw(path: str | Path) -> Iterator[tuple[int, bytes]]:
     for channel, message in _messages(place, _Content(place)):
         if channel.topic == RAW_TOPIC:
             yield message.log_time, ros_messages.read_octets(message.data)
+
+
+def is_ours(path: str | Path) -> bool:
+    """Whether this program wrote it; false for MCAP files of others.
+
+    Raises:
+        RecordingError: If it is no MCAP file or damaged near its start.
+    """
+    from mcap.records import Channel
+
+    for record in _records(Path(path)):
+        if isinstance(record, Channel):
+            return bool(record.topic == SETUP_TOPIC and record.message_encoding == "cdr")
+    return False
 
 
 def is_complete(path: str | Path) -> bool:
@@ -124,6 +139,7 @@ class _Content:
     frames: dict[str, list[tuple[int, ros_messages.FrameFields]]] = field(default_factory=lambda: defaultdict(list))
     gaps: list[str] = field(default_factory=list)
     temperatures: list[tuple[int, Any]] = field(default_factory=list)
+    forces: list[tuple[int, float]] = field(default_factory=list)
 
     def take(self, topic: str, message: Any) -> None:  # noqa: ANN401 -- the library is untyped
         """Read one message."""
@@ -133,6 +149,8 @@ class _Content:
             self.gaps += ros_messages.read_diagnostics(message.data)
         elif topic == TEMPERATURE_TOPIC:
             self.temperatures.append((message.log_time, ros_messages.read_numbers(message.data)))
+        elif topic == FORCE_TOPIC:
+            self.forces.append((message.log_time, ros_messages.read_force(message.data)))
         elif topic.endswith("/frame"):
             frames = self.frames[topic]
             if message.sequence != len(frames):
@@ -175,6 +193,8 @@ class _Content:
             complete=self.complete,
             host_monotonic=np.array([fields.host_monotonic for fields in clocks], dtype=np.int64),
             ticks=np.array([fields.ticks for fields in clocks], dtype=np.int64),
+            forces=np.array([force for _, force in self.forces]),
+            force_times=(np.array([time for time, _ in self.forces], dtype=np.int64) - stamps[0]) * _NANO,
         )
 
 

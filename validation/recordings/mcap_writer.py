@@ -28,7 +28,8 @@ from validation.recordings.recording import RecordedArray
 FLUSH_EVERY, SYNC_EVERY = 0.2, 1.0
 _LARGEST_COUNT = 0xFFFF
 
-SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC, TEMPERATURE_TOPIC = "/setup", "/raw", "/diagnostics", "/temperatures"
+SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
+TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
 
 
 class StorageError(OSError):
@@ -194,6 +195,10 @@ class RecordingWriter:
         """Write temperatures, one per channel [degC]."""
         self._add(TEMPERATURE_TOPIC, time_ns, ros_messages.numbers(degrees))
 
+    def add_force(self, time_ns: int, newtons: float) -> None:
+        """Write what a force sensor beside the array reads [N]."""
+        self._add(FORCE_TOPIC, time_ns, ros_messages.force(time_ns, "force_sensor", newtons))
+
     def close(self) -> None:
         """Write index and end, and close the file; safe to call twice.
 
@@ -218,6 +223,7 @@ class RecordingWriter:
     def _register(self) -> None:
         topics = {SETUP_TOPIC: ros_messages.TEXT, RAW_TOPIC: ros_messages.BYTES}
         topics |= {GAP_TOPIC: ros_messages.DIAGNOSTICS, TEMPERATURE_TOPIC: ros_messages.NUMBERS}
+        topics |= {FORCE_TOPIC: ros_messages.WRENCH}
         for name in self._names:
             topics |= {f"/{name}/image": ros_messages.IMAGE, f"/{name}/frame": ros_messages.FRAME}
         schemas = {

@@ -20,6 +20,7 @@ DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 BYTES = "std_msgs/msg/UInt8MultiArray"
 TEXT = "std_msgs/msg/String"
 NUMBERS = "std_msgs/msg/Float64MultiArray"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
 
 _FRAME_DEFINITION = """std_msgs/Header header
 uint64 host_monotonic
@@ -127,6 +128,20 @@ def numbers(values: npt.ArrayLike) -> bytes:
 def read_numbers(data: bytes) -> npt.NDArray[np.float64]:
     """Read what `numbers` wrote."""
     return np.array(_decode(data, NUMBERS).data, dtype=np.float64)
+
+
+def force(time: int, name: str, newtons: float) -> bytes:
+    """A force along the array's normal, as the z component of a wrench [N]."""
+    vector = _make("geometry_msgs/msg/Vector3")
+    wrench = _make("geometry_msgs/msg/Wrench")(
+        force=vector(x=0.0, y=0.0, z=newtons), torque=vector(x=0.0, y=0.0, z=0.0)
+    )
+    return _encode(WRENCH, header=_header(time, name), wrench=wrench)
+
+
+def read_force(data: bytes) -> float:
+    """Read what `force` wrote [N]."""
+    return float(_decode(data, WRENCH).wrench.force.z)
 
 
 def text(value: str) -> bytes:

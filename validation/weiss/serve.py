@@ -25,16 +25,11 @@ _PIECE = 4096
 class End(Protocol):
     """The device's end of a connection."""
 
-    def exchange(self, data: bytes, wait: float) -> tuple[int, bytes]:
-        """Send what can be sent now and wait for bytes.
+    def send(self, data: bytes) -> int:
+        """Send what can be sent now; return how many bytes that was."""
 
-        Args:
-            data: What to send.
-            wait: How long to wait for bytes [s].
-
-        Returns:
-            How many bytes were sent, and what came.
-        """
+    def receive(self, wait: float) -> bytes:
+        """What came; waits for the first byte for `wait` [s] at most."""
 
 
 class PseudoTerminal:
@@ -86,16 +81,17 @@ class PseudoTerminal:
         """Close."""
         self.close()
 
-    def exchange(self, data: bytes, wait: float) -> tuple[int, bytes]:
-        """Send and receive."""
-        sent = 0
-        if data:
-            try:
-                sent = os.write(self._device, data)
-            except BlockingIOError:
-                sent = 0
+    def send(self, data: bytes) -> int:
+        """Send what fits into the buffer of a client that does not read."""
+        try:
+            return os.write(self._device, data)
+        except BlockingIOError:
+            return 0
+
+    def receive(self, wait: float) -> bytes:
+        """What a client sent."""
         readable, _, _ = select.select([self._device], [], [], wait)
-        return sent, os.read(self._device, _PIECE) if readable else b""
+        return os.read(self._device, _PIECE) if readable else b""
 
     def close(self) -> None:
         """Close it: for a client the port is unplugged."""
@@ -123,12 +119,14 @@ class SerialEnd:
         except (OSError, ValueError) as error:
             raise PortError(f"{port}: cannot be opened: {error}") from error
 
-    def exchange(self, data: bytes, wait: float) -> tuple[int, bytes]:
-        """Send and receive."""
-        if data:
-            self._serial.write(data)
+    def send(self, data: bytes) -> int:
+        """Send all."""
+        return int(self._serial.write(data) or 0)
+
+    def receive(self, wait: float) -> bytes:
+        """What a client sent."""
         self._serial.timeout = wait
-        return len(data), bytes(self._serial.read(max(1, self._serial.in_waiting)))
+        return bytes(self._serial.read(max(1, self._serial.in_waiting)))
 
     def close(self) -> None:
         """Close the port."""
@@ -166,12 +164,19 @@ def serve(
                 backlog += frame
             else:
                 left_out += 1
+            # frames that were late are not left out: only a client that does not read loses any
+            backlog = _sent(end, backlog)
         due = sensor.next_due
         wait = _IDLE if due is None else min(_IDLE, max(0.0, due - (time.monotonic() - start)))
-        sent, received = end.exchange(backlog, wait)
-        backlog = backlog[sent:]
+        received = end.receive(wait)
         if received:
             backlog += sensor.receive(received, time.monotonic() - start)
+        backlog = _sent(end, backlog)
         if on_turn is not None:
             on_turn(sensor)
     return left_out
+
+
+def _sent(end: End, data: bytes) -> bytes:
+    """Send what can be sent and return the rest."""
+    return data[end.send(data) :] if data else data

@@ -56,7 +56,8 @@ def answering():
 
         def run():
             while not stop.is_set():
-                end.exchange(says, 0.01)
+                end.receive(0.01)
+                end.send(says)
 
         thread = threading.Thread(target=run)
         thread.start()
