@@ -31,16 +31,24 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
     total: FloatArray,
 ) -> None:
     """All contacts of one dimension at a time."""
+    stands = address >= 0
     for side, sign in ((0, 1.0), (1, -1.0)):
-        texel = texel_of[geom[:, side]]
-        hit = np.flatnonzero((texel >= 0) & (address >= 0))
-        for size in set(dim[hit].tolist()):
-            k = hit[dim[hit] == size]
-            local = _decode(efc_force, address[k], friction[k], size, pyramidal=pyramidal)
-            axes = frame[k].reshape(-1, 3, 3)[:, : local.shape[1]]
-            normals = geom_xmat[geom[k, side], 2::3]
+        texel = texel_of.take(geom[:, side])  # take: several times faster here than indexing
+        hit = ((texel >= 0) & stands).nonzero()[0]
+        for size, k in _by_dimension(dim, hit):
+            local = _decode(
+                efc_force, address.take(k), friction[k] if pyramidal else friction, size, pyramidal=pyramidal
+            )
+            axes = frame.take(k, axis=0).reshape(-1, 3, 3)[:, : local.shape[1]]
+            normals = geom_xmat.take(geom[:, side].take(k), axis=0)[:, 2::3]
             pressed = np.einsum("ki,ki->k", local, np.einsum("kij,kj->ki", axes, normals))
-            total += np.bincount(texel[k], sign * pressed, len(total))
+            total += sign * np.bincount(texel.take(k), pressed, len(total))
+
+
+def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray]]:
+    """Contacts of each dimension; as a rule there is one."""
+    sizes = dim.take(hit)
+    return [(size, hit[sizes == size]) for size in set(sizes.tolist())]
 
 
 def _decode(

@@ -66,7 +66,8 @@ class Parameters:
             ShapeError: If the spread operator or the gains are for another number of texels.
             ParametersError: If a table is named like the operator.
         """
-        self.spread.operator(self.array)
+        if isinstance(self.spread, Tabulated):
+            self.spread.operator(self.array)
         gains = self.electronics.gains
         if gains is not None and len(gains) != self.array.count:
             raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
@@ -109,18 +110,22 @@ def load(folder: str | Path) -> Parameters:
     reader = _Reader(document, path)
     if reader.take("format") != FORMAT:
         raise ParametersError(f"{path}: format is {document['format']!r}; this version reads {FORMAT}")
-    tables = _read_tables(path.parent / reader.take("cover.file"), reader.take("cover.sha256"))
-    if _OPERATOR not in tables:
-        raise ParametersError(f"{path.parent / NPZ_NAME}: holds no {_OPERATOR!r}, only {sorted(tables)}")
-    operator = tables.pop(_OPERATOR)
+    array = reader.build("array", lambda: _array(reader))
+    tables = reader.build("cover", lambda: _tables(reader, path))
+    operator = tables.pop(_OPERATOR, np.zeros(0))
+    if operator.shape != (array.count, array.count):
+        raise ParametersError(
+            f"{path.parent / NPZ_NAME}: {_OPERATOR!r} has shape {operator.shape}; {array.count} texels take "
+            f"{(array.count, array.count)}"
+        )
     return reader.build(
         "parameters",
         lambda: Parameters(
-            array=reader.build("array", lambda: _array(reader)),
+            array=array,
             spread=reader.build("spread", lambda: _spread(reader, operator)),
             electronics=reader.build("electronics", lambda: _electronics(reader)),
             filter=reader.build("filter", lambda: _filter(document.get("filter"))),
-            provenance=document.get("provenance", {}),
+            provenance=reader.build("provenance", lambda: dict(document.get("provenance", {}))),
             tables=tables,
         ),
     )
@@ -146,7 +151,7 @@ class _Reader:
             return make()
         except ParametersError:
             raise
-        except (TypeError, ValueError, KeyError) as error:
+        except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
             raise ParametersError(f"{self._path}: [{place}] {error}") from error
 
 
@@ -249,6 +254,13 @@ def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
         else:
             plain[key] = list(value) if isinstance(value, tuple) else value
     return plain
+
+
+def _tables(reader: _Reader, path: Path) -> dict[str, FloatArray]:
+    name, sha256 = reader.take("cover.file"), reader.take("cover.sha256")
+    if name != NPZ_NAME or not isinstance(sha256, str):
+        raise ValueError(f"file must be {NPZ_NAME!r} and sha256 a text, not {name!r} and {sha256!r}")
+    return _read_tables(path.parent / NPZ_NAME, sha256)
 
 
 def _read_tables(path: Path, sha256: str) -> dict[str, FloatArray]:

@@ -98,6 +98,8 @@ def test_same_parameters_give_the_same_bytes(tmp_path):
         (("bits = 12", "bits = 8"), r"\[electronics\] output_max must lie in 1\.\.255"),
         (("cutoff_hz = 30.0", "cutoff_hz = -30.0"), r"\[filter\] cutoff_hz"),
         (("[array]", "[array"), "not readable as TOML"),
+        (('file = "cover.npz"', "file = 3"), r"\[cover\] file must be 'cover\.npz'"),
+        (("sensitivity = 2665.7", "sensitivity = inf"), r"\[electronics\] sensitivity"),
     ],
 )
 def test_bad_toml_is_one_clear_line(tmp_path, change, message):
@@ -109,6 +111,33 @@ def test_bad_toml_is_one_clear_line(tmp_path, change, message):
         load(tmp_path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value).split("TOML:")[0]
+
+
+def test_damaged_toml_is_never_a_traceback(tmp_path):
+    """Bytes and values at random: it loads or raises the one error type."""
+    path = make().save(tmp_path)
+    whole = path.read_bytes()
+    lines = whole.decode().split("\n")
+    places = [k for k, line in enumerate(lines) if " = " in line and not line.endswith("[")]
+    values = ('"x"', "-1", "1e400", "nan", "true", "[]", "[1, 2]", "{}", "0", "3.5", "99999")
+    damaged = [
+        "\n".join([*lines[:k], f"{lines[k].split(' = ')[0]} = {value}", *lines[k + 1 :]]).encode()
+        for k in places
+        for value in values
+    ]
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        noisy = np.frombuffer(whole, np.uint8).copy()
+        noisy[rng.integers(len(noisy), size=2)] = rng.integers(256, size=2)
+        damaged.append(noisy.tobytes())
+    refused = 0
+    for content in damaged:
+        path.write_bytes(content)
+        try:
+            load(tmp_path)
+        except ParametersError:
+            refused += 1
+    assert refused > 0.5 * len(damaged)
 
 
 def test_missing_truncated_and_foreign_files_are_named(tmp_path):
