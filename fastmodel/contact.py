@@ -141,8 +141,8 @@ class BoxReader:
         """Component of each box's contact force against its outward normal, shape (n,) [N].
 
         The component along the normal is summed, not the length of the contact's normal force: on the edge of
-        a box the contact leans.  A sum below zero (friction lifting a box by its side) is no touch and reads
-        zero.
+        a box the contact leans.  An edge that hooks on a box's side can lift it by friction: such a box reads
+        zero, and the others are scaled so that their sum stays what the array as a whole carries.
         """
         total = np.zeros(self._count)
         contact = data.contact
@@ -159,7 +159,14 @@ class BoxReader:
                 self._pyramidal,
                 total,
             )
-        return np.maximum(total, 0.0)
+        return total if total.min() >= 0 else _without_lift(total)
+
+
+def _without_lift(total: FloatArray) -> FloatArray:
+    """Forces without negative entries and with the same sum (zero at least), shape (n,) [N]."""
+    pressed = np.maximum(total, 0.0)
+    positive = pressed.sum()
+    return pressed * (max(float(total.sum()), 0.0) / positive) if positive > 0 else pressed
 
 
 #: Contact methods by name.

@@ -1,8 +1,8 @@
 """The guided rig: an indenter of the mass of its weight on a slide along the array's normal.
 
-This is the bench experiment (a dead weight let down in a guide) as a model of its own, settled to rest.  What it
-returns is steady and before the electronics.  How far the indenter sinks means nothing here: with rigid texels
-that is an engine setting.
+This is the bench experiment (a dead weight let down in a guide) as a model of its own, frictionless like the
+reference and settled to rest.  What it returns is steady and before the electronics.  How far the indenter sinks
+means nothing here: with rigid texels that is an engine setting.
 """
 
 from __future__ import annotations
