@@ -44,6 +44,37 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
                 "softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json",
             ),
         ),
+        "record": (
+            "Record a real sensor as MCAP, with a live image.",
+            (
+                "softcover record /dev/ttyACM0 --indenter sphere:radius=5mm --load 500g --seconds 10",
+                "softcover record /dev/ttyACM0 --out touch.mcap --note 'third trial' --reconnect 5",
+            ),
+        ),
+        "replay": (
+            "Show a recording of any known format in the terminal.",
+            (
+                "softcover replay touch.mcap",
+                "softcover replay A1.dsa --array 1 --csv a1.csv",
+                "softcover replay run.bag --json",
+            ),
+        ),
+        "import": (
+            "Bring a recording of any known format into one labelled form.",
+            (
+                "softcover import A1.dsa --indenter box:size=10.5mmx10.5mmx5mm --load 200g",
+                "softcover import run.bag --topic /tactile/image --out run.mcap",
+                "softcover import table.csv --rows 14 --columns 6",
+            ),
+        ),
+        "emulate": (
+            "Stand in for a sensor on a port that speaks its protocol, for tests without the device.",
+            (
+                "softcover emulate /tmp/wts",
+                "softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01",
+                "softcover emulate /tmp/wts --show derived --indenter sphere:radius=5mm --load 8N",
+            ),
+        ),
         "init": (
             "Write a commented sensor file to start from.",
             ("softcover init", "softcover init my-sensor.toml"),
@@ -66,6 +97,9 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 
+#: Commands whose name cannot be that of a function.
+_TARGETS = {"import": "validation.cli.import_file:import_file"}
+
 
 def _version() -> str:
     try:
@@ -86,7 +120,7 @@ app = App(
 )
 for _name, (_help, _examples) in _COMMANDS.items():
     app.command(
-        f"validation.cli.{_name}:{_name}",
+        _TARGETS.get(_name, f"validation.cli.{_name}:{_name}"),
         name=_name,
         help=_help,
         help_epilogue="Examples:\n\n" + "\n\n".join(f"    {example}" for example in _examples),
