@@ -48,5 +48,10 @@ class Case:
     @property
     def pose(self) -> str:
         """Position and rotation as text."""
-        x, y = (1e3 * value + 0.0 for value in self.at)
-        return f"({x:.4g}, {y:.4g}) mm, {math.degrees(self.yaw):.4g}°"
+        x, y = (1e3 * value for value in self.at)
+        return f"({_short(x)}, {_short(y)}) mm, {_short(math.degrees(self.yaw))}°"
+
+
+def _short(value: float) -> str:
+    """Two decimals without trailing zeros or a minus before zero."""
+    return f"{round(value, 2) + 0.0:g}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from validation.campaign import CampaignResult, default_cases, run
+from validation.case import Case
 from validation.derive import Derivation, derive
 from validation.sensor_file import SensorDescription
 
@@ -77,6 +78,7 @@ def evaluate(
     *,
     recordings: Path | None = None,
     recorded: SensorDescription | None = None,
+    cases: Sequence[Case] | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """Derive a sensor's parameters and score the fast model on the default campaign.
@@ -88,6 +90,7 @@ def evaluate(
         sensor: Array, cover and electronics.
         recordings: Folder with a weight series of the stamp, if it is to be scored.
         recorded: The sensor of the recordings; `sensor` when not given.
+        cases: What to press; the default campaign when not given.
         progress: Told what is being done.
 
     Raises:
@@ -102,8 +105,8 @@ def evaluate(
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
     verification = verify(derivation)
-    cases = default_cases(sensor.array)
-    campaign = run(sensor.cover, derivation.parameters, cases, progress=progress.step if progress else None)
+    chosen = default_cases(sensor.array) if cases is None else cases
+    campaign = run(sensor.cover, derivation.parameters, chosen, progress=progress.step if progress else None)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,

@@ -24,16 +24,17 @@ from validation.stamp import StampScores
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Metric:
-    """How a metric is shown: heading, factor from SI or fraction, unit, what it means."""
+    """How a metric is shown: heading, factor from SI or fraction, unit, decimals, what it means."""
 
     heading: str
     factor: float
     unit: str
     meaning: str
+    decimals: int = 1
 
     def text(self, value: float | None) -> str:
         """The number as shown; a dash where it does not exist."""
-        return "\u2013" if value is None or math.isnan(value) else f"{self.factor * value:.3g}"
+        return "\u2013" if value is None or math.isnan(value) else f"{self.factor * value:.{self.decimals}f}"
 
 
 METRICS: Mapping[str, Metric] = {
@@ -44,24 +45,42 @@ METRICS: Mapping[str, Metric] = {
         heading="relative L2", factor=100, unit="%", meaning="norm of the difference over the reference's"
     ),
     "total_force_error": Metric(
-        heading="total force", factor=100, unit="%", meaning="difference of the measured totals over the load"
+        heading="total force",
+        factor=100,
+        unit="%",
+        meaning="difference of the measured totals over the load",
+        decimals=2,
     ),
     "peak_error": Metric(
         heading="peak", factor=100, unit="%", meaning="difference of the largest texels over the reference's"
     ),
     "centre_of_pressure_m": Metric(
-        heading="centre of pressure", factor=1e3, unit="mm", meaning="distance between the centres of pressure"
+        heading="centre of pressure",
+        factor=1e3,
+        unit="mm",
+        meaning="distance between the centres of pressure",
+        decimals=3,
     ),
     "wasserstein_m": Metric(
-        heading="Wasserstein-1", factor=1e3, unit="mm", meaning="mean distance that force would have to travel"
+        heading="Wasserstein-1",
+        factor=1e3,
+        unit="mm",
+        meaning="mean distance that force would have to travel",
+        decimals=3,
     ),
     "image_changed_percent": Metric(
-        heading="image changed", factor=1, unit="%", meaning="mean grey difference over 255, white = the case's peak"
+        heading="image changed",
+        factor=1,
+        unit="%",
+        meaning="mean grey difference over 255, white = the case's peak",
+        decimals=2,
     ),
     "image_changed_line_percent": Metric(
-        heading="image changed, WTS line", factor=1, unit="%", meaning="the same through the published line"
+        heading="image changed, WTS line", factor=1, unit="%", meaning="the same through the published line", decimals=2
     ),
-    "pixels_changed": Metric(heading="pixels changed", factor=1, unit="", meaning="texels whose grey level differs"),
+    "pixels_changed": Metric(
+        heading="pixels changed", factor=1, unit="", meaning="texels whose grey level differs", decimals=0
+    ),
 }
 
 

@@ -93,10 +93,10 @@ def colour_bar(scale: Scale) -> str:
     low = -scale.peak if scale.difference else 0.0
     name = "bar-difference" if scale.difference else "bar-force"
     return (
-        f'<span class="bar"><span>{low * scale.factor:.3g}</span><svg width="90" height="10" role="img">'
+        f'<span class="bar"><span>{low * scale.factor:.4g}</span><svg width="90" height="10" role="img">'
         f'<defs><linearGradient id="{name}">{stops}</linearGradient></defs>'
         f'<rect width="90" height="10" fill="url(#{name})"/></svg>'
-        f"<span>{scale.peak * scale.factor:.3g} {scale.unit}</span></span>"
+        f"<span>{scale.peak * scale.factor:.4g} {scale.unit}</span></span>"
     )
 
 
