@@ -124,8 +124,8 @@ def _numbers(place: Path, header: list[str], lines: list[tuple[int, list[str]]])
         counts = values[first:]
         if not np.isfinite(values).all() or (counts != np.round(counts)).any() or (counts < 0).any():
             raise RecordingError(f"{where}: counts must be whole numbers of 0 or more, and all numbers finite")
-        if values[0] <= before:
-            raise RecordingError(f"{where}: time {values[0]:g} s does not come after {before:g} s")
+        if values[0] < before:
+            raise RecordingError(f"{where}: time {values[0]:g} s comes before {before:g} s of the line above")
         before = values[0]
         yield values
 

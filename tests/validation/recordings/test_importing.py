@@ -89,7 +89,7 @@ def test_csv(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("10.5,0.2", "10.0,0.2", "line 7: time 10 s does not come after"),
+        ("10.5,0.2", "9.5,0.2", "line 7: time 9.5 s comes before"),
         ("9,10,4095", "9,10,x", "line 7: not a number"),
         ("9,10,4095", "9,10", "line 7: 8 columns; expected 9"),
         ("9,10,4095", "9,10,-1", "line 7: counts must be whole"),
