@@ -59,6 +59,8 @@ def fit_gaussian(
 ) -> Fit:
     """Fit the Gaussian to the texel response to uniform pressure over one texel.
 
+    Below about 0.26 pitches the kernel is one texel wide and its sigma cannot be told from the response.
+
     Args:
         response: Texel forces as an image, shape (rows, columns) [N].
         loaded: Row and column of the loaded texel [-].
