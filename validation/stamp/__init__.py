@@ -9,6 +9,7 @@ What counts are: the firmware has subtracted a threshold of 100, they bend softl
 a constant weight; so every recording is read at the same age.
 """
 
+from validation.stamp.document import as_document
 from validation.stamp.score import CountScore, StampExample, StampRow, StampScores, score_counts, score_recordings
 
-__all__ = ["CountScore", "StampExample", "StampRow", "StampScores", "score_counts", "score_recordings"]
+__all__ = ["CountScore", "StampExample", "StampRow", "StampScores", "as_document", "score_counts", "score_recordings"]

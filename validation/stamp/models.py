@@ -230,7 +230,7 @@ def _punch(poisson_ratio: float, thickness: float) -> tuple[FloatArray, FloatArr
     return (1 - part) * a + part * b, (1 - part) * wa + part * wb
 
 
-def _arcsine(_poisson_ratio: float, _thickness: float, nodes: int = 9) -> tuple[FloatArray, FloatArray]:
+def _arcsine(_poisson_ratio: float, _thickness: float, nodes: int = 8) -> tuple[FloatArray, FloatArray]:
     """Gauss-Chebyshev points, whose equal weights are the pressure 1 / sqrt((a2 - x2)(a2 - y2))."""
     line = STAMP_EDGE / 2 * np.cos((np.arange(nodes) + 0.5) * np.pi / nodes)
     x, y = (each.ravel() for each in np.meshgrid(line, line))

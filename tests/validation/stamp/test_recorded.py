@@ -1,5 +1,6 @@
 """The real weight series: known figures of tables, and the whole scoring."""
 
+import json
 import os
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from meshes.catalogue import ARRAYS
 from validation.recordings import RecordingError
 from validation.recordings.series import stamp_series
 from validation.sensor_file import BUILT_IN
-from validation.stamp import score_counts, score_recordings
+from validation.stamp import as_document, score_counts, score_recordings
 from validation.stamp.case import read_case
 from validation.stamp.nulls import NULLS
 from validation.stamp.split import SPLITS
@@ -84,6 +85,10 @@ def test_the_whole_table():
     assert set(example.predicted) >= {"fast model", "fast model, texel gains", "reference", "zeros"}
     with pytest.raises(KeyError, match="no row"):
         scores.row("between", "none")
+    document = json.loads(json.dumps(as_document(scores), allow_nan=False))
+    assert len(document["rows"]) == len(scores.rows)
+    zeros = next(row for row in document["rows"] if row["model"] == "zeros")
+    assert zeros["pooled"]["centre_of_pressure_m"]["mean"] is None
 
 
 def value(scores, split, model):
