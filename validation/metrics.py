@@ -144,9 +144,7 @@ def score(
     )
 
 
-def score_images(
-    reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.ArrayLike | None = None
-) -> ImageScore:
+def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.ArrayLike | None = None) -> ImageScore:
     """Compare two 8-bit images by the report's two figures.
 
     Args:

@@ -31,9 +31,7 @@ class Pooled:
     cases: int
 
 
-def pool(
-    values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000, seed: int = 0
-) -> Pooled:
+def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000, seed: int = 0) -> Pooled:
     """Mean over cases, with a percentile bootstrap over cases (never over pixels).
 
     Args:

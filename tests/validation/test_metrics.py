@@ -43,9 +43,7 @@ def test_every_published_value_is_a_whole_number_of_grey_levels():
     assert np.median(PUBLISHED) == pytest.approx(3.126, abs=5e-4)
 
 
-@pytest.mark.parametrize(
-    "denominator", [255 * 83, 255 * 85, 256 * 84, 255 * 78, 255 * 68, 254 * 84, 3895 * 84]
-)
+@pytest.mark.parametrize("denominator", [255 * 83, 255 * 85, 256 * 84, 255 * 78, 255 * 68, 254 * 84, 3895 * 84])
 def test_no_other_denominator_explains_the_published_values(denominator):
     assert levels_off(denominator).max() > 1.5
 
@@ -140,9 +138,7 @@ def test_masked_texels_count_as_outside_and_not_as_pixels():
     score = metrics.score(forces, on_mask, reference_outside=0.3, load=1.0, array=array)
     assert score.misplaced_force == 0
     assert score.pixels_changed == 0
-    black_to_white = metrics.score_images(
-        np.zeros(array.count), np.where(array.active, 255, 0), active=array.active
-    )
+    black_to_white = metrics.score_images(np.zeros(array.count), np.where(array.active, 255, 0), active=array.active)
     assert black_to_white.image_changed_percent == 100
     assert black_to_white.pixels_changed == 68
     leaky = metrics.score_images(np.zeros(array.count), np.full(array.count, 255), active=array.active)

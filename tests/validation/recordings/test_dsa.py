@@ -65,8 +65,7 @@ def tokens(values):
 def document(frames, stamps=None):
     stamps = stamps or [1410321769772 + 32 * i for i in range(len(frames))]
     frame_xml = "".join(
-        f'<frame index="{i}">\n<time_stamp>{stamp}</time_stamp>\n'
-        f"<frame_data>\n{tokens(frame)}\n</frame_data></frame>\n"
+        f'<frame index="{i}">\n<time_stamp>{stamp}</time_stamp>\n<frame_data>\n{tokens(frame)}\n</frame_data></frame>\n'
         for i, (stamp, frame) in enumerate(zip(stamps, frames, strict=True))
     )
     return (
