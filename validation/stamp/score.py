@@ -223,7 +223,7 @@ class _Scorer:
     def nulls(self) -> None:
         """The null models, fitted on the same recordings."""
         for name, make in NULLS.items():
-            self._predictor(name, make(self._fitted), kind="null")
+            self._predictor(name, make(self._fitted, self._sensor.electronics.output_max), kind="null")
 
     def floor(self) -> None:
         """How far repeats of one weight are apart: no model can be told better than that."""
