@@ -24,8 +24,10 @@ FloatArray = npt.NDArray[np.float64]
 _SIGMA = (0.15, 3.0)
 #: The square stamp looks the same after a quarter turn.
 _YAW = np.pi / 4
-#: Lattice of poses that the box texels are tried on: steps of a quarter pitch about the stamp's place, and yaw [rad].
-_STEPS = np.arange(-2, 3) / 4
+#: Lattice of poses that the box texels are tried on: multiples of a quarter pitch, and yaw [rad].  It is fixed in the
+#: array, so that fits to other recordings find their settled contacts done.
+_STEP = 0.25
+_STEPS = np.arange(-2, 3)
 _TURNS = (-0.1, 0.0, 0.1)
 
 
@@ -144,12 +146,14 @@ def _boxes(array: TexelArray, guess: tuple[float, float]) -> list[Candidate]:
     be fitted by slopes.
     """
     low, high = _reach(array)
+    grain = _STEP * np.array(array.pitch)
+    start = np.round(np.divide(guess, grain))
     found: dict[tuple[float, ...], tuple[FloatArray, list[tuple[float, float, float]]]] = {}
     for step_y in _STEPS:
         for step_x in _STEPS:
-            place = np.clip(np.add(guess, (step_x * array.pitch[0], step_y * array.pitch[1])), low, high)
+            place = np.clip(np.add(start, (step_x, step_y)) * grain, low, high)
             for yaw in _TURNS:
-                pose = (round(float(place[0]), 4), round(float(place[1]), 4), yaw)
+                pose = (float(place[0]), float(place[1]), yaw)
                 pattern = _contact(_Grid(array), *pose)
                 found.setdefault(tuple(np.round(pattern, 3)), (pattern, []))[1].append(pose)
     return [_fixed(array, pattern, np.array(poses)) for pattern, poses in found.values()]
