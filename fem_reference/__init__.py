@@ -5,8 +5,9 @@ load anywhere on the cover puts on every texel, `press` pushes a rigid indenter 
 and `closed_form` holds exact solutions that verify both.  Every result carries an estimate of its own error.
 """
 
+from fem_reference.cells import CellData, cell_data
 from fem_reference.contact import ConvergenceError
 from fem_reference.point_spread import PointSpread, point_spread
 from fem_reference.press import Indentation, press
 
-__all__ = ["ConvergenceError", "Indentation", "PointSpread", "point_spread", "press"]
+__all__ = ["CellData", "cell_data", "ConvergenceError", "Indentation", "PointSpread", "point_spread", "press"]

@@ -28,6 +28,10 @@ _ELEMENTS = {
 }
 
 
+_AXISYMMETRIC = ((0, 0), (0, 1), (1, 0), (1, 1), (2, 2))
+_SOLID = tuple((i, j) for i in range(3) for j in range(3))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MixedElements:
     """Everything that assembly needs, as arrays over elements e, quadrature points q, local nodes a.
@@ -43,6 +47,7 @@ class MixedElements:
         pressure_shape: Pressure shape functions, shape (e, q, b) [-].
         weight: Quadrature weight times volume, 2 pi r included when axisymmetric, shape (e, q) [m3].
         basis: scikit-fem basis of the scalar displacement space.
+        places: Row and column, in a 3 x 3 displacement gradient, of each component g.
     """
 
     dimension: int
@@ -55,6 +60,7 @@ class MixedElements:
     pressure_shape: FloatArray
     weight: FloatArray
     basis: skfem.CellBasis
+    places: tuple[tuple[int, int], ...]
 
     @property
     def displacements(self) -> int:
@@ -112,6 +118,7 @@ def mixed_elements(
         pressure_shape=_values(pressure),
         weight=weight,
         basis=basis,
+        places=_AXISYMMETRIC if axisymmetric else _SOLID,
     )
 
 
@@ -132,9 +139,9 @@ def linear_system(elements: MixedElements, shear_modulus: FloatArray, bulk_compl
     mu = np.asarray(shear_modulus)[elements.region]
     inverse = np.asarray(bulk_compliance)[elements.region]
     w = elements.weight
-    stress = np.einsum("gh,eqhj->eqgj", _deviator(elements.gradient.shape[2]), elements.gradient, optimize=True)
+    stress = np.einsum("gh,eqhj->eqgj", _deviator(elements.places), elements.gradient, optimize=True)
     stress *= (2 * mu[:, None] * w)[:, :, None, None]
-    stiff = _product(elements.gradient, stress)
+    stiff = product(elements.gradient, stress)
     couple = -np.einsum("eqi,eqb,eq->eib", elements.divergence, elements.pressure_shape, w, optimize=True)
     volume = -np.einsum(
         "eqa,eqb,eq->eab",
@@ -143,40 +150,51 @@ def linear_system(elements: MixedElements, shear_modulus: FloatArray, bulk_compl
         w * inverse[:, None],
         optimize=True,
     )
-    return assemble(elements, stiff, couple, volume)
+    return Pattern(elements).assemble(stiff, couple, volume)
 
 
-def assemble(elements: MixedElements, stiff: FloatArray, couple: FloatArray, volume: FloatArray) -> sp.csr_matrix:
-    """Sum element blocks (e, i, j), (e, i, b), (e, b, b) into one symmetric sparse matrix."""
-    u = elements.unknowns
-    p = elements.pressure_cells + elements.displacements
-    rows = np.concatenate([u, p], axis=1)
-    n = u.shape[1]
-    block = np.empty((len(rows), rows.shape[1], rows.shape[1]))
-    block[:, :n, :n] = stiff
-    block[:, :n, n:] = couple
-    block[:, n:, :n] = couple.transpose(0, 2, 1)
-    block[:, n:, n:] = volume
-    i = np.broadcast_to(rows[:, :, None], block.shape).ravel()
-    j = np.broadcast_to(rows[:, None, :], block.shape).ravel()
-    size = elements.displacements + elements.pressures
-    return sp.coo_matrix((block.ravel(), (i, j)), shape=(size, size)).tocsr()
+class Pattern:
+    """Where element blocks go in the global matrix, found once for many assemblies.
+
+    Args:
+        elements: Prepared elements.
+    """
+
+    def __init__(self, elements: MixedElements) -> None:
+        rows = np.concatenate([elements.unknowns, elements.pressure_cells + elements.displacements], axis=1)
+        self._split = elements.unknowns.shape[1]
+        self._block = (len(rows), rows.shape[1], rows.shape[1])
+        size = elements.displacements + elements.pressures
+        i = np.broadcast_to(rows[:, :, None], self._block).ravel()
+        j = np.broadcast_to(rows[:, None, :], self._block).ravel()
+        keys, self._slot = np.unique(i * size + j, return_inverse=True)
+        pointer = np.searchsorted(keys // size, np.arange(size + 1))
+        self._shape = (size, size)
+        self._index = (keys % size).astype(np.int32), pointer.astype(np.int32)
+
+    def assemble(self, stiff: FloatArray, couple: FloatArray, volume: FloatArray) -> sp.csr_matrix:
+        """Sum blocks (e, i, j), (e, i, b), (e, b, b) into one symmetric matrix."""
+        n = self._split
+        block = np.empty(self._block)
+        block[:, :n, :n] = stiff
+        block[:, :n, n:] = couple
+        block[:, n:, :n] = couple.transpose(0, 2, 1)
+        block[:, n:, n:] = volume
+        index, pointer = self._index
+        data = np.bincount(self._slot, block.ravel(), minlength=len(index))
+        return sp.csr_matrix((data, index.copy(), pointer.copy()), shape=self._shape)
 
 
-def _product(left: FloatArray, right: FloatArray) -> FloatArray:
+def product(left: FloatArray, right: FloatArray) -> FloatArray:
     """Sum over points and components, (e, q, g, i), (e, q, g, j) to (e, i, j), as one batched GEMM."""
     e, q, g, i = left.shape
     flat = left.reshape(e, q * g, i)
     return np.asarray(np.matmul(flat.transpose(0, 2, 1), right.reshape(e, q * g, -1)))
 
 
-def _deviator(components: int) -> FloatArray:
+def _deviator(places: tuple[tuple[int, int], ...]) -> FloatArray:
     """dev(sym(grad u)) as a matrix on gradient components, shape (g, g) [-]."""
-    if components == 5:  # noqa: PLR2004 -- rr, rz, zr, zz, tt
-        places = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)]
-    else:
-        places = [(i, j) for i in range(3) for j in range(3)]
-    out = np.zeros((components, components))
+    out = np.zeros((len(places), len(places)))
     for row, (i, j) in enumerate(places):
         for column, (k, m) in enumerate(places):
             symmetric = ((i, j) == (k, m)) / 2 + ((i, j) == (m, k)) / 2

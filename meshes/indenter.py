@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +60,14 @@ class Indenter(Protocol):
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Convex solids whose union is the indenter."""
+
+
+@runtime_checkable
+class Flat(Protocol):
+    """A shape whose lower surface is a plane with a sharp outline."""
+
+    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the outline, positive inside, negative outside, any shape [m]."""
 
 
 def _length() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
@@ -150,7 +158,11 @@ class Cylinder:
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Zero inside the radius [m]."""
-        return np.where(np.hypot(x, y) <= self.radius, 0.0, np.inf)
+        return _flat_gap(self.inside(x, y))
+
+    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the circle, positive inside [m]."""
+        return np.asarray(self.radius - np.hypot(x, y))
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One cylinder, one diameter tall."""
@@ -180,8 +192,13 @@ class Box:
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Zero inside the lower face [m]."""
-        inside = (np.abs(x) <= self.size[0] / 2) & (np.abs(y) <= self.size[1] / 2)
-        return np.where(inside, 0.0, np.inf)
+        return _flat_gap(self.inside(x, y))
+
+    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the rectangle, positive inside [m]."""
+        dx, dy = np.abs(x) - self.size[0] / 2, np.abs(y) - self.size[1] / 2
+        beyond = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0))
+        return np.asarray(-beyond - np.minimum(np.maximum(dx, dy), 0))
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One box."""
@@ -198,6 +215,10 @@ SHAPES: Mapping[str, type[Any]] = MappingProxyType(
 def _positive(shape: object, *values: float) -> None:
     if not all(np.isfinite(value) and value > 0 for value in values):
         raise ValueError(f"{type(shape).__name__} needs positive lengths, not {values}")
+
+
+def _flat_gap(inside: FloatArray) -> FloatArray:
+    return np.where(inside >= 0, 0.0, np.inf)
 
 
 def _ball_gap(radius: float, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -1,0 +1,174 @@
+"""Load stepping and Newton's method for a solid under an obstacle.
+
+Each step solves for all unknowns at a given depth, or for all unknowns and the depth at a given load (one bordered
+system, one factorisation).  A step that does not converge is halved; after enough halvings the path stops and what
+converged is returned with the error.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference.contact import ConvergenceError
+from fem_reference.finite_strain import InvertedError, Solid
+from fem_reference.solve import ConstrainedSystem
+from fem_reference.surface_contact import SurfaceContact, Touch
+
+FloatArray = npt.NDArray[np.float64]
+
+_LOG = logging.getLogger(__name__)
+_ITERATIONS = 14
+_SMALLEST = 1 / 256
+#: Residuals relative to the largest contact force and to a pressure unknown's share of the volume.
+_TIGHT = 1e-6
+_AUGMENTATIONS = 6
+#: Overlap that counts as none, relative to the depth.
+_OVERLAP = 2e-4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equilibrium:
+    """A converged state.
+
+    Attributes:
+        state: Displacements and mean pressures, shape (n,) [m], [Pa].
+        depth: Approach [m].
+        load: Force on the indenter [N].
+        touch: The contact.
+        reaction: Internal force at every unknown, shape (n,) [N]; at held ones it is the reaction.
+        iterations: Newton iterations since the path began [-].
+    """
+
+    state: FloatArray
+    depth: float
+    load: float
+    touch: Touch
+    reaction: FloatArray
+    iterations: int
+
+
+class PathError(ConvergenceError):
+    """The loading path stopped early.
+
+    Attributes:
+        reached: The last converged state, None when there is none.
+    """
+
+    def __init__(self, message: str, reached: Equilibrium | None) -> None:
+        super().__init__(message)
+        self.reached = reached
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """A solid, its held unknowns and the obstacle over it."""
+
+    solid: Solid
+    contact: SurfaceContact
+    fixed: npt.NDArray[np.int64]
+
+    def follow(
+        self,
+        targets: Sequence[float],
+        *,
+        control: str,
+        first: float,
+        progress: Callable[[str], None] | None = None,
+    ) -> list[Equilibrium]:
+        """Follow one loading path and stop at every target.
+
+        Args:
+            targets: Loads [N] or depths [m], ascending.
+            control: "load" or "depth".
+            first: Depth of the first step, well inside the linear range [m].
+            progress: Called with a line of text after each step.
+
+        Raises:
+            PathError: If a step fails even when halved repeatedly.
+        """
+        size = self.solid.elements.displacements + self.solid.elements.pressures
+        here = self._newton(np.zeros(size), first, None, 0)
+        step = here.load if control == "load" else first
+        out: list[Equilibrium] = []
+        for target in targets:
+            smallest = abs(target) * _SMALLEST
+            while (done := here.load if control == "load" else here.depth) != target:
+                aim = target if abs(target - done) <= 1.3 * step else done + np.sign(target - done) * step
+                depth = here.depth if control == "load" else aim
+                try:
+                    used = here.iterations
+                    here = self._newton(here.state, depth, aim if control == "load" else None, used)
+                    step *= 1.8 if here.iterations - used < 8 else 1.0  # noqa: PLR2004 -- easy steps grow
+                    if progress is not None:
+                        progress(f"{here.load:.3g} N at {here.depth * 1e3:.3g} mm")
+                except (InvertedError, ConvergenceError) as error:
+                    step = abs(aim - done) / 2
+                    _LOG.info("step to %.4g halved: %s", aim, error)
+                    if step < smallest:
+                        unit = "N" if control == "load" else "m"
+                        message = f"no convergence beyond {control} {done:.4g} {unit} (wanted {target:.4g}): {error}"
+                        raise PathError(message, here) from error
+            here = self._tightened(here, control)
+            out.append(here)
+        return out
+
+    def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
+        """Augment until the overlap is negligible beside the depth."""
+        for _ in range(_AUGMENTATIONS):
+            if here.touch.overlap < _OVERLAP * here.depth:
+                break
+            self.contact.augment(here.touch)
+            try:
+                here = self._newton(here.state, here.depth, here.load if control == "load" else None, here.iterations)
+            except (InvertedError, ConvergenceError) as error:
+                _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
+                break
+        return here
+
+    def _newton(self, state: FloatArray, depth: float, load: float | None, used: int) -> Equilibrium:
+        """Solve at a depth, or, where a load is given, for the depth as well."""
+        state = state.copy()
+        for iteration in range(_ITERATIONS):
+            internal, stiffness = self.solid.linearise(state)
+            touch = self.contact.at(state, depth)
+            if iteration and self._balanced(internal + touch.force, touch, load):
+                return Equilibrium(
+                    state=state,
+                    depth=depth,
+                    load=touch.total if load is None else load,
+                    touch=touch,
+                    reaction=internal,
+                    iterations=used + iteration,
+                )
+            system = ConstrainedSystem(stiffness + touch.tangent, self.fixed)
+            if load is None:
+                state += system.solve(-internal - touch.force)
+                continue
+            right = np.column_stack([-internal - touch.force, -touch.depth_force])
+            at_rest, per_depth = system.solve(right).T
+            lift = touch.depth_force * self.contact.multiple
+            change = (load - touch.total - lift @ at_rest) / (touch.stiffness + lift @ per_depth)
+            state += at_rest + change * per_depth
+            depth += float(change)
+        raise ConvergenceError(f"Newton's method did not converge in {_ITERATIONS} iterations")
+
+    def _balanced(self, residual: FloatArray, touch: Touch, load: float | None) -> bool:
+        """Whether forces, volumes and the load are met."""
+        split = self.solid.elements.displacements
+        forces = np.abs(residual[:split][self._moving]).max(initial=0.0)
+        volumes = np.abs(residual[split:]).max()
+        share = float(self.solid.elements.weight.sum()) / (len(residual) - split)
+        met = load is None or abs(load - touch.total) < _TIGHT * load
+        return bool(forces < _TIGHT * np.abs(touch.force).max() and volumes < _TIGHT * share and met)
+
+    @cached_property
+    def _moving(self) -> npt.NDArray[np.bool_]:
+        moving = np.ones(self.solid.elements.displacements, dtype=bool)
+        moving[self.fixed[self.fixed < len(moving)]] = False
+        return moving

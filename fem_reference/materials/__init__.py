@@ -1,0 +1,38 @@
+"""Stored energies, one per file, formula beside code; derivatives are checked by central differences in the tests."""
+
+from __future__ import annotations
+
+from fem_reference.materials.energy import Energy, Response
+from fem_reference.materials.mooney_rivlin import MooneyRivlin
+from fem_reference.materials.neo_hookean import NeoHookean
+from fem_reference.materials.ogden import Ogden
+from fem_reference.materials.yeoh import Yeoh
+from meshes import Material
+
+__all__ = ["Energy", "MooneyRivlin", "NeoHookean", "Ogden", "Response", "Yeoh", "bulk_compliance", "energy"]
+
+
+def energy(material: Material) -> Energy:
+    """The isochoric energy of a material; a `linear-elastic` one has none.
+
+    Raises:
+        ValueError: If the material is meant for small strain only.
+    """
+    p = material.parameters
+    match material.model:
+        case "neo-hookean":
+            return NeoHookean(shear_modulus=p["shear_modulus"])
+        case "mooney-rivlin":
+            return MooneyRivlin(c10=p["c10"], c01=p["c01"])
+        case "yeoh":
+            return Yeoh(c1=p["c1"], c2=p["c2"], c3=p["c3"])
+        case "ogden":
+            return Ogden(moduli=(p["mu"],), exponents=(p["alpha"],))
+        case _:
+            raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+
+
+def bulk_compliance(material: Material) -> float:
+    """1 / K = 3 (1 - 2 nu) / 2 mu (1 + nu); 0 when incompressible [1/Pa]."""
+    nu = material.poisson_ratio
+    return 3 * (1 - 2 * nu) / (2 * material.shear_modulus * (1 + nu))

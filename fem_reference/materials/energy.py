@@ -1,0 +1,62 @@
+"""What every stored energy offers, and the volumetric part that all of them share.
+
+The energy per reference volume is split: W(F) = isochoric(F) + p (J - 1) - p^2 / 2 K, with the mean pressure -p as an
+independent unknown, so that K = infinity is one more number (Simo, Taylor and Pister 1985).  Materials supply the
+isochoric part alone; it must not change when F is multiplied by a number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference.materials.invariants import Invariant
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Response:
+    """Energy, first Piola-Kirchhoff stress and its derivative.
+
+    Attributes:
+        energy: Shape (...) [J/m3].
+        stress: dW/dF, shape (..., 3, 3) [Pa].
+        tangent: d2W/dF2, shape (..., 3, 3, 3, 3) [Pa].
+    """
+
+    energy: FloatArray
+    stress: FloatArray
+    tangent: FloatArray
+
+
+class Energy(Protocol):
+    """An isochoric stored energy."""
+
+    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
+        """Energy, stress and tangent.
+
+        Args:
+            F: Deformation gradients, shape (..., 3, 3) [-].
+            J: Their determinants with derivatives, as `volume_ratio` gives them.
+        """
+
+
+def of_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, curve: FloatArray) -> Response:
+    """Response of w(I): stress w' dI, tangent w'' dI x dI + w' d2I.
+
+    Args:
+        invariant: I with derivatives.
+        energy: w(I) [J/m3].
+        slope: w'(I) [Pa].
+        curve: w''(I) [Pa].
+    """
+    wide = slope[..., None, None]
+    tangent = wide[..., None, None] * invariant.second
+    if np.any(curve):
+        outer = np.einsum("...ij,...kl->...ijkl", invariant.first, invariant.first)
+        tangent = tangent + curve[..., None, None, None, None] * outer
+    return Response(energy=energy, stress=wide * invariant.first, tangent=tangent)

@@ -1,0 +1,36 @@
+"""Mooney-Rivlin rubber."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference.materials.energy import Response, of_invariant
+from fem_reference.materials.invariants import Invariant, first_isochoric, second_isochoric
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MooneyRivlin:
+    """W = c10 (I1 - 3) + c01 (I2 - 3), isochoric invariants (Mooney 1940, Rivlin 1948).
+
+    Attributes:
+        c10: First modulus [Pa].
+        c01: Second modulus [Pa].
+    """
+
+    c10: float
+    c01: float
+
+    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
+        """Energy, stress and tangent."""
+        I1, I2 = first_isochoric(F, J), second_isochoric(F, J)
+        zero = np.zeros_like(I1.value)
+        one = of_invariant(I1, self.c10 * (I1.value - 3), zero + self.c10, zero)
+        two = of_invariant(I2, self.c01 * (I2.value - 3), zero + self.c01, zero)
+        return Response(
+            energy=one.energy + two.energy, stress=one.stress + two.stress, tangent=one.tangent + two.tangent
+        )

@@ -1,0 +1,82 @@
+"""Ogden rubber of any number of terms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference.materials.energy import Response
+from fem_reference.materials.invariants import Invariant
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ogden:
+    """W = sum 2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), l the isochoric principal stretches (Ogden 1972).
+
+    The small-strain shear modulus is the sum of the mu.  Derivatives go through F = U diag(l) V^T: the stress is
+    diagonal there, and the tangent couples each pair of axes through divided differences (Smith, De Goes and Kim,
+    Analytic eigensystems for isotropic distortion energies, 2019), which stay finite where two stretches meet.
+
+    Attributes:
+        moduli: mu of each term [Pa].
+        exponents: alpha of each term, none zero [-].
+    """
+
+    moduli: tuple[float, ...]
+    exponents: tuple[float, ...]
+
+    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
+        """Energy, stress and tangent."""
+        U, stretch, Vt = np.linalg.svd(F)
+        energy, slope, curve = self._principal(stretch, J.value)
+        stress = np.einsum("...ia,...a,...aj->...ij", U, slope, Vt)
+        return Response(energy=energy, stress=stress, tangent=_rotated(U, stretch, Vt, slope, curve))
+
+    def _principal(self, stretch: FloatArray, J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the principal stretches."""
+        energy = np.zeros_like(J)
+        slope = np.zeros_like(stretch)
+        curve = np.zeros((*stretch.shape, 3))
+        inverse = 1 / stretch
+        for mu, alpha in zip(self.moduli, self.exponents, strict=True):
+            powers = stretch**alpha * (J ** (-alpha / 3))[..., None]
+            total = powers.sum(axis=-1, keepdims=True)
+            energy += 2 * mu / alpha**2 * (total[..., 0] - 3)
+            part = 2 * mu / alpha * (powers - total / 3)  # l dW/dl
+            slope += part * inverse
+            cross = -powers[..., :, None] / 3 - powers[..., None, :] / 3 + total[..., None] / 9
+            block = 2 * mu * cross * inverse[..., :, None] * inverse[..., None, :]
+            diagonal = (2 * mu * powers - part) * inverse**2
+            curve += block + diagonal[..., None] * np.eye(3)
+        return energy, slope, curve
+
+
+def _rotated(U: FloatArray, stretch: FloatArray, Vt: FloatArray, slope: FloatArray, curve: FloatArray) -> FloatArray:
+    """Tangent in the frame of F from gradient and Hessian in its singular values."""
+    local = np.zeros((*stretch.shape, 3, 3, 3))
+    for a in range(3):
+        for b in range(3):
+            local[..., a, a, b, b] += curve[..., a, b]
+            if a < b:
+                plus, minus = _divided(stretch, slope, curve, a, b)
+                for i, j in ((a, b), (b, a)):
+                    local[..., i, j, i, j] += (minus + plus) / 2
+                    local[..., i, j, j, i] += (minus - plus) / 2
+    turned = np.einsum("...ia,...bj,...abcd,...kc,...dl->...ijkl", U, Vt, local, U, Vt, optimize=True)
+    return np.asarray(turned)
+
+
+def _divided(
+    stretch: FloatArray, slope: FloatArray, curve: FloatArray, a: int, b: int
+) -> tuple[FloatArray, FloatArray]:
+    """(Wa + Wb) / (la + lb), and (Wa - Wb) / (la - lb) with its limit where the stretches meet."""
+    gap = stretch[..., a] - stretch[..., b]
+    close = np.abs(gap) < 1e-5 * stretch[..., a]
+    limit = (curve[..., a, a] + curve[..., b, b]) / 2 - curve[..., a, b]
+    minus = np.where(close, limit, (slope[..., a] - slope[..., b]) / np.where(close, 1.0, gap))
+    plus = (slope[..., a] + slope[..., b]) / (stretch[..., a] + stretch[..., b])
+    return plus, minus

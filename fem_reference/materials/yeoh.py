@@ -1,0 +1,39 @@
+"""Yeoh rubber."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference.materials.energy import Response, of_invariant
+from fem_reference.materials.invariants import Invariant, first_isochoric
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Yeoh:
+    """W = c1 x + c2 x^2 + c3 x^3, x = I1 - 3, I1 isochoric (Yeoh 1993).
+
+    Attributes:
+        c1: First modulus [Pa].
+        c2: Second modulus [Pa].
+        c3: Third modulus [Pa].
+    """
+
+    c1: float
+    c2: float
+    c3: float
+
+    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
+        """Energy, stress and tangent."""
+        I1 = first_isochoric(F, J)
+        x = I1.value - 3
+        return of_invariant(
+            I1,
+            x * (self.c1 + x * (self.c2 + x * self.c3)),
+            self.c1 + x * (2 * self.c2 + x * 3 * self.c3),
+            2 * self.c2 + 6 * self.c3 * x,
+        )

@@ -1,0 +1,93 @@
+"""A rigid indenter as a smooth obstacle over the cover: height, slope and curvature at any point.
+
+Sharp edges get a small fillet (a printed or machined edge has one, and a finite-strain solution under a perfectly sharp
+edge has no limit); the fillet's radius belongs to the result.  Where a surface turns steeper than `STEEPEST` it goes on
+as a plane, so that the height stays finite everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes import Indenter
+from meshes.indenter import Flat
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Slope at which a fillet or a ball goes on as a plane (80 degrees) [-].
+STEEPEST = float(np.tan(np.radians(80)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Height:
+    """Height of the obstacle over its lowest point.
+
+    Attributes:
+        value: Shape (...) [m].
+        slope: Shape (..., 2) [-].
+        curvature: Shape (..., 2, 2) [1/m].
+    """
+
+    value: FloatArray
+    slope: FloatArray
+    curvature: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Obstacle:
+    """An indenter, standing with its axis at the origin.
+
+    Attributes:
+        indenter: The shape.
+        fillet: Radius of the rounding of sharp edges [m].
+    """
+
+    indenter: Indenter
+    fillet: float
+
+    def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Height over the lowest point, any shape [m]."""
+        if isinstance(self.indenter, Flat):
+            return _rounded_edge(self.indenter.inside(x, y), self.fillet)
+        return self._extended(x, y)
+
+    def at(self, x: FloatArray, y: FloatArray) -> Height:
+        """Height with its derivatives, by central differences over a hundredth of the fillet.
+
+        Args:
+            x: Positions [m].
+            y: Positions of the same shape [m].
+        """
+        h = self.fillet / 100
+        value = self.height(x, y)
+        east, west = self.height(x + h, y), self.height(x - h, y)
+        north, south = self.height(x, y + h), self.height(x, y - h)
+        twist = self.height(x + h, y + h) - self.height(x + h, y - h)
+        twist = (twist - self.height(x - h, y + h) + self.height(x - h, y - h)) / (4 * h**2)
+        slope = np.stack([east - west, north - south], axis=-1) / (2 * h)
+        rows = [
+            np.stack([(east - 2 * value + west) / h**2, twist], axis=-1),
+            np.stack([twist, (north - 2 * value + south) / h**2], axis=-1),
+        ]
+        return Height(value=value, slope=slope, curvature=np.stack(rows, axis=-2))
+
+    def _extended(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """A curved shape, continued outside its footprint by a steep cone."""
+        half = np.array(self.indenter.footprint)
+        shrink = 1 / np.maximum(1.0, np.hypot(x / half[0], y / half[1]) / _RIM)
+        beyond = np.hypot(x - x * shrink, y - y * shrink)
+        return np.asarray(self.indenter.gap(x * shrink, y * shrink) + STEEPEST * beyond)
+
+
+#: A ball is 80 degrees steep at this fraction of its radius.
+_RIM = float(np.sin(np.radians(80)))
+
+
+def _rounded_edge(inside: FloatArray, radius: float) -> FloatArray:
+    """Height of a face with a quarter-round edge, from the distance to the outline."""
+    into = radius - inside  # 0 where the rounding begins
+    arc = np.clip(into, 0, radius * _RIM)
+    return radius - np.sqrt(radius**2 - arc**2) + STEEPEST * np.maximum(into - radius * _RIM, 0)
