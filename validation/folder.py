@@ -33,9 +33,8 @@ def new_folder(target: Path) -> Iterator[Path]:
     """
     target = target.absolute()
     _check_replaceable(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as cleanup:
-        work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        work = _work_folder(target)
         cleanup.callback(shutil.rmtree, work, ignore_errors=True)
         fresh = work / target.name
         fresh.mkdir()
@@ -45,6 +44,14 @@ def new_folder(target: Path) -> Iterator[Path]:
         if target.exists():
             target.rename(work / "before")
         fresh.rename(target)
+
+
+def _work_folder(target: Path) -> Path:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    except OSError as error:
+        raise OSError(error.errno, f"cannot be written: {error.strerror}", str(target)) from None
 
 
 def write_text(path: Path, text: str) -> None:

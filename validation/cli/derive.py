@@ -23,6 +23,7 @@ def derive(
 ) -> None:
     """Point spread function of a sensor's cover, and the fast model's parameters fitted to it."""
     description = load(sensor, material=material, thickness=thickness)
+    files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
         with Progress() as progress:
@@ -30,13 +31,13 @@ def derive(
         if folder:
             from validation.report.derivation import write_derivation
 
-            write_derivation(derivation, folder)
+            files = write_derivation(derivation, folder)
     if json:
         print_json(derivation.as_json())
     else:
         _print(derivation)
     if out:
-        say(f"wrote {out}/parameters.toml, cover.npz, derive.json, psf.svg")
+        say(f"wrote {', '.join(files)} to {out}")
 
 
 def _print(derivation: Derivation) -> None:

@@ -40,4 +40,4 @@ def export(
             parameters = derive(description, progress=progress).parameters
         parameters.save(folder)
         write_mjcf(parameters, folder / f"{description.name}.xml", name=description.name)
-    say(f"wrote {out}/{description.name}.xml, parameters.toml, cover.npz")
+    say(f"wrote {description.name}.xml, parameters.toml, cover.npz to {out}")

@@ -64,7 +64,11 @@ def _status(error: Exception) -> int | None:
 def _missing(error: ImportError) -> Explanation | None:
     if isinstance(error, MissingExtraError):
         return Explanation(lines=(str(error),), status=OUTSIDE_FAILED)
-    extra = _EXTRAS.get((error.name or "").split(".")[0])
-    if extra is None:
-        return None
-    return Explanation(lines=(str(MissingExtraError(extra, str(error.name))),), status=OUTSIDE_FAILED)
+    cause: BaseException | None = error
+    while cause is not None:
+        module = str(getattr(cause, "name", "")).split(".")[0]
+        if module in _EXTRAS:
+            missing = MissingExtraError(_EXTRAS[module], module)
+            return Explanation(lines=(str(missing),), status=OUTSIDE_FAILED)
+        cause = cause.__cause__
+    return None

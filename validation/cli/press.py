@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, TypeVar
 
+import numpy as np
 from cyclopts import Parameter
 
+from meshes import TexelArray
 from validation.case import Case
 from validation.cli.options import Json, MaterialName, Sensor, Thickness
 from validation.cli.output import print_json
@@ -47,6 +49,8 @@ def press(
     angle = _collect(faults, lambda: read_yaw(yaw))
     models = _collect(faults, lambda: _read_models(model))
     force, approach = _collect(faults, lambda: _read_force(load, depth)) or (None, None)
+    if description and place:
+        faults.extend(_beside(description.array, place))
     if faults or not (description and shape and place and models) or angle is None:
         raise InputError(*faults)
     case = Case(
@@ -73,6 +77,16 @@ def _collect(faults: list[str], read: Callable[[], T]) -> T | None:
     except InputError as error:
         faults.extend(error.faults)
         return None
+
+
+def _beside(array: TexelArray, place: tuple[float, float]) -> list[str]:
+    """A fault if the indenter's axis is not over the array."""
+    low = array.centres[:, :2].min(axis=0) - np.array(array.texel_size) / 2
+    high = array.centres[:, :2].max(axis=0) + np.array(array.texel_size) / 2
+    if ((low <= place) & (place <= high)).all():
+        return []
+    x, y = (f"{1e3 * low[i]:.4g}..{1e3 * high[i]:.4g} mm" for i in (0, 1))
+    return [f"--at: ({1e3 * place[0]:.4g}, {1e3 * place[1]:.4g}) mm is not on the array; accepted: x {x}, y {y}"]
 
 
 def _read_models(text: str) -> tuple[str, ...]:
