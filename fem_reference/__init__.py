@@ -10,4 +10,4 @@ from fem_reference.contact import ConvergenceError
 from fem_reference.point_spread import PointSpread, point_spread
 from fem_reference.press import Indentation, press
 
-__all__ = ["CellData", "cell_data", "ConvergenceError", "Indentation", "PointSpread", "point_spread", "press"]
+__all__ = ["CellData", "ConvergenceError", "Indentation", "PointSpread", "cell_data", "point_spread", "press"]

@@ -63,6 +63,6 @@ def cell_data(cover: Cover, array: TexelArray, *, per_texel: int = 4) -> CellDat
         cell=cell,
         rows=rows,
         columns=columns,
-        compliance=surface.of_rectangle(*grid, *cell),
+        compliance=surface.of_rectangle(grid[0], grid[1], cell[0], cell[1]),
         influence=influence,
     )
