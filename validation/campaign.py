@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from meshes import Cover, TexelArray
 from validation.case import Case
+from validation.errors import InputError
 from validation.metrics import Score, score
 from validation.pooling import Pooled, pool, skill
 
@@ -81,18 +82,35 @@ class CaseResult:
     predictions: Mapping[str, Prediction]
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Skipped:
+    """A case without scores.
+
+    Attributes:
+        case: The indentation.
+        reason: Why a model cannot press it: it would pierce a cover so soft, for example.
+        converged: False where the reference's solver gave up.
+    """
+
+    case: Case
+    reason: str
+    converged: bool
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CampaignResult:
     """All cases of a campaign.
 
     Attributes:
-        cases: One result per case.
+        cases: One result per case that was scored.
+        skipped: The others.
         pooled: Mean and bootstrap interval over cases, by model and metric.
         skill: 1 - error / error of the null model, of the fast model's misplaced force, by null model.
         noise_floor: Mean relative errors of the reference over cases.
     """
 
     cases: Sequence[CaseResult]
+    skipped: Sequence[Skipped]
     pooled: Mapping[str, Mapping[str, Pooled]]
     skill: Mapping[str, Pooled]
     noise_floor: Mapping[str, float]
@@ -108,6 +126,15 @@ class CampaignResult:
             "skill": {model: dataclasses.asdict(value) for model, value in self.skill.items()},
             "noise_floor": dict(self.noise_floor),
             "cases": [_case_json(result) for result in self.cases],
+            "skipped": [
+                {
+                    "name": each.case.name,
+                    "indenter": each.case.shape,
+                    "reason": each.reason,
+                    "converged": each.converged,
+                }
+                for each in self.skipped
+            ],
         }
 
 
@@ -175,16 +202,24 @@ def run(
         progress: Told (cases done, cases in all, name of the next) as it goes.
 
     Raises:
-        ConvergenceError: If the reference of a case did not converge.
+        InputError: If no case at all can be pressed.
     """
-    results = []
+    from fem_reference import ConvergenceError
+
+    results, skipped = [], []
     for number, case in enumerate(cases):
         if progress:
             progress(number, len(cases), case.name)
-        results.append(run_case(cover, parameters, case))
+        try:
+            results.append(run_case(cover, parameters, case))
+        except (ValueError, ConvergenceError) as error:
+            converged = not isinstance(error, ConvergenceError)
+            skipped.append(Skipped(case=case, reason=str(error), converged=converged))
     if progress:
         progress(len(cases), len(cases), "")
-    return summarise(results)
+    if not results:
+        raise InputError(*(f"{each.case.name} ({each.case.shape}): {each.reason}" for each in skipped))
+    return summarise(results, skipped)
 
 
 def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
@@ -222,7 +257,7 @@ def score_forces(
     return Prediction(texel_forces=texel_forces, outside=outside, score=result)
 
 
-def summarise(results: Sequence[CaseResult]) -> CampaignResult:
+def summarise(results: Sequence[CaseResult], skipped: Sequence[Skipped] = ()) -> CampaignResult:
     """Pool scores over cases."""
 
     def column(model: str, metric: str) -> list[float]:
@@ -232,6 +267,7 @@ def summarise(results: Sequence[CaseResult]) -> CampaignResult:
     keys = results[0].reference.error_estimate
     return CampaignResult(
         cases=tuple(results),
+        skipped=tuple(skipped),
         pooled={model: {metric: pool(column(model, metric)) for metric in POOLED_METRICS} for model in MODELS},
         skill={model: skill(own, column(model, "misplaced_force")) for model in MODELS if model != "fast"},
         noise_floor={key: float(np.mean([result.reference.error_estimate[key] for result in results])) for key in keys},

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 import fastmodel
+import fem_reference
 from meshes.catalogue import ARRAYS
 from validation.campaign import default_cases, run
 from validation.case import Case
 from validation.derive import derive
+from validation.errors import InputError
 from validation.sensor_file import load
 
 CASES = (
@@ -81,3 +83,26 @@ def test_progress_counts_every_case(derivation):
     seen = []
     run(derivation.sensor.cover, derivation.parameters, CASES[:1], progress=lambda *step: seen.append(step))
     assert seen == [(0, 1, "sphere"), (1, 1, "")]
+
+
+def test_case_that_no_model_can_press_is_named_and_the_others_scored(derivation):
+    soft = load("wts-0614-34", material="ecoflex-00-10", thickness="1mm").cover
+    piercing = Case.read("tip", "tip:radius=1mm", "500 g")
+    result = run(soft, derivation.parameters, [piercing, CASES[2]])
+    assert [each.case.name for each in result.cases] == ["edge"]
+    (skipped,) = result.skipped
+    assert (skipped.case.name, skipped.converged) == ("tip", True)
+    assert "pierce" in skipped.reason
+    with pytest.raises(InputError, match="tip .*pierce"):
+        run(soft, derivation.parameters, [piercing])
+
+
+def test_solver_that_gives_up_is_told_apart_from_bad_input(derivation, monkeypatch):
+    def give_up(*_, **__):
+        raise fem_reference.ConvergenceError("no")
+
+    good = run(derivation.sensor.cover, derivation.parameters, CASES[:1]).cases
+    answers = iter([lambda: good[0], give_up])
+    monkeypatch.setattr("validation.campaign.run_case", lambda *_: next(answers)())
+    result = run(derivation.sensor.cover, derivation.parameters, CASES[:2])
+    assert [each.converged for each in result.skipped] == [False]

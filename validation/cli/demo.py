@@ -23,9 +23,9 @@ def demo(
     ),
     recordings: Recordings = None,
     json: Json = False,
-) -> None:
+) -> int:
     """The whole way on the default sensor: PSF, fit, scores against elements and recordings, report."""
-    evaluate_into(
+    return evaluate_into(
         out,
         BUILT_IN["wts-0614-34"],
         recordings=recordings_folder(recordings),

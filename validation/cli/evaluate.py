@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from validation.cli.failures import DONE, NOT_CONVERGED
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.evaluation import Evaluation, evaluate
@@ -20,8 +21,11 @@ def evaluate_into(
     recordings: Path | None,
     recorded: SensorDescription,
     json: bool,
-) -> None:
+) -> int:
     """Evaluate a sensor and write its report.
+
+    Returns:
+        The exit status: 4 if a case did not converge.
 
     Args:
         out: Folder of the report.
@@ -45,7 +49,10 @@ def evaluate_into(
         print_json(evaluation.as_json())
     else:
         _print(evaluation)
+    for each in evaluation.campaign.skipped:
+        say(f"not scored: {each.case.name} ({each.case.shape}, {each.case.load:.3g} N): {each.reason}")
     say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
+    return DONE if all(each.converged for each in evaluation.campaign.skipped) else NOT_CONVERGED
 
 
 def _print(evaluation: Evaluation) -> None:

@@ -58,12 +58,15 @@ def derivation_table(derivation: Derivation) -> Table:
 
 def estimates_table(derivation: Derivation) -> Table:
     """Every estimator's sigma."""
-    table = Table(title="Sigma by estimator, in pitches; only the first is used")
+    table = Table(title="Sigma by estimator [pitches]".replace("[", "\\["))
     for heading in ("estimator", "x", "y"):
         table.add_column(heading, justify="left" if heading == "estimator" else "right")
     used = derivation.fit.estimator
     for name, pair in sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != used):
-        table.add_row(name, *(f"{value:.4f}" for value in pair))
+        table.add_row(
+            f"{name} (used)" if name == used else name,
+            *("none" if math.isnan(value) else f"{value:.4f}" for value in pair),
+        )
     return table
 
 

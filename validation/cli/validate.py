@@ -23,9 +23,9 @@ def validate(
         "softcover-report"
     ),
     json: Json = False,
-) -> None:
+) -> int:
     """Score the fast model of a sensor against finite elements, and against recordings where given."""
     description = load(sensor, material=material, thickness=thickness)
     # Recordings belong to one sensor: only those that the user names are taken for this one's.
     folder = None if recordings is None else recordings_folder(recordings)
-    evaluate_into(out, description, recordings=folder, recorded=description, json=json)
+    return evaluate_into(out, description, recordings=folder, recorded=description, json=json)
