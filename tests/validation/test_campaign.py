@@ -93,7 +93,7 @@ def test_case_that_no_model_can_press_is_named_and_the_others_scored(derivation)
     (skipped,) = result.skipped
     assert (skipped.case.name, skipped.converged) == ("tip", True)
     assert "pierce" in skipped.reason
-    with pytest.raises(InputError, match="tip .*pierce"):
+    with pytest.raises(InputError, match=r"tip .*pierce"):
         run(soft, derivation.parameters, [piercing])
 
 

@@ -67,12 +67,26 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
                 "softcover import table.csv --rows 14 --columns 6",
             ),
         ),
+        "calibrate": (
+            "What a real sensor does with force: characteristic, gains and more, each with its interval.",
+            (
+                "softcover calibrate 200g.mcap 400g.mcap 600g.mcap 800g.mcap",
+                "softcover calibrate *.mcap --array 1 --threshold 100 --sensor sensor.toml --out calibrated.toml",
+            ),
+        ),
         "emulate": (
             "Stand in for a sensor on a port that speaks its protocol, for tests without the device.",
             (
                 "softcover emulate /tmp/wts",
                 "softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01",
                 "softcover emulate /tmp/wts --show derived --indenter sphere:radius=5mm --load 8N",
+            ),
+        ),
+        "regress": (
+            "Compare the fast model's accuracy with a stored baseline; leave with 1 when it dropped.",
+            (
+                "softcover regress wts-0614-34 --baseline baseline.json --update",
+                "softcover regress wts-0614-34 --baseline baseline.json",
             ),
         ),
         "init": (

@@ -1,0 +1,164 @@
+"""The accuracy gate: scores of the fast model against a stored baseline.
+
+`measure` turns a campaign into a baseline, `compare` says what became worse.  A score counts as worse when it
+exceeds the stored one by more than the tolerance of its metric, which stands above the reference's own error
+and the spread between machines and below any change that matters.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from validation.campaign import CampaignResult
+from validation.derive import describe_cover
+from validation.errors import InputError
+from validation.folder import write_text
+from validation.plain import plain
+from validation.sensor_file import SensorDescription
+
+#: Version of the file's format.
+FORMAT = 1
+#: By how much a metric may grow before it counts as worse, in the metric's own unit.
+TOLERANCES: Mapping[str, float] = MappingProxyType(
+    {
+        "misplaced_force": 0.005,
+        "relative_l2": 0.01,
+        "total_force_error": 0.002,
+        "centre_of_pressure_m": 20e-6,
+        "image_changed_percent": 0.1,
+    }
+)
+#: The name under which means over all cases stand beside the cases.
+MEAN = "mean over cases"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """Scores of the fast model, and what they belong to.
+
+    Attributes:
+        sensor: Name of the sensor.
+        fingerprint: Hash of array, cover and cases: scores of other ones cannot be compared.
+        scores: By case (and `MEAN`) and metric; None where a metric does not exist.
+    """
+
+    sensor: str
+    fingerprint: str
+    scores: Mapping[str, Mapping[str, float | None]]
+
+    def save(self, path: Path) -> None:
+        """Write the file, whole or not at all.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        write_text(path, json.dumps({"format": FORMAT, **asdict(self)}, indent=1, sort_keys=True) + "\n")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One score that moved by more than its tolerance.
+
+    Attributes:
+        case: Name of the case, or `MEAN`.
+        metric: Name of the metric.
+        before: Stored value; None where there was none.
+        now: Present value; None where there is none.
+        worse: Whether accuracy dropped.
+    """
+
+    case: str
+    metric: str
+    before: float | None
+    now: float | None
+    worse: bool
+
+
+def load(path: Path) -> Baseline:
+    """Read a baseline.
+
+    Raises:
+        InputError: If there is no such file or it is not a baseline.
+    """
+    if not path.is_file():
+        raise InputError(f"--baseline: {path}: no such file; write one with --update")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT:
+            raise InputError(f"--baseline: {path}: format {data['format']!r}; this version reads {FORMAT}")
+        return Baseline(sensor=data["sensor"], fingerprint=data["fingerprint"], scores=data["scores"])
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise InputError(f"--baseline: {path}: not a baseline ({error}); write one with --update") from None
+
+
+def measure(sensor: SensorDescription, campaign: CampaignResult) -> Baseline:
+    """The fast model's scores of a campaign as a baseline."""
+    scores = {result.case.name: _chosen(result.predictions["fast"].score.as_json()) for result in campaign.cases}
+    means = {name: plain(value.mean) for name, value in campaign.pooled["fast"].items()}
+    return Baseline(
+        sensor=sensor.name,
+        fingerprint=_fingerprint(sensor, campaign),
+        scores={**scores, MEAN: _chosen(means)},
+    )
+
+
+def compare(baseline: Baseline, now: Baseline) -> list[Change]:
+    """Every score that moved by more than its tolerance, the worst first.
+
+    A score that existed and no longer does counts as worse.
+
+    Raises:
+        InputError: If the baseline is of another array, cover or list of cases.
+    """
+    if baseline.fingerprint != now.fingerprint:
+        raise InputError(
+            f"--baseline: it is of sensor {baseline.sensor!r} with another array, cover or list of cases than "
+            f"{now.sensor!r}; write one for this sensor with --update"
+        )
+    changes = [
+        change
+        for case, before in baseline.scores.items()
+        for metric, tolerance in TOLERANCES.items()
+        if (change := _change(case, metric, before.get(metric), now.scores.get(case, {}).get(metric), tolerance))
+    ]
+    return sorted(changes, key=lambda change: (not change.worse, -_growth(change)))
+
+
+def _change(case: str, metric: str, before: float | None, now: float | None, tolerance: float) -> Change | None:
+    if before is None or now is None:
+        if before is now:
+            return None
+        return Change(case=case, metric=metric, before=before, now=now, worse=now is None)
+    if abs(now - before) <= tolerance:
+        return None
+    return Change(case=case, metric=metric, before=before, now=now, worse=now > before)
+
+
+def _growth(change: Change) -> float:
+    """Growth in tolerances; a score that vanished counts as the largest."""
+    if change.before is None or change.now is None:
+        return float("inf")
+    return abs(change.now - change.before) / TOLERANCES[change.metric]
+
+
+def _chosen(scores: Mapping[str, Any]) -> dict[str, float | None]:
+    return {name: scores[name] for name in TOLERANCES}
+
+
+def _fingerprint(sensor: SensorDescription, campaign: CampaignResult) -> str:
+    array = sensor.array
+    cases = [result.case for result in campaign.cases] + [each.case for each in campaign.skipped]
+    described = {
+        "centres": array.centres.round(9),
+        "texel_size": array.texel_size,
+        "active": array.active,
+        "cover": describe_cover(sensor.cover),
+        "cases": sorted([case.name, case.shape, round(case.load, 9), *case.at, case.yaw] for case in cases),
+    }
+    return hashlib.sha256(json.dumps(plain(described), sort_keys=True).encode()).hexdigest()
