@@ -290,8 +290,11 @@ def test_truncated_recording(softcover, tmp_path):
 
 @pytest.mark.slow
 def test_demo_goes_the_whole_way(softcover, tmp_path):
-    status, out, err = softcover("demo", "--json")
+    recordings = [] if RECORDINGS is None else ["--recordings", RECORDINGS]
+    status, out, err = softcover("demo", "--json", *recordings)
     assert status == 0
+    page = (tmp_path / "softcover-report" / "index.html").read_text()
+    assert ("Light weights to heavy ones" in page) == bool(recordings)
     assert json.loads(out)["campaign"]["skill"]["zeros"]["mean"] > 0.4
     assert "softcover-report/index.html" in err
     names = {path.name for path in (tmp_path / "softcover-report").iterdir()}
