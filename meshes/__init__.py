@@ -7,17 +7,21 @@ centre.  Texel order is row-major, x fastest; images are `[row, column]` with ro
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
-from meshes.indenter import Box, Cylinder, Indenter, Primitive, RoundedTip, Sphere
+from meshes.indenter import Box, Cone, Cylinder, Indenter, LetterH, Nut, Primitive, Roller, RoundedTip, Sphere
 from meshes.material import Material
 
 __all__ = [
     "Box",
+    "Cone",
     "Cover",
     "Cylinder",
     "Indenter",
     "Layer",
+    "LetterH",
     "Material",
+    "Nut",
     "Primitive",
+    "Roller",
     "RoundedTip",
     "Sphere",
     "TexelArray",

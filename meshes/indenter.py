@@ -1,8 +1,8 @@
 """Rigid indenters: each shape is defined once and serves both models.
 
 The reference model reads `gap`, the height of the lower surface; the fast model reads `primitives`, convex
-solids it makes geoms from.  Indenter frame: origin at the lowest point on the axis, z away from the
-cover.
+solids it makes geoms from.  Indenter frame: origin on the axis at the height of the lowest point, z away from
+the cover.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from meshes.outline import flats_of_circle, hexagon, inside_polygon
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -25,13 +27,15 @@ class Primitive:
     Attributes:
         kind: Which solid.
         size: sphere: (radius,); cylinder, capsule: (radius, half length) along z; box: half
-            edges (x, y, z) [m].
-        position: Centre [m].
+            edges (x, y, z); hull: nothing [m].
+        vertices: hull: points whose convex hull is the solid [m].
+        position: Centre; hull: origin of the vertices [m].
         quaternion: Orientation, scalar first [-].
     """
 
-    kind: Literal["sphere", "cylinder", "capsule", "box"]
-    size: tuple[float, ...]
+    kind: Literal["sphere", "cylinder", "capsule", "box", "hull"]
+    size: tuple[float, ...] = ()
+    vertices: tuple[tuple[float, float, float], ...] = ()
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
@@ -72,6 +76,10 @@ class Flat(Protocol):
 
 def _length() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
     return field(metadata={"quantity": "length"})
+
+
+def _angle() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
+    return field(metadata={"quantity": "angle"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,9 +214,184 @@ class Box:
         return (Primitive(kind="box", size=half, position=(0, 0, half[2])),)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Roller:
+    """A cylinder lying on its side, its axis along y.
+
+    Attributes:
+        radius: Radius [m].
+        length: Length along y [m].
+    """
+
+    radius: float = _length()
+    length: float = _length()
+
+    def __post_init__(self) -> None:
+        """Check the lengths."""
+        _positive(self, self.radius, self.length)
+
+    axisymmetric = False
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Half widths along x and y [m]."""
+        return (self.radius, self.length / 2)
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """R - sqrt(R^2 - x^2) along the length [m]."""
+        return np.where(np.abs(y) <= self.length / 2, _ball_gap(self.radius, x, np.zeros_like(y)), np.inf)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """One cylinder, turned about x."""
+        turn = (float(np.sqrt(0.5)), float(np.sqrt(0.5)), 0.0, 0.0)
+        size = (self.radius, self.length / 2)
+        return (Primitive(kind="cylinder", size=size, position=(0, 0, self.radius), quaternion=turn),)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cone:
+    """A cone standing on its tip.
+
+    Attributes:
+        angle: Full angle at the tip [rad].
+        radius: Radius where it ends [m].
+    """
+
+    angle: float = _angle()
+    radius: float = _length()
+
+    def __post_init__(self) -> None:
+        """Check angle and radius."""
+        _positive(self, self.radius)
+        if not 0 < self.angle < np.pi:
+            raise ValueError(f"Cone needs an angle between 0 and 180 degrees, not {np.degrees(self.angle):g}")
+
+    axisymmetric = True
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Half widths along x and y [m]."""
+        return (self.radius, self.radius)
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the axis over tan(angle / 2), inside the radius [m]."""
+        r = np.hypot(x, y)
+        return np.where(r <= self.radius, r / np.tan(self.angle / 2), np.inf)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """A pyramid of 96 sides, whose faces lie up to 0.05 % above the cone's."""
+        turn = np.arange(96) * 2 * np.pi / 96
+        height = self.radius / np.tan(self.angle / 2)
+        rim = [(float(self.radius * np.cos(t)), float(self.radius * np.sin(t))) for t in turn]
+        ends = [(x, y, z) for z in (height, height + self.radius) for x, y in rim]
+        return (Primitive(kind="hull", vertices=((0.0, 0.0, 0.0), *ends)),)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nut:
+    """A hexagonal nut lying flat, two of its flats facing along x.
+
+    Its bore is a hexagon too, of the area of the round bore: so six convex prisms make the nut exactly.
+
+    Attributes:
+        across: Width across flats [m].
+        bore: Diameter of the round bore [m].
+    """
+
+    across: float = _length()
+    bore: float = _length()
+
+    def __post_init__(self) -> None:
+        """Check that the bore fits."""
+        _positive(self, self.across, self.bore)
+        if not flats_of_circle(self.bore) < self.across:
+            raise ValueError(f"Nut needs a bore that leaves a wall, not {self.bore} m in {self.across} m")
+
+    axisymmetric = False
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Half widths along x and y [m]."""
+        return (self.across / 2, self.across / np.sqrt(3))
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Zero between the two hexagons [m]."""
+        return _flat_gap(self.inside(x, y))
+
+    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the nearer hexagon, positive in the wall [m]."""
+        inner = inside_polygon(hexagon(flats_of_circle(self.bore)), x, y)
+        return np.minimum(inside_polygon(hexagon(self.across), x, y), -inner)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """Six prisms, as tall as 0.8 of the width across flats."""
+        outer, inner = hexagon(self.across), hexagon(flats_of_circle(self.bore))
+        corners = [(outer[k], outer[k - 1], inner[k], inner[k - 1]) for k in range(6)]
+        return tuple(
+            Primitive(kind="hull", vertices=tuple((x, y, z) for z in (0.0, 0.8 * self.across) for x, y in each))
+            for each in corners
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LetterH:
+    """A block in the shape of the letter H, its legs along y.
+
+    Attributes:
+        size: Edge lengths along x and y [m].
+        bar: Width of the legs and of the bar between them [m].
+    """
+
+    size: tuple[float, float] = _length()
+    bar: float = _length()
+
+    def __post_init__(self) -> None:
+        """Check that the bars fit."""
+        _positive(self, *self.size, self.bar)
+        if not (2 * self.bar < self.size[0] and self.bar < self.size[1]):
+            raise ValueError(
+                f"LetterH needs a bar that leaves room between the legs, not {self.bar} m in {self.size} m"
+            )
+
+    axisymmetric = False
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Half widths along x and y [m]."""
+        return (self.size[0] / 2, self.size[1] / 2)
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Zero inside the letter [m]."""
+        return _flat_gap(self.inside(x, y))
+
+    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the outline, positive inside [m]."""
+        half_x, half_y = self.footprint
+        leg, bar = half_x - self.bar, self.bar / 2
+        quarter = [(half_x, half_y), (leg, half_y), (leg, bar)]
+        half = quarter + [(-a, b) for a, b in reversed(quarter)]
+        return inside_polygon(half + [(-a, -b) for a, b in half], x, y)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """Three boxes, as tall as the legs are long."""
+        half_x, half_y = self.footprint
+        bar = self.bar / 2
+        parts = ((bar, half_y, half_x - bar), (bar, half_y, bar - half_x), (half_x - self.bar, bar, 0.0))
+        return tuple(Primitive(kind="box", size=(a, b, half_y), position=(x, 0, half_y)) for a, b, x in parts)
+
+
 #: Shapes by the name that sensor files and the command line use.
 SHAPES: Mapping[str, type[Any]] = MappingProxyType(
-    {"sphere": Sphere, "cylinder": Cylinder, "box": Box, "tip": RoundedTip}
+    {
+        "sphere": Sphere,
+        "cylinder": Cylinder,
+        "box": Box,
+        "tip": RoundedTip,
+        "roller": Roller,
+        "cone": Cone,
+        "nut": Nut,
+        "h": LetterH,
+    }
 )
 
 
