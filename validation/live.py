@@ -79,7 +79,7 @@ def simulated(parameters: Parameters, indenter: Indenter, *, load: float) -> Ite
     number = model.body(body).id
     while True:
         # what lifts leaves a twentieth of the load, so that the indenter stays in touch
-        share = 0.95 * (1 + math.cos(2 * math.pi * data.time / _PERIOD)) / 2
+        share = 0.95 * (1 - math.cos(2 * math.pi * data.time / _PERIOD)) / 2
         data.xfrc_applied[number, 2] = share * load
         mujoco.mj_step(model, data)
         if sensor.step(data):

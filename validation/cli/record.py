@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from validation.cli.monitor import Monitor, stoppable
 from validation.cli.options import Json
 from validation.cli.output import print_json, say
+from validation.errors import InputError
 from validation.indenter_text import read_indenter, read_load
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ def record(
         read_indenter(indenter)
     setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
+    if path.exists():
+        raise InputError(f"--out: {path} exists; name a new file")
     path.parent.mkdir(parents=True, exist_ok=True)
     with stoppable(), Sensor(port, baud_rate=baud_rate) as sensor:
         if threshold is not None:

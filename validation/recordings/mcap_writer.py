@@ -1,8 +1,8 @@
 """Writes recordings as MCAP, so that a recorder may be killed at any moment.
 
-A chunk is closed and handed to the system five times a second, by a thread of its own, and forced to disk once a
-second.  What a killed recorder leaves is a valid file without its index and end; `mcap_reader` reads it as it is
-and `recover` completes it.
+A chunk is closed and handed to the system five times a second, by a thread of its own; another one forces
+what is there to disk once a second.  What a killed recorder leaves is a valid file without its index and end;
+`mcap_reader` reads it as it is and `recover` completes it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -133,8 +133,10 @@ class RecordingWriter:
             self._writer.flush()
         except OSError as error:
             raise self._failed(error) from error
-        self._flusher = threading.Thread(target=self._flush_on, name=f"write {self.path}", daemon=True)
-        self._flusher.start()
+        # a slow disk holds up fsync for seconds; chunks must reach the system all the same
+        self._threads = [threading.Thread(target=task, daemon=True) for task in (self._flush_on, self._sync_on)]
+        for thread in self._threads:
+            thread.start()
 
     def __enter__(self) -> Self:
         """Nothing more to do: it is open."""
@@ -208,7 +210,8 @@ class RecordingWriter:
         if self._closed.is_set():
             return
         self._closed.set()
-        self._flusher.join()
+        for thread in self._threads:
+            thread.join()
         try:
             if self._failure is None:
                 self._writer.finish()
@@ -247,19 +250,23 @@ class RecordingWriter:
             )
 
     def _flush_on(self) -> None:
-        synced = time.monotonic()
-        while not self._closed.wait(FLUSH_EVERY):
+        self._repeat(FLUSH_EVERY, self._flush)
+
+    def _sync_on(self) -> None:
+        self._repeat(SYNC_EVERY, lambda: os.fsync(self._file.descriptor))
+
+    def _repeat(self, seconds: float, do: Callable[[], None]) -> None:
+        while not self._closed.wait(seconds):
             try:
-                with self._lock:
-                    if self._closed.is_set():
-                        return
-                    self._writer.flush()
-                if time.monotonic() - synced > SYNC_EVERY:
-                    os.fsync(self._file.descriptor)
-                    synced = time.monotonic()
+                do()
             except OSError as error:
-                self._failure = error
+                self._failure = self._failure or error
                 return
+
+    def _flush(self) -> None:
+        with self._lock:
+            if not self._closed.is_set():
+                self._writer.flush()
 
     def _failed(self, error: OSError) -> StorageError:
         """Cut the file back to its last whole chunk, close it and say so."""

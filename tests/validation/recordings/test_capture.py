@@ -126,10 +126,10 @@ def test_rosbags_reads_it_knowing_no_type_beforehand(recorded):
 def test_gaps_are_in_the_file(tmp_path):
     wrong = Misbehaviour(rates={"lose": 0.05}, seed=2)
     with _running(VirtualSensor(pattern("ramp"), misbehaviour=wrong)) as name, Sensor(name) as sensor:
-        done = capture.record(sensor, tmp_path / "gaps.mcap", seconds=0.7)
+        done = capture.record(sensor, tmp_path / "gaps.mcap", seconds=0.5)
     recording = mcap_reader.read(tmp_path / "gaps.mcap")
     missing = np.flatnonzero(np.diff(recording.ticks) > 5)
-    assert done.gaps == len(recording.gaps) >= len(missing) > 2
+    assert done.gaps == len(recording.gaps) >= len(missing) > 1
     for place in missing:
         assert any(f"after tick {recording.ticks[place]}," in gap for gap in recording.gaps)
 
@@ -195,7 +195,7 @@ def _check_killed(path, killed):
 
 def test_killed_at_any_moment(port, tmp_path):
     random = Random(4)  # noqa: S311 -- reproducible, no secret
-    for trial in range(2):
+    for trial in range(1):
         path = tmp_path / f"{trial}.mcap"
         _check_killed(path, _killed(port, path, random.uniform(0.3, 0.9)))
     assert mcap_reader.recover(path)
@@ -234,7 +234,7 @@ def test_a_full_disk_ends_in_one_line_and_keeps_what_came(port, tmp_path):
 
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
 
     path = tmp_path / "full.mcap"
     run = _recorder(port, path, preexec_fn=limit)
