@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from validation.errors import InputError
 
 #: Marks a folder that this program wrote and may therefore replace.
 _MARKER = ".softcover-output"
+#: Unfinished folders older than this belong to no living run [s].
+_STALE = 24 * 3600.0
 
 
 @contextlib.contextmanager
@@ -49,9 +53,18 @@ def new_folder(target: Path) -> Iterator[Path]:
 def _work_folder(target: Path) -> Path:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(target)
         return Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
     except OSError as error:
         raise OSError(error.errno, f"cannot be written: {error.strerror}", str(target)) from None
+
+
+def _sweep(target: Path) -> None:
+    """Remove what a killed run left beside `target`; younger leftovers may belong to a run that still goes on."""
+    for left in target.parent.glob(f".{glob.escape(target.name)}-*"):
+        ours = (left / target.name / _MARKER).is_file() or (left / "before" / _MARKER).is_file()
+        if ours and time.time() - left.stat().st_mtime > _STALE:
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,3 +1,6 @@
+import os
+import time
+
 import pytest
 
 from validation.errors import InputError
@@ -55,3 +58,15 @@ def test_text_is_whole_or_absent(tmp_path):
     with pytest.raises(OSError, match="d"):
         write_text(tmp_path / "d", "a folder stands in the way")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "d"]
+
+
+def test_leftovers_of_a_killed_run_are_swept_and_nothing_else(tmp_path):
+    for name, age, marked in (("old", 2, True), ("young", 0, True), ("foreign", 2, False)):
+        left = tmp_path / f".out-{name}"
+        (left / "out").mkdir(parents=True)
+        if marked:
+            (left / "out" / ".softcover-output").touch()
+        os.utime(left, (time.time() - age * 86400,) * 2)
+    with new_folder(tmp_path / "out"):
+        pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".out-foreign", ".out-young", "out"]
