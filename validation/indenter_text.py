@@ -20,6 +20,10 @@ _EXAMPLES = {
     "cylinder": "cylinder:radius=4mm",
     "box": "box:size=10mmx10mmx5mm",
     "tip": "tip:radius=1mm",
+    "roller": "roller:radius=4mm,length=12mm",
+    "cone": "cone:angle=120deg,radius=4mm",
+    "nut": "nut:across=13mm,bore=8mm",
+    "h": "h:size=12mmx16mm,bar=4mm",
 }
 
 
