@@ -41,14 +41,21 @@ _WHAT_FOR: Mapping[str, str] = MappingProxyType(
 )
 
 
-def doctor(*, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int:
+def doctor(
+    *,
+    port: Annotated[str | None, Parameter(help="Ask the sensor on this port what no document says.")] = None,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
     """Say what is installed, what is missing and the command that brings it.
 
     Leaves with 1 when the base installation itself is broken.
 
     Args:
+        port: Ask the sensor on this port instead.
         as_json: Print one JSON object.
     """
+    if port is not None:
+        return _ask_sensor(port, as_json=as_json)
     parts = {part: {name: _version(name) for name in names} for part, names in _PARTS.items()}
     status = DONE if all(parts[""].values()) else CHECK_FAILED
     if as_json:
@@ -57,6 +64,26 @@ def doctor(*, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int
         return status
     _print_tables(parts)
     return status
+
+
+def _ask_sensor(port: str, *, as_json: bool) -> int:
+    from validation.weiss.inquiry import inquire
+    from validation.weiss.sensor import Sensor
+    from validation.weiss.unconfirmed import UNCONFIRMED
+
+    with Sensor(port) as sensor:
+        answers = inquire(sensor)
+    if as_json:
+        print_json({"port": port, "answers": answers, "assumed": UNCONFIRMED})
+        return DONE
+    from rich.console import Console
+
+    console = Console()
+    for heading, lines in ((f"the sensor on {port}", answers), ("what the driver assumes", UNCONFIRMED)):
+        console.print(f"[bold]{heading}[/bold]")
+        for topic, line in lines.items():
+            console.print(f"  {topic}: {line}", highlight=False, markup=False)
+    return DONE
 
 
 def _print_tables(parts: Mapping[str, Mapping[str, str | None]]) -> None:

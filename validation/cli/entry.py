@@ -106,7 +106,7 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
         ),
         "doctor": (
             "Say what is installed, what is missing and the command that brings it.",
-            ("softcover doctor", "softcover doctor --json"),
+            ("softcover doctor", "softcover doctor --json", "softcover doctor --port /dev/ttyACM0"),
         ),
     }
 )

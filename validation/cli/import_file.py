@@ -18,6 +18,8 @@ _Indenter = Annotated[str, Parameter(help="What pressed, e.g. box:size=10.5mmx10
 _Load = Annotated[str | None, Parameter(help="Its force or weight, e.g. 4.9N or 500g.")]
 _Note = Annotated[str, Parameter(help="Anything else to keep in the file.")]
 _Topic = Annotated[str | None, Parameter(help="Topic with the frames, in bags of other programs.")]
+_Force = Annotated[Path | None, Parameter(help="A force sensor's own recording, .csv or a bag, to put beside.")]
+_Delay = Annotated[float, Parameter(help="How much later the force sensor's clock shows the same instant [s].")]
 _Rows = Annotated[int | None, Parameter(help="Texels along y, where the file does not say so.")]
 _Columns = Annotated[int | None, Parameter(help="Texels along x, where the file does not say so.")]
 
@@ -30,6 +32,8 @@ def import_file(
     load: _Load = None,
     note: _Note = "",
     topic: _Topic = None,
+    force: _Force = None,
+    force_delay: _Delay = 0.0,
     rows: _Rows = None,
     columns: _Columns = None,
     json: Json = False,
@@ -40,6 +44,7 @@ def import_file(
     """
     from validation.cli.replay import describe
     from validation.recordings import mcap_reader
+    from validation.recordings.forces import with_forces
     from validation.recordings.importing import open_recording, relabel, save
     from validation.recordings.labels import Setup
 
@@ -47,7 +52,9 @@ def import_file(
         read_indenter(indenter)
     setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
     recording = relabel(open_recording(file, topic=topic, rows=rows, columns=columns), setup)
-    if out is None and not recording.complete:
+    if force is not None:
+        recording = with_forces(recording, force, delay=force_delay)
+    if out is None and force is None and not recording.complete:
         mcap_reader.recover(file)
         target = file
     else:

@@ -73,6 +73,27 @@ def read(
     return _recording(place, found, topic)
 
 
+def read_forces(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Read the z components of the wrenches in a bag.
+
+    Returns:
+        Times since 1970 [s] and forces [N], shape (readings,).
+
+    Raises:
+        RecordingError: If it cannot be read or holds no wrenches.
+    """
+    place = Path(path)
+    found = [
+        (time * _NANO, float(getattr(message, "wrench", message).force.z))
+        for _, time, message in _messages(place)
+        if _is_wrench(message)
+    ]
+    if not found:
+        raise RecordingError(f"{place}: no forces; expected a topic of wrenches")
+    times, forces = np.array(sorted(found)).T
+    return times, forces
+
+
 def _messages(place: Path) -> Iterator[tuple[str, int, Any]]:
     """Topic, time [ns] and message, in order of time; messages of unknown layout are left out."""
     try:

@@ -36,11 +36,7 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
         RecordingError: If it cannot be read; the message names the line.
     """
     place = Path(path)
-    try:
-        text = place.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise RecordingError(f"{place}: {reason}; expected a CSV file") from error
+    text = _text(place)
     notes, header, lines = _split(place, text)
     table = np.array(list(_numbers(place, header, lines)))
     if not len(table):
@@ -76,6 +72,31 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
         forces=side["force"],
         force_times=times if len(side["force"]) else np.empty(0),
     )
+
+
+def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
+    """Read a force sensor's own CSV file with the columns `time` [s] and `force` [N].
+
+    Returns:
+        Times and forces, shape (readings,).
+
+    Raises:
+        RecordingError: If it cannot be read; the message names the line.
+    """
+    place = Path(path)
+    _, header, lines = _split(place, _text(place))
+    table = np.array(list(_numbers(place, header, lines)))
+    if "force" not in header or not len(table):
+        raise RecordingError(f"{place}: no forces; expected the columns `time` and `force` and at least one line")
+    return table[:, 0], table[:, header.index("force")]
+
+
+def _text(place: Path) -> str:
+    try:
+        return place.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise RecordingError(f"{place}: {reason}; expected a CSV file") from error
 
 
 def _split(place: Path, text: str) -> tuple[dict[str, str], list[str], list[tuple[int, list[str]]]]:

@@ -119,6 +119,14 @@ def test_emulate_in_a_process_of_its_own(tmp_path):
     assert not os.path.lexists(port)
 
 
+def test_doctor_asks_the_sensor(plug_in, capsys):
+    status, out, _ = _run(capsys, "doctor", "--port", plug_in().port, "--json")
+    told = json.loads(out)
+    assert status == 0
+    assert "assumed 1 ms" in told["answers"]["clock"]
+    assert "mask" in told["assumed"]
+
+
 def _parameters():
     return fastmodel.Parameters(
         array=TexelArray.grid(14, 6, 3.4e-3),

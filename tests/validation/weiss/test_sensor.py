@@ -14,7 +14,9 @@ import serial
 
 from validation.weiss.commands import Command, Status, request
 from validation.weiss.continuity import Gap
+from validation.weiss.inquiry import inquire
 from validation.weiss.link import LinkLostError, PortError
+from validation.weiss.messages import checksum
 from validation.weiss.sensor import NoAnswerError, Reading, Sensor, SensorError
 from validation.weiss.virtual import (
     WTS_0614_34,
@@ -220,6 +222,30 @@ def test_permission_denied_names_the_group(plug_in):
             Sensor(port)
     finally:
         os.seteuid(0)
+
+
+def test_a_public_script_that_reads_183_bytes_blindly_cannot_tell_the_difference(plug_in):
+    with serial.Serial(plug_in(pattern("corner")).port, 115200, timeout=1) as client:
+        for _ in range(3):
+            client.write(bytes.fromhex("AAAAAA200100008F83"))
+            answer = client.read(183)
+            assert answer[:8] == bytes.fromhex("AAAAAA20AF000000")
+            assert int.from_bytes(answer[13:15], "little") == 2000
+            assert checksum(answer) == 0
+        assert client.in_waiting == 0
+
+
+def test_open_questions_are_answered(plug_in):
+    with Sensor(plug_in(pattern("corner")).port) as sensor:
+        answers = inquire(sensor)
+    assert answers["loop (0x06)"] == "answers with the bytes it was sent"
+    assert "(assumed 1 ms), 27" in answers["clock"]
+    assert 0.9 < float(answers["clock"].split()[0]) < 1.1
+    assert "at most 0 counts" in answers["run length"]
+    assert "texel 0, read as row 0, column 0" in answers["texel order"]
+    wrong = Misbehaviour(refused={Command.GET_GAIN: Status.COMMAND_UNKNOWN})
+    with Sensor(plug_in(misbehaviour=wrong).port) as sensor:
+        assert "not as assumed" in inquire(sensor)["gain (0x37)"]
 
 
 def test_refusals_are_named(plug_in):
