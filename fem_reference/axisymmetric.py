@@ -47,6 +47,18 @@ class BaseResponse:
     unknowns: int
 
 
+def base_response(nodes: FloatArray, forces: FloatArray, unknowns: int) -> BaseResponse:
+    """Base pressure from the normal reactions of the base nodes.
+
+    Args:
+        nodes: Radii of the base nodes, ascending, edge ends and middles in turn, shape (m,) [m].
+        forces: Their normal reactions, whole circles, shape (m,) [N].
+        unknowns: Unknowns of the solve, for the record [-].
+    """
+    radius, pressure = _superconvergent(nodes, spla.spsolve(_edge_mass(nodes), forces))
+    return BaseResponse(radius=radius, pressure=pressure, reaction=float(forces.sum()), unknowns=unknowns)
+
+
 def point_load_response(cover: Cover, *, elements_per_thickness: int, reach: float) -> BaseResponse:
     """Solve for a unit point load on the axis.
 
@@ -56,51 +68,51 @@ def point_load_response(cover: Cover, *, elements_per_thickness: int, reach: flo
         reach: Radius of the outer boundary, where nothing moves [m].
     """
     unit, stiff = cover.thickness, cover.layers[-1].material.shear_modulus  # solve for numbers near one
-    mesh, region = _mesh(cover, elements_per_thickness, reach)
+    size = cover.thickness / elements_per_thickness
+    radii = graded(size, 4 * cover.thickness, reach, growth=1 + 1.2 / elements_per_thickness)
+    mesh, region = tensor_mesh(cover, elements_per_thickness, radii)
     elements = mixed_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
     shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / stiff
     nu = np.array([layer.material.poisson_ratio for layer in cover.layers])
     matrix = linear_system(elements, shear, 3 * (1 - 2 * nu) / (2 * shear * (1 + nu)))
     r, z = elements.nodes.T
-    system = ConstrainedSystem(matrix, _fixed(cover, r, z, reach / unit))
+    system = ConstrainedSystem(matrix, held(cover, r, z, reach / unit))
     load = np.zeros(matrix.shape[0])
     load[2 * int(np.argmin(np.hypot(r, z - 1))) + 1] = -1.0
     solution = system.solve(load)
     base = np.flatnonzero(np.abs(z) < _TOUCH)
     base = base[np.argsort(r[base])]
     forces = system.reaction(solution, load)[2 * base + 1]
-    radius, pressure = _superconvergent(r[base], spla.spsolve(_edge_mass(r[base]), forces))
+    unitless = base_response(r[base], forces, matrix.shape[0])
     return BaseResponse(
-        radius=radius * unit,
-        pressure=pressure / unit**2,
-        reaction=float(forces.sum()),
-        unknowns=matrix.shape[0],
+        radius=unitless.radius * unit,
+        pressure=unitless.pressure / unit**2,
+        reaction=unitless.reaction,
+        unknowns=unitless.unknowns,
     )
 
 
-def _fixed(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> npt.NDArray[np.int64]:
+def held(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> npt.NDArray[np.int64]:
+    """Held unknowns: the axis and the outer boundary across, the base along the normal and, if bonded, across."""
     axis, base, outer = r < _TOUCH, z < _TOUCH, r > reach - _TOUCH
     across = axis | outer | (base if cover.base == "bonded" else np.zeros_like(base))
     return np.concatenate([2 * np.flatnonzero(across), 2 * np.flatnonzero(base | outer) + 1])
 
 
-def _mesh(cover: Cover, count: int, reach: float) -> tuple[skfem.MeshQuad, npt.NDArray[np.int64]]:
-    """Tensor mesh: even through each layer; even along r under the load, then growing."""
+def tensor_mesh(cover: Cover, count: int, radii: FloatArray) -> tuple[skfem.MeshQuad, npt.NDArray[np.int64]]:
+    """Tensor mesh over the given radii [m], even through each layer, and the layer of each element."""
     size = cover.thickness / count
-    heights, region, z = [0.0], [], 0.0
-    for index, layer in enumerate(cover.layers):
-        n = max(2, round(layer.thickness / size))
+    heights, z = [0.0], 0.0
+    counts = [max(2, round(layer.thickness / size)) for layer in cover.layers]
+    for layer, n in zip(cover.layers, counts, strict=True):
         heights += list(z + layer.thickness * np.arange(1, n + 1) / n)
-        region += [index] * n
         z += layer.thickness
-    radii = _graded(size, 4 * cover.thickness, reach, growth=1 + 1.2 / count)
     mesh = skfem.MeshQuad.init_tensor(radii, np.array(heights))
-    middle = mesh.p[1][mesh.t].mean(axis=0)
-    layer_of = np.searchsorted(heights, middle) - 1
-    return mesh, np.asarray(region)[layer_of]
+    row = np.searchsorted(heights, mesh.p[1][mesh.t].mean(axis=0)) - 1
+    return mesh, np.repeat(np.arange(len(counts)), counts)[row]
 
 
-def _graded(size: float, even: float, reach: float, growth: float) -> FloatArray:
+def graded(size: float, even: float, reach: float, growth: float) -> FloatArray:
     """Even steps of `size` up to `even`, then steps that grow, scaled to end at `reach` [m]."""
     start = np.linspace(0, even, round(even / size) + 1)
     n = int(np.ceil(np.log1p((reach - even) * (growth - 1) / size) / np.log(growth)))

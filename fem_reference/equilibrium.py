@@ -53,6 +53,16 @@ class Equilibrium:
     iterations: int
 
 
+def _predicted(before: Equilibrium | None, here: Equilibrium, aim: float, control: str) -> tuple[FloatArray, float]:
+    """State and depth to start Newton's method from: the last two states continued on a straight line."""
+    if before is None:
+        return here.state, here.depth if control == "load" else aim
+    last, previous = (here.load, before.load) if control == "load" else (here.depth, before.depth)
+    ahead = (aim - last) / (last - previous)
+    depth = here.depth + ahead * (here.depth - before.depth) if control == "load" else aim
+    return here.state + ahead * (here.state - before.state), depth
+
+
 class PathError(ConvergenceError):
     """The loading path stopped early.
 
@@ -93,17 +103,18 @@ class Problem:
             PathError: If a step fails even when halved repeatedly.
         """
         size = self.solid.elements.displacements + self.solid.elements.pressures
-        here = self._newton(np.zeros(size), first, None, 0)
+        here = self._first(np.zeros(size), first)
+        before = None
         step = here.load if control == "load" else first
         out: list[Equilibrium] = []
         for target in targets:
             smallest = abs(target) * _SMALLEST
             while (done := here.load if control == "load" else here.depth) != target:
                 aim = target if abs(target - done) <= 1.3 * step else done + np.sign(target - done) * step
-                depth = here.depth if control == "load" else aim
                 try:
                     used = here.iterations
-                    here = self._newton(here.state, depth, aim if control == "load" else None, used)
+                    state, depth = _predicted(before, here, aim, control)
+                    before, here = here, self._newton(state, depth, aim if control == "load" else None, used)
                     step *= 1.8 if here.iterations - used < 8 else 1.0  # noqa: PLR2004 -- easy steps grow
                     if progress is not None:
                         progress(f"{here.load:.3g} N at {here.depth * 1e3:.3g} mm")
@@ -117,6 +128,15 @@ class Problem:
             here = self._tightened(here, control)
             out.append(here)
         return out
+
+    def _first(self, rest: FloatArray, depth: float) -> Equilibrium:
+        """The first step, halved until it converges."""
+        for halving in range(8):
+            try:
+                return self._newton(rest, depth / 2**halving, None, 0)
+            except (InvertedError, ConvergenceError) as error:
+                _LOG.info("first step halved: %s", error)
+        raise PathError(f"no convergence even at a depth of {depth / 128:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""

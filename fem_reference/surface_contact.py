@@ -63,7 +63,7 @@ class SurfaceContact:
     ) -> None:
         mesh, self._d = elements.basis.mesh, elements.dimension
         facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < 1e-9 * top, boundaries_only=True)
-        basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=3)
+        basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=5)
         shapes = np.stack([np.broadcast_to(np.asarray(basis.basis[a][0]), basis.dx.shape) for a in range(basis.Nbfun)])
         used = np.abs(shapes).max(axis=(1, 2)) > 1e-9  # noqa: PLR2004 -- functions that live on the facet
         self._shape = shapes[used].transpose(1, 2, 0)

@@ -9,7 +9,17 @@ from fem_reference.materials.ogden import Ogden
 from fem_reference.materials.yeoh import Yeoh
 from meshes import Material
 
-__all__ = ["Energy", "MooneyRivlin", "NeoHookean", "Ogden", "Response", "Yeoh", "bulk_compliance", "energy"]
+__all__ = [
+    "Energy",
+    "MooneyRivlin",
+    "NeoHookean",
+    "Ogden",
+    "Response",
+    "Yeoh",
+    "bulk_compliance",
+    "energy",
+    "finite_strain_energy",
+]
 
 
 def energy(material: Material) -> Energy:
@@ -30,6 +40,11 @@ def energy(material: Material) -> Energy:
             return Ogden(moduli=(p["mu"],), exponents=(p["alpha"],))
         case _:
             raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+
+
+def finite_strain_energy(material: Material) -> Energy:
+    """`energy`, with a small-strain material taken as neo-Hookean of the same shear modulus."""
+    return NeoHookean(shear_modulus=material.shear_modulus) if material.small_strain_only else energy(material)
 
 
 def bulk_compliance(material: Material) -> float:
