@@ -16,6 +16,8 @@ from serial.tools import list_ports
 #: How long the reader waits for a byte before it looks whether it should stop [s].
 _PATIENCE = 0.05
 _WRITE_TIMEOUT = 1.0
+#: Sockets do not tell how many bytes wait: so many are asked for at once, for so long at most [s].
+_SOCKET_PIECE, _SOCKET_PATIENCE = 64, 0.005
 #: Bytes held for a consumer that is behind: five seconds of an array of 84 texels at 271 frames/s.
 BUFFER_BYTES = 256 * 1024
 
@@ -57,6 +59,7 @@ class Link:
 
     def __init__(self, port: str, *, baud_rate: int = 115_200, buffer_bytes: int = BUFFER_BYTES) -> None:
         self.port = port
+        self._is_url = "://" in port
         self._serial = _open(port, baud_rate)
         self._limit = buffer_bytes
         self._chunks: deque[Chunk] = deque()
@@ -103,7 +106,8 @@ class Link:
         port = self._serial
         try:
             while not self._stopping:
-                data = port.read(max(1, port.in_waiting))
+                waiting = port.in_waiting
+                data = port.read(_SOCKET_PIECE if self._is_url else max(1, waiting))
                 if data:
                     self._hold(bytes(data))
         except (OSError, serial.SerialException, TypeError) as error:
@@ -129,7 +133,11 @@ def _open(port: str, baud_rate: int) -> serial.SerialBase:
     options = {} if url else {"exclusive": True}
     try:
         opened = serial.serial_for_url(
-            port, baudrate=baud_rate, timeout=_PATIENCE, write_timeout=_WRITE_TIMEOUT, **options
+            port,
+            baudrate=baud_rate,
+            timeout=_SOCKET_PATIENCE if url else _PATIENCE,
+            write_timeout=_WRITE_TIMEOUT,
+            **options,
         )
         opened.reset_input_buffer()
     except (OSError, serial.SerialException, ValueError) as error:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +19,7 @@ from validation.weiss.inquiry import inquire
 from validation.weiss.link import LinkLostError, PortError
 from validation.weiss.messages import checksum
 from validation.weiss.sensor import NoAnswerError, Reading, Sensor, SensorError
+from validation.weiss.serve import serve
 from validation.weiss.virtual import (
     WTS_0614_34,
     Misbehaviour,
@@ -233,6 +235,48 @@ def test_a_public_script_that_reads_183_bytes_blindly_cannot_tell_the_difference
             assert int.from_bytes(answer[13:15], "little") == 2000
             assert checksum(answer) == 0
         assert client.in_waiting == 0
+
+
+class _TcpEnd:
+    """The device's end of a TCP connection, as a serial server in the network has it."""
+
+    def __init__(self):
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(5)
+        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+        self._peer = None
+
+    def send(self, data):
+        return self._peer.send(data)
+
+    def receive(self, wait):
+        if self._peer is None:
+            self._peer, _ = self._listener.accept()
+        self._peer.settimeout(max(wait, 1e-4))
+        try:
+            return self._peer.recv(4096)
+        except TimeoutError:
+            return b""
+
+    def close(self):
+        for each in (self._peer, self._listener):
+            if each is not None:
+                each.close()
+
+
+def test_a_sensor_behind_a_network_port():
+    end, stop = _TcpEnd(), threading.Event()
+    thread = threading.Thread(target=serve, args=(VirtualSensor(pattern("ramp")), end), kwargs={"stop": stop})
+    thread.start()
+    try:
+        with Sensor(end.url) as sensor:
+            readings, gaps = _take(sensor, 80)
+    finally:
+        stop.set()
+        thread.join()
+        end.close()
+    assert gaps == []
+    assert all(_is_ramp(reading) for reading in readings)
 
 
 def test_open_questions_are_answered(plug_in):
