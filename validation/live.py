@@ -1,7 +1,7 @@
 """The door through which real and simulated frames come alike.
 
-`frames` makes of a sensor on a port the same stream of `fastmodel.Frame` that a simulation gives; `simulated` is a
-simulation that never ends, for a virtual sensor to show.
+`frames` makes of a sensor on a port, and `recorded` of a recording, the same stream of `fastmodel.Frame` that a
+simulation gives; `simulated` is a simulation that never ends, for a virtual sensor to show.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fastmodel.frame import Frame
 from meshes import Indenter
 from validation.quantity import G0
+from validation.recordings.recording import Recording
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
 from validation.weiss.sensor import Reading, Sensor
@@ -35,9 +37,26 @@ def to_frame(reading: Reading, matrix: MatrixInfo) -> Frame:
         reading: The reading.
         matrix: What the sensor says of its array; its full scale becomes white.
     """
-    grey = np.rint(_WHITE * reading.counts.astype(np.float64) / matrix.full_scale)
-    image = np.minimum(grey, _WHITE).astype(np.uint8).reshape(matrix.rows, matrix.columns)
-    return Frame(time=reading.time, counts=reading.counts.astype(np.int64), image=image)
+    counts = reading.counts.astype(np.int64)
+    return Frame(time=reading.time, counts=counts, image=_grey(counts, matrix.full_scale, matrix.columns))
+
+
+def recorded(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
+    """Frames of one array of a recording, as fast as they are asked for.
+
+    Args:
+        recording: From any reader of `validation.recordings`.
+        array: Which of its arrays.
+    """
+    source = recording.arrays[array]
+    for time, values in zip(recording.times, source.counts, strict=True):
+        counts = values.astype(np.int64)
+        yield Frame(time=float(time), counts=counts, image=_grey(counts, source.full_scale, source.texels.columns))
+
+
+def _grey(counts: npt.NDArray[np.int64], full_scale: int, columns: int) -> npt.NDArray[np.uint8]:
+    grey = np.rint(_WHITE * counts / full_scale)
+    return np.minimum(grey, _WHITE).astype(np.uint8).reshape(-1, columns)
 
 
 def frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:

@@ -15,8 +15,9 @@ import pytest
 import fastmodel
 from meshes import Sphere, TexelArray
 from validation.cli.entry import main
-from validation.live import frames, simulated
+from validation.live import frames, recorded, simulated
 from validation.recordings import mcap_reader
+from validation.recordings.importing import open_recording
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import VirtualSensor, from_frames, pattern
 
@@ -145,6 +146,14 @@ def test_simulated_frames_come_out_of_the_same_door(plug_in, tmp_path):
     assert all(np.array_equal(mine.counts, theirs.counts) for mine, theirs in zip(received, shown[1:], strict=False))
     assert received[20].image.shape == (14, 6)
     assert received[20].image.max() == round(255 * received[20].counts.max() / 4095)
+
+
+def test_recorded_frames_come_out_of_the_same_door(tmp_path):
+    first, second = recorded(open_recording(_recorded(tmp_path)))
+    assert (first.time, second.time) == (0, 1)
+    assert second.counts.tolist() == [3, 4]
+    assert second.image.shape == (1, 2)
+    assert type(second) is fastmodel.Frame
 
 
 def test_emulate_shows_the_fast_model_and_a_recording(tmp_path, capsys):
