@@ -8,6 +8,15 @@ and `closed_form` holds exact solutions that verify both.  Every result carries 
 from fem_reference.cells import CellData, cell_data
 from fem_reference.contact import ConvergenceError
 from fem_reference.point_spread import PointSpread, point_spread
-from fem_reference.press import Indentation, press
+from fem_reference.press import Indentation, press, press_path
 
-__all__ = ["CellData", "ConvergenceError", "Indentation", "PointSpread", "cell_data", "point_spread", "press"]
+__all__ = [
+    "CellData",
+    "ConvergenceError",
+    "Indentation",
+    "PointSpread",
+    "cell_data",
+    "point_spread",
+    "press",
+    "press_path",
+]

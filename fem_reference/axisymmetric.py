@@ -120,6 +120,20 @@ def graded(size: float, even: float, reach: float, growth: float) -> FloatArray:
     return np.concatenate([start, even + (reach - even) * np.cumsum(steps) / steps.sum()])
 
 
+def toward_edge(fine: float, coarse: float, edge: float, reach: float, growth: float) -> FloatArray:
+    """Nodes from 0 to `reach` whose steps shrink to `fine` on both sides of `edge` [m]."""
+    inner, step = [edge], fine
+    while inner[-1] - step > 0.5 * step:
+        inner.append(inner[-1] - step)
+        step = min(step * growth**2, coarse)
+    outer, step = [edge], fine
+    while outer[-1] < reach:
+        outer.append(outer[-1] + step)
+        step *= growth**2 if step < coarse else growth
+    outer[-1] = reach
+    return np.array([0.0, *inner[:0:-1], *outer])
+
+
 def _edge_shape(t: FloatArray) -> FloatArray:
     """Quadratic shape functions on 0..1, shape (3, ...)."""
     return np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])

@@ -188,7 +188,7 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
             if progress is not None:
                 progress(f"axisymmetric solve, {n} elements through the cover")
             response = point_load_response(cover, elements_per_thickness=n, reach=reach)
-            for name, values in _closed(response, reach).items():
+            for name, values in closed(response, reach).items():
                 out[f"{name}_{n}"] = values
         return out
 
@@ -225,7 +225,7 @@ def decay_length(cover: Cover) -> float:
     return max(lengths)
 
 
-def _closed(response: BaseResponse, reach: float) -> dict[str, Any]:
+def closed(response: BaseResponse, reach: float) -> dict[str, Any]:
     """Extend the response to the axis by symmetry and to zero at the outer boundary."""
     r, p = response.radius, response.pressure
     even = CubicSpline(np.r_[-r[3::-1], r[:4]], np.r_[p[3::-1], p[:4]])

@@ -1,28 +1,51 @@
-"""Press a rigid indenter into a cover: contact, texel forces, and the error of both."""
+"""Press a rigid indenter into a cover: texel forces, and the error of each number.
+
+A cover of `linear-elastic` layers is solved for small strain, one with any stored energy for finite strain; the
+result says which.  Either way the answer comes from three grids, and their spread is the error estimate.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference import store
-from fem_reference.contact import Patch, is_flat, touch
+from fem_reference import press_finite, press_linear
+from fem_reference.contact import is_flat
 from fem_reference.error import grid_convergence
-from fem_reference.point_spread import PointSpread, decay_length, point_spread
-from fem_reference.slab import surface_compliance
 from meshes import Cover, Indenter, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Cells across the contact on the three grids; the last one is the answer.
-CELLS = (56, 84, 126)
 #: Factor on the change between two extrapolations (ASME V&V 20-2009 uses 1.25 on three grids).
 _SAFETY = 1.25
+
+
+class Level(Protocol):
+    """One grid's answer."""
+
+    @property
+    def total_force(self) -> float:
+        """Force on the indenter [N]."""
+
+    @property
+    def depth(self) -> float:
+        """Approach from first touch [m]."""
+
+    @property
+    def area(self) -> float:
+        """Contact area [m2]."""
+
+    @property
+    def surface(self) -> FloatArray:
+        """Where the touching points are, in the indenter's frame, and their force: x, y [m], force [N], (m, 3)."""
+
+    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
+        """Force on each texel for a pose, shape (n,) [N]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,12 +86,12 @@ def press(
     yaw: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> Indentation:
-    """Press a guided, frictionless, rigid indenter into a laterally wide cover (small strain).
+    """Press a guided, frictionless, rigid indenter into a laterally wide cover.
 
     The contact does not depend on where the indenter stands or how it is turned, so poses share one stored solution.
 
     Args:
-        cover: The cover; hyperelastic materials are linearised at zero load.
+        cover: The cover; small strain when every layer is `linear-elastic`, finite strain otherwise.
         array: The texels under it.
         indenter: The shape.
         load: Force along the array's normal [N]; or
@@ -82,126 +105,164 @@ def press(
             through the cover.
         ConvergenceError: If the contact does not converge.
     """
-    _check(cover, load, depth)
+    return press_path(
+        cover,
+        array,
+        indenter,
+        loads=None if load is None else [load],
+        depths=None if depth is None else [depth],
+        at=at,
+        yaw=yaw,
+        progress=progress,
+    )[0]
+
+
+def press_path(
+    cover: Cover,
+    array: TexelArray,
+    indenter: Indenter,
+    *,
+    loads: Sequence[float] | None = None,
+    depths: Sequence[float] | None = None,
+    at: tuple[float, float] = (0.0, 0.0),
+    yaw: float = 0.0,
+    progress: Callable[[str], None] | None = None,
+) -> list[Indentation]:
+    """`press` at several ascending loads or depths that share one loading path.
+
+    Args:
+        cover: As for `press`.
+        array: As for `press`.
+        indenter: As for `press`.
+        loads: Forces, ascending [N]; or
+        depths: Approaches, ascending [m].  Exactly one of the two.
+        at: As for `press` [m].
+        yaw: As for `press` [rad].
+        progress: As for `press`.
+
+    Raises:
+        ValueError: As for `press`.
+        ConvergenceError: As for `press`.
+    """
+    targets, control = _targets(cover, loads, depths)
     started = time.perf_counter()
-    spread = point_spread(cover, progress=progress)
-    patches = _patches(cover, indenter, load, depth, progress)
-    if patches[-1].depth >= cover.thickness:
-        raise ValueError(
-            f"the indenter would pierce the cover: depth {patches[-1].depth * 1e3:.3g} mm of "
-            f"{cover.thickness * 1e3:.3g} mm; use less load, a wider indenter or a stiffer cover"
+    linear = all(layer.material.small_strain_only for layer in cover.layers)
+    solver = press_linear if linear else press_finite
+    found = solver.levels(cover, indenter, targets, control, progress)
+    sharp = linear and is_flat(indenter)
+    seconds = (time.perf_counter() - started) / len(targets)
+    assumptions = {
+        "strain": "small" if linear else "finite",
+        "friction": "frictionless",
+        "base": cover.base,
+        **solver.assumptions(cover, indenter),
+    }
+    base_error = solver.base_error(cover)
+    out = []
+    for levels in found:
+        _refuse_piercing(cover, levels[-1].depth)
+        out.append(
+            _indentation(
+                levels=levels,
+                sizes=solver.SIZES,
+                array=array,
+                pose=(at, yaw),
+                sharp=sharp,
+                assumptions=assumptions,
+                seconds=seconds,
+                solver_error=base_error,
+            )
         )
-    placed = [_place(patch, at, yaw) for patch in patches]
-    forces = [_texel_forces(spread, array, contact) for contact in placed]
-    sharp = is_flat(indenter)
-    total, approach = (_value([getattr(p, name) for p in patches], sharp=sharp) for name in ("total_force", "depth"))
-    texel_forces = np.array([_value(list(each), sharp=sharp) for each in zip(*forces, strict=True)])
+    return out
+
+
+def _indentation(
+    *,
+    levels: Sequence[Level],
+    sizes: Sequence[float],
+    array: TexelArray,
+    pose: tuple[tuple[float, float], float],
+    sharp: bool,
+    assumptions: dict[str, str],
+    seconds: float,
+    solver_error: float,
+) -> Indentation:
+    """Put three grids together for one pose."""
+    started = time.perf_counter()
+    at, yaw = pose
+    every = [level.texel_forces(array, at, yaw) for level in levels]
+    forces = np.array([_value(each, sizes, sharp=sharp) for each in zip(*every, strict=True)])
+    peak = int(np.argmax(np.abs(forces)))
+    total = _value([level.total_force for level in levels], sizes, sharp=sharp)
     return Indentation(
-        texel_forces=texel_forces,
-        outside=total - float(texel_forces.sum()),
+        texel_forces=forces,
+        outside=total - float(forces.sum()),
         total_force=total,
-        depth=approach,
-        contact_area=patches[-1].area,
-        contact=placed[-1],
-        error_estimate=_error(patches, forces, spread, sharp=sharp),
-        assumptions={
-            "strain": "small" if _linear(cover) else "small (materials linearised at zero load)",
-            "friction": "frictionless",
-            "base": cover.base,
+        depth=_value([level.depth for level in levels], sizes, sharp=sharp),
+        contact_area=levels[-1].area,
+        contact=_placed(levels[-1].surface, at, yaw),
+        error_estimate={
+            "total_force": _uncertainty([each.total_force / each.depth for each in levels], sizes, sharp=sharp),
+            "peak_texel": _uncertainty([float(each[peak]) for each in every], sizes, sharp=sharp) + solver_error,
+            "contact_area": _uncertainty([each.area for each in levels], sizes, sharp=sharp),
         },
-        seconds=time.perf_counter() - started,
+        assumptions=assumptions,
+        seconds=seconds + time.perf_counter() - started,
     )
 
 
-def _check(cover: Cover, load: float | None, depth: float | None) -> None:
-    if (load is None) == (depth is None):
+def _targets(
+    cover: Cover, loads: Sequence[float] | None, depths: Sequence[float] | None
+) -> tuple[list[float], Literal["load", "depth"]]:
+    """Checked targets, and which of the two they are."""
+    if (loads is None) == (depths is None):
         raise ValueError("give either a load or a depth, not both")
-    value, name = (load, "load") if load is not None else (depth, "depth")
-    if value is None or not np.isfinite(value) or value <= 0:
-        raise ValueError(f"{name} must be positive, not {value}")
-    if depth is not None and depth >= cover.thickness:
+    name: Literal["load", "depth"] = "load" if depths is None else "depth"
+    values = [float(value) for value in (loads if depths is None else depths) or []]
+    if not values:
+        raise ValueError(f"give at least one {name}")
+    for value in values:
+        if not np.isfinite(value) or value <= 0:
+            raise ValueError(f"{name} must be positive, not {value}")
+        if name == "depth":
+            _refuse_piercing(cover, value)
+    if values != sorted(values):
+        raise ValueError(f"{name}s of one path must ascend, not {values}")
+    return values, name
+
+
+def _refuse_piercing(cover: Cover, depth: float) -> None:
+    if depth >= cover.thickness:
         raise ValueError(
-            f"depth {depth * 1e3:.3g} mm would pierce the cover; it must be less than its thickness, "
-            f"{cover.thickness * 1e3:.3g} mm"
+            f"the indenter would pierce the cover: depth {depth * 1e3:.3g} mm of {cover.thickness * 1e3:.3g} mm; "
+            "use less load, a wider indenter or a stiffer cover"
         )
 
 
-def _patches(
-    cover: Cover,
-    indenter: Indenter,
-    load: float | None,
-    depth: float | None,
-    progress: Callable[[str], None] | None,
-) -> list[Patch]:
-    """The contact on three grids, from the store where it is known."""
-
-    def compute() -> dict[str, Any]:
-        if progress is not None:
-            progress("contact on three grids")
-        reach = max(2.0 * float(np.hypot(*indenter.footprint)) * 1.5, 4 * decay_length(cover))
-        surface = surface_compliance(cover, reach)
-        out: dict[str, Any] = {}
-        for cells in CELLS:
-            patch = touch(surface, indenter, cells=cells, load=load, depth=depth)
-            out[f"cells_{cells}"] = np.column_stack([patch.x, patch.y, patch.force])
-            out[f"scalars_{cells}"] = np.array([patch.cell, patch.depth])
-        return out
-
-    inputs = {"cover": cover, "indenter": indenter, "load": load, "depth": depth, "cells": CELLS}
-    data = store.fetch("contact", inputs, compute)
-    found = []
-    for cells in CELLS:
-        x, y, force = data[f"cells_{cells}"].T
-        cell, approach = data[f"scalars_{cells}"]
-        found.append(Patch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
-    return found
-
-
-def _place(patch: Patch, at: tuple[float, float], yaw: float) -> FloatArray:
-    """Cells in the array's frame, shape (m, 3)."""
+def _placed(surface: FloatArray, at: tuple[float, float], yaw: float) -> FloatArray:
+    """Points from the indenter's frame to the array's, shape (m, 3)."""
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.column_stack([at[0] + c * patch.x - s * patch.y, at[1] + s * patch.x + c * patch.y, patch.force])
+    x, y, force = surface.T
+    return np.column_stack([at[0] + c * x - s * y, at[1] + s * x + c * y, force])
 
 
-def _texel_forces(spread: PointSpread, array: TexelArray, contact: FloatArray) -> FloatArray:
-    """Superpose the base response of every cell, cells gathered into bins far smaller than the response is wide."""
-    bins = np.round(contact[:, :2] / (spread.thickness / 16))
-    _, group = np.unique(bins, axis=0, return_inverse=True)
-    force = np.bincount(group, contact[:, 2])
-    x = np.bincount(group, contact[:, 0] * contact[:, 2]) / force
-    y = np.bincount(group, contact[:, 1] * contact[:, 2]) / force
-    return np.asarray(force @ spread.texel_influence(array, np.column_stack([x, y])))
-
-
-def _value(values: list[float], *, sharp: bool) -> float:
+def _value(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> float:
     """The answer from three grids.
 
     Under a sharp edge the pressure is singular and the error falls as the cell size: extrapolate once (Richardson).
     Elsewhere the finest grid is the answer.
     """
     if not sharp:
-        return values[-1]
-    return values[-1] + (values[-1] - values[-2]) / (CELLS[-1] / CELLS[-2] - 1)
+        return float(values[-1])
+    return float(values[-1] + (values[-1] - values[-2]) / (sizes[-2] / sizes[-1] - 1))
 
 
-def _uncertainty(values: list[float], *, sharp: bool) -> float:
+def _uncertainty(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> float:
     """Estimated error of `_value`, relative: what extrapolating a grid earlier would change, or the usual index."""
-    answer = _value(values, sharp=sharp)
+    answer = _value(values, sizes, sharp=sharp)
+    if answer == 0:
+        return 0.0
     if sharp:
-        earlier = values[1] + (values[1] - values[0]) / (CELLS[1] / CELLS[0] - 1)
-        return _SAFETY * abs(answer - earlier) / abs(answer)
-    return grid_convergence(values, [1 / cells for cells in CELLS]) / abs(answer)
-
-
-def _error(patches: list[Patch], forces: list[FloatArray], spread: PointSpread, *, sharp: bool) -> dict[str, float]:
-    peak = int(np.argmax(forces[-1]))
-    return {
-        "total_force": _uncertainty([p.total_force / p.depth for p in patches], sharp=sharp),
-        "peak_texel": _uncertainty([float(force[peak]) for force in forces], sharp=sharp)
-        + spread.error_estimate["peak_texel"],
-        "contact_area": _uncertainty([p.area for p in patches], sharp=sharp),
-    }
-
-
-def _linear(cover: Cover) -> bool:
-    return all(layer.material.small_strain_only for layer in cover.layers)
+        earlier = values[1] + (values[1] - values[0]) / (sizes[0] / sizes[1] - 1)
+        return float(_SAFETY * abs(answer - earlier) / abs(answer))
+    return grid_convergence(values, sizes) / abs(answer)

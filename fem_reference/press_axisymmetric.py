@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.axisymmetric import BaseResponse, base_response, graded, held, tensor_mesh
+from fem_reference.axisymmetric import BaseResponse, base_response, graded, held, tensor_mesh, toward_edge
 from fem_reference.elements import MixedElements, Pattern, mixed_elements
 from fem_reference.equilibrium import Equilibrium, Problem
 from fem_reference.finite_strain import Solid
@@ -16,6 +16,7 @@ from fem_reference.materials import bulk_compliance, finite_strain_energy
 from fem_reference.obstacle import Obstacle
 from fem_reference.surface_contact import SurfaceContact
 from meshes import Cover, Indenter
+from meshes.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -74,7 +75,11 @@ def press_axisymmetric(
         PathError: If the path stops early.
     """
     size = min(cover.thickness / elements_per_thickness, contact_radius / elements_per_thickness)
-    radii = graded(size, 1.25 * contact_radius, reach, growth=1 + 1.2 / elements_per_thickness)
+    growth = 1 + 1.2 / elements_per_thickness
+    if isinstance(indenter, Flat):
+        radii = toward_edge(fillet * 6 / elements_per_thickness, size, contact_radius, reach, growth)
+    else:
+        radii = graded(size, 1.25 * contact_radius, reach, growth)
     mesh, region = tensor_mesh(cover, elements_per_thickness, radii)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
     r, z = elements.nodes.T

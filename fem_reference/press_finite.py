@@ -1,0 +1,141 @@
+"""Finite-strain pressing: one loading path per grid, shared by every pose and stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference import press_linear, store
+from fem_reference.contact import is_flat
+from fem_reference.point_spread import PointSpread, closed, decay_length
+from fem_reference.press_axisymmetric import press_axisymmetric
+from meshes import Cover, Indenter, TexelArray
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Elements through the cover on the three grids; the last one is the answer.
+GRIDS = (6, 9, 13)
+SIZES = tuple(1 / n for n in GRIDS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialLevel:
+    """One grid's answer around an axis.
+
+    Attributes:
+        total_force: Force on the indenter [N].
+        depth: Approach from first touch [m].
+        area: Reference area that touches [m2].
+        spread: Base pressure per unit force.
+    """
+
+    total_force: float
+    depth: float
+    area: float
+    spread: PointSpread
+
+    @property
+    def surface(self) -> FloatArray:
+        """Rings of equal force that fill the contact, in the indenter's frame: x, y [m], force [N], shape (m, 3)."""
+        turn = np.arange(400) * np.pi * (3 - np.sqrt(5))
+        radius = np.sqrt((np.arange(400) + 0.5) / 400 * self.area / np.pi)
+        return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.full(400, self.total_force / 400)])
+
+    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:  # noqa: ARG002
+        """Integrate the base pressure over each texel; a turn about the axis changes nothing."""
+        return self.total_force * np.asarray(self.spread.texel_influence(array, at)[0])
+
+
+def levels(
+    cover: Cover,
+    indenter: Indenter,
+    targets: Sequence[float],
+    control: Literal["load", "depth"],
+    progress: Callable[[str], None] | None,
+) -> list[list[RadialLevel]]:
+    """The path on three grids, from the store where it is known; a list of grids for every target."""
+    inputs = {
+        "cover": cover,
+        "indenter": indenter,
+        "targets": list(targets),
+        "control": control,
+        "grids": GRIDS,
+        "fillet": fillet(cover, indenter),
+    }
+    data = store.fetch("finite-press", inputs, lambda: _compute(cover, indenter, targets, control, progress))
+    return [[_level(data, cover, n, i) for n in GRIDS] for i in range(len(targets))]
+
+
+def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
+    """The rounding that sharp edges were given."""
+    if not is_flat(indenter):
+        return {}
+    return {"edge": f"rounded with {fillet(cover, indenter) * 1e3:.3g} mm"}
+
+
+def base_error(cover: Cover) -> float:  # noqa: ARG001 -- one interface for both solvers
+    """Nothing is added to the spread of the grids [-]."""
+    return 0.0
+
+
+def fillet(cover: Cover, indenter: Indenter) -> float:
+    """Radius of the rounding of sharp edges: a twentieth of the thickness or of the half width [m]."""
+    return min(cover.thickness, *indenter.footprint) / 20
+
+
+def _compute(
+    cover: Cover,
+    indenter: Indenter,
+    targets: Sequence[float],
+    control: Literal["load", "depth"],
+    progress: Callable[[str], None] | None,
+) -> dict[str, Any]:
+    radius = _contact_radius(cover, indenter, targets[-1], control)
+    reach = 12 * decay_length(cover) + 1.5 * radius
+    out: dict[str, Any] = {}
+    for n in GRIDS:
+        say = None if progress is None else _with_grid(progress, n)
+        path = press_axisymmetric(
+            cover,
+            indenter,
+            targets,
+            control=control,
+            elements_per_thickness=n,
+            contact_radius=radius,
+            fillet=fillet(cover, indenter),
+            reach=reach,
+            progress=say,
+        )
+        for i, state in enumerate(path):
+            for name, values in closed(state.base, reach).items():
+                out[f"{name}_{n}_{i}"] = values
+            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
+            out[f"top_{n}_{i}"] = state.top
+    return out
+
+
+def _with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
+    return lambda text: progress(f"{n} elements through the cover: {text}")
+
+
+def _contact_radius(cover: Cover, indenter: Indenter, target: float, control: Literal["load", "depth"]) -> float:
+    """Contact radius of the small-strain solution, which a mesh is laid out for [m]."""
+    if is_flat(indenter):
+        return max(indenter.footprint)
+    surface = press_linear.levels(cover, indenter, [target], control, None)[0][0].surface
+    return float(np.hypot(surface[:, 0], surface[:, 1]).max())
+
+
+def _level(data: dict[str, Any], cover: Cover, n: int, i: int) -> RadialLevel:
+    load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
+    spread = PointSpread(
+        radius=data[f"radius_{n}_{i}"],
+        pressure_per_force=data[f"pressure_{n}_{i}"] / load,
+        reaction=float(data[f"reaction_{n}_{i}"]) / load,
+        thickness=cover.thickness,
+    )
+    return RadialLevel(total_force=load, depth=depth, area=area, spread=spread)
