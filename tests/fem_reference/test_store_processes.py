@@ -18,7 +18,7 @@ from fem_reference import store
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork and signals")
 
 #: Large enough that a write takes a while.
-_CONTENT = np.random.default_rng(0).random(200_000)
+_CONTENT = np.random.default_rng(0).random(60_000)
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +71,7 @@ def kill_writers(times):
         reader, writer = os.pipe()
         number = child(lambda turn=turn, writer=writer: write_for_ever(turn * 10_000, writer))
         os.close(writer)
-        time.sleep(random_delay.uniform(0.002, 0.06))
+        time.sleep(random_delay.uniform(0.002, 0.08))
         if turn % 2:
             await_new_file()
         os.kill(number, signal.SIGKILL)
@@ -105,10 +105,10 @@ def test_plain_writes_would_tear(folder, monkeypatch):
     """The defect that the test above must be able to see."""
 
     def plain(path, parts):
-        with path.open("wb") as file:
+        with path.open("wb", buffering=0) as file:
             for part in parts:
-                for start in range(0, len(part), 1 << 14):
-                    file.write(part[start : start + (1 << 14)])
+                for start in range(0, len(part), 256):
+                    file.write(part[start : start + 256])
 
     monkeypatch.setattr(store, "replace", plain)
     *_, torn = check_killed(20)

@@ -94,8 +94,17 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
             ("softcover init", "softcover init my-sensor.toml"),
         ),
         "materials": (
-            "List the materials that a cover can be made of by name.",
-            ("softcover materials", "softcover derive wts-0614-34 --material dragon-skin-30 --thickness 2mm"),
+            "The materials that a cover can be made of by name, one of them, or a modulus from a hardness.",
+            (
+                "softcover materials",
+                "softcover materials dragon-skin-30",
+                "softcover materials --hardness 30",
+                "softcover materials --json",
+            ),
+        ),
+        "store": (
+            "The results that the reference keeps: list them, check them, remove them.",
+            ("softcover store list", "softcover store verify", "softcover store prune"),
         ),
         "export": (
             "The sensor for other simulators: an MJCF model and the fast model's parameters.",
@@ -108,6 +117,31 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
             "Say what is installed, what is missing and the command that brings it.",
             ("softcover doctor", "softcover doctor --json", "softcover doctor --port /dev/ttyACM0"),
         ),
+    }
+)
+
+#: What the actions of a command do, and examples.
+_ACTIONS: Mapping[str, Mapping[str, tuple[str, tuple[str, ...]]]] = MappingProxyType(
+    {
+        "store": {
+            "list": (
+                "List the kept results with what they are, size and age, newest first.",
+                ("softcover store list", "softcover store list --json"),
+            ),
+            "verify": (
+                "Read every kept result and check it; leave with 1 when one is damaged, and say which.",
+                ("softcover store verify", "softcover store verify --json"),
+            ),
+            "prune": (
+                "Remove kept results and say which: those of other code versions, or those that the options choose.",
+                (
+                    "softcover store prune",
+                    "softcover store prune --older-than 30d --dry-run",
+                    "softcover store prune --keep-latest 100",
+                    "softcover store prune --all",
+                ),
+            ),
+        },
     }
 )
 
@@ -132,13 +166,22 @@ app = App(
     version=_version,
     default_parameter=Parameter(negative=()),
 )
+
+
+def _about(text: str, examples: Sequence[str]) -> dict[str, str]:
+    """What the help page of a command says."""
+    return {"help": text, "help_epilogue": "Examples:\n\n" + "\n\n".join(f"    {example}" for example in examples)}
+
+
 for _name, (_help, _examples) in _COMMANDS.items():
-    app.command(
-        _TARGETS.get(_name, f"validation.cli.{_name}:{_name}"),
-        name=_name,
-        help=_help,
-        help_epilogue="Examples:\n\n" + "\n\n".join(f"    {example}" for example in _examples),
-    )
+    if _name in _ACTIONS:
+        _group = App(name=_name, **_about(_help, _examples))  # type: ignore[arg-type]
+        for _action, _texts in _ACTIONS[_name].items():
+            _group.command(f"validation.cli.{_name}:{_action}_entries", name=_action, **_about(*_texts))
+        app.command(_group)
+    else:
+        _target = _TARGETS.get(_name, f"validation.cli.{_name}:{_name}")
+        app.command(_target, name=_name, **_about(_help, _examples))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -156,7 +199,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as raised:
         error = raised
         if isinstance(error, UnknownCommandError):
-            error = InputError(f"unknown command {words[0]!r}; {nearest(words[0], _COMMANDS)}")
+            error = _unknown(words)
         elif isinstance(error, MissingArgumentError) and error.argument is not None:
             error = InputError(f"{error.argument.name} is missing; `softcover {_command(words)}--help` has examples")
         explanation = explain(error)
@@ -171,6 +214,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stderr.write("softcover: interrupted\n")
         raise SystemExit(130) from None
     raise SystemExit(result if isinstance(result, int) else 0)
+
+
+def _unknown(words: Sequence[str]) -> InputError:
+    """A word that is no command, or no action of its command."""
+    if words[0] in _ACTIONS:
+        return InputError(f"unknown action {words[1]!r}; {nearest(words[1], _ACTIONS[words[0]])}")
+    return InputError(f"unknown command {words[0]!r}; {nearest(words[0], _COMMANDS)}")
 
 
 def _command(words: Sequence[str]) -> str:

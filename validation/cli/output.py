@@ -15,6 +15,11 @@ def say(message: str) -> None:
     sys.stderr.write(f"{message}\n")
 
 
+def show(line: str) -> None:
+    """Write one line of the result to standard output."""
+    sys.stdout.write(f"{line}\n")
+
+
 def print_json(result: Mapping[str, Any]) -> None:
     """Write one JSON object to standard output."""
     sys.stdout.write(json.dumps(plain(result), indent=1, allow_nan=False))
