@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, WrapValidator
 from pydantic.dataclasses import dataclass
 
 from meshes.catalogue import MATERIALS
-from meshes.material import MODELS, Material
+from meshes.hardness import HardnessModulus
+from meshes.material import MODELS, SERIES, Material
 from validation.errors import nearest
+from validation.hardness_text import material_of_hardness, read_hardness
 from validation.quantity import Kind, read
 
 _CONFIG = ConfigDict(extra="forbid")
+
+#: The parameters of all models.
+_PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
 
 
 def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
@@ -24,6 +30,27 @@ def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
         return number
 
     return BeforeValidator(convert)
+
+
+def _terms(read_one: Callable[[object], float]) -> BeforeValidator:
+    """One number, or a list with one for each term of a series."""
+
+    def convert(value: object) -> tuple[float, ...]:
+        return tuple(read_one(part) for part in (value if isinstance(value, list) else [value]))
+
+    return BeforeValidator(convert)
+
+
+def _exponent(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -100 <= value <= 100 or not value:  # noqa: PLR2004 -- any sensible one
+        raise ValueError(f"must be a number other than 0, or a list of them, not {value!r}")
+    return float(value)
+
+
+def _hardness(value: object) -> HardnessModulus:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} has no scale; write for example '30 shore-a'")  # noqa: TRY004 -- pydantic's
+    return read_hardness(value)
 
 
 def _choice(*names: str) -> BeforeValidator:
@@ -109,11 +136,13 @@ class MaterialTable:
     c1: Pressure | None = None
     c2: Annotated[float, _quantity("pressure", positive=False)] | None = None
     c3: Annotated[float, _quantity("pressure", positive=False)] | None = None
-    mu: Pressure | None = None
-    alpha: Number | None = None
+    mu: Annotated[tuple[float, ...], _terms(lambda value: read(value, "pressure"))] | None = None
+    alpha: Annotated[tuple[float, ...], _terms(_exponent)] | None = None
+    hardness: Annotated[Any, BeforeValidator(_hardness)] = None
     name: str = ""
-    source: str = "given by the user"
-    spread: Share = 0.0
+    source: str | None = None
+    spread: Share | None = None
+    poisson_spread: Ratio = 0.0
 
     def material(self) -> Material:
         """Make the material.
@@ -121,23 +150,35 @@ class MaterialTable:
         Raises:
             ValueError: If a parameter of the model is missing or one of another model is given.
         """
-        wanted = MODELS[self.model]
-        everything = {name for parameters in MODELS.values() for name in parameters}
-        given = {name: float(value) for name in everything if (value := getattr(self, name)) is not None}
-        if set(given) != set(wanted):
-            listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
-            names = ", ".join(sorted(given)) or "nothing"
-            raise ValueError(f"{self.model} takes {listed} and poisson_ratio, not {names}")
+        given = {name: value for name in _PARAMETERS if (value := getattr(self, name)) is not None}
         if self.poisson_ratio is None and self.model == "linear-elastic":
             raise ValueError("poisson_ratio is missing; write for example poisson_ratio = 0.49")
+        made = self._of_parameters(given) if self.hardness is None else self._of_hardness(given)
+        return replace(
+            made,
+            source=made.source if self.source is None else self.source,
+            spread=made.spread if self.spread is None else self.spread,
+            poisson_spread=self.poisson_spread,
+        )
+
+    def _of_parameters(self, given: Mapping[str, Any]) -> Material:
+        wanted = MODELS[self.model]
+        if set(given) != set(wanted):
+            listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
+            terms = " (one number, or a list with one for each term)" if self.model in SERIES else ""
+            names = ", ".join(sorted(given)) or "nothing"
+            raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
         return Material(
             name=self.name or self.model,
             model=self.model,
             parameters=given,
             poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
-            source=self.source,
-            spread=self.spread,
         )
+
+    def _of_hardness(self, given: Mapping[str, Any]) -> Material:
+        if given:
+            raise ValueError(f"hardness stands for the modulus; give it or {', '.join(sorted(given))}, not both")
+        return material_of_hardness(self.hardness, self.model, poisson_ratio=self.poisson_ratio, name=self.name)
 
 
 @dataclass(config=_CONFIG, kw_only=True)

@@ -28,16 +28,16 @@ def energy(material: Material) -> Energy:
     Raises:
         ValueError: If the material is meant for small strain only.
     """
-    p = material.parameters
+    p = material.number
     match material.model:
         case "neo-hookean":
-            return NeoHookean(shear_modulus=p["shear_modulus"])
+            return NeoHookean(shear_modulus=p("shear_modulus"))
         case "mooney-rivlin":
-            return MooneyRivlin(c10=p["c10"], c01=p["c01"])
+            return MooneyRivlin(c10=p("c10"), c01=p("c01"))
         case "yeoh":
-            return Yeoh(c1=p["c1"], c2=p["c2"], c3=p["c3"])
+            return Yeoh(c1=p("c1"), c2=p("c2"), c3=p("c3"))
         case "ogden":
-            return Ogden(moduli=(p["mu"],), exponents=(p["alpha"],))
+            return Ogden(moduli=material.terms("mu"), exponents=material.terms("alpha"))
         case _:
             raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
 

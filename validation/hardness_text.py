@@ -1,0 +1,71 @@
+"""Hardness as text, `30 shore-a`, and the material that it stands for."""
+
+from __future__ import annotations
+
+import re
+
+from meshes import Material
+from meshes.hardness import HardnessModulus, modulus_from_hardness
+from validation.errors import InputError
+
+#: Models whose one modulus a hardness can give.
+MODELS = ("linear-elastic", "neo-hookean")
+
+_HARDNESS = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(?:(shore)?[\s-]*([a-z]*|0+))?\s*", re.IGNORECASE)
+_EXAMPLE = "write for example '30 shore-a'"
+
+
+def read_hardness(value: object, *, place: str = "") -> HardnessModulus:
+    """Read a Shore A hardness.
+
+    Args:
+        value: A number with or without its scale: `30`, `30 A`, `30 shore-a`.
+        place: Where the text stands; begins the message of a fault.
+
+    Raises:
+        InputError: If it is no hardness, of another scale, or outside the range of the relations.
+    """
+    where = f"{place}: " if place else ""
+    text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
+    match = _HARDNESS.fullmatch(text)
+    if not match:
+        raise InputError(f"{where}{value!r} is not a hardness; {_EXAMPLE}")
+    if (match[3] or "a").lower() != "a":
+        raise InputError(f"{where}{value!r} is not on the Shore A scale, and only that has relations here; {_EXAMPLE}")
+    try:
+        return modulus_from_hardness(float(match[1]))
+    except ValueError as error:
+        raise InputError(f"{where}{error}; take a named material (`softcover materials`) or give its modulus") from None
+
+
+def material_of_hardness(
+    hardness: HardnessModulus, model: str, *, poisson_ratio: float | None = None, name: str = ""
+) -> Material:
+    """A rubber of this hardness.
+
+    Args:
+        hardness: What `read_hardness` found.
+        model: One of `MODELS`.
+        poisson_ratio: Incompressible when not given [-].
+        name: What to call it.
+
+    Raises:
+        InputError: If the model has more parameters than a hardness gives.
+    """
+    ratio = 0.5 if poisson_ratio is None else poisson_ratio
+    modulus = hardness.youngs_modulus
+    match model:
+        case "linear-elastic":
+            parameters = {"youngs_modulus": modulus}
+        case "neo-hookean":
+            parameters = {"shear_modulus": modulus / (2 * (1 + ratio))}
+        case _:
+            raise InputError(f"a hardness gives one modulus; it goes with {' or '.join(MODELS)}, not with {model}")
+    return Material(
+        name=name or f"{model} of {hardness.shore_a:g} Shore A",
+        model=model,
+        parameters=parameters,
+        poisson_ratio=ratio,
+        source=hardness.source,
+        spread=hardness.spread,
+    )
