@@ -134,7 +134,7 @@ def toward_edge(fine: float, coarse: float, edge: float, reach: float, growth: f
     return np.array([0.0, *inner[:0:-1], *outer])
 
 
-def _edge_shape(t: FloatArray) -> FloatArray:
+def edge_shape(t: FloatArray) -> FloatArray:
     """Quadratic shape functions on 0..1, shape (3, ...)."""
     return np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
 
@@ -150,14 +150,14 @@ def _superconvergent(nodes: FloatArray, values: FloatArray) -> tuple[FloatArray,
     t = np.stack([-linear / 2 - root, -linear / 2 + root], axis=1)
     corners = np.stack([values[:-2:2], values[1::2], values[2::2]])
     radius = start[:, None] + length[:, None] * t
-    return radius.ravel(), np.einsum("aeq,ae->eq", _edge_shape(t), corners).ravel()
+    return radius.ravel(), np.einsum("aeq,ae->eq", edge_shape(t), corners).ravel()
 
 
 def _edge_mass(nodes: FloatArray) -> sp.csc_matrix:
     """Mass matrix of quadratic edges along the base with weight 2 pi r [m2]."""
     points, weights = np.polynomial.legendre.leggauss(4)
     t = (points + 1) / 2
-    shape = _edge_shape(t)
+    shape = edge_shape(t)
     edges = np.array(list(pairwise(nodes[::2])))
     length = edges[:, 1] - edges[:, 0]
     radius = edges[:, :1] + length[:, None] * t

@@ -42,8 +42,8 @@ class MixedElements:
         cells: Displacement nodes of each element, shape (e, a).
         pressure_cells: Pressure unknowns of each element, shape (e, b).
         region: Which material each element is made of, shape (e,).
-        gradient: Displacement gradient per local unknown, shape (e, q, g, a * dimension) [1/m].
-        divergence: Its trace, shape (e, q, a * dimension) [1/m].
+        slope: Derivatives of the displacement shape functions, shape (e, q, a, dimension) [1/m].
+        hoop: Shape functions over the radius when axisymmetric, shape (e, q, a) [1/m]; None otherwise.
         pressure_shape: Pressure shape functions, shape (e, q, b) [-].
         weight: Quadrature weight times volume, 2 pi r included when axisymmetric, shape (e, q) [m3].
         basis: scikit-fem basis of the scalar displacement space.
@@ -55,8 +55,8 @@ class MixedElements:
     cells: IntArray
     pressure_cells: IntArray
     region: IntArray
-    gradient: FloatArray
-    divergence: FloatArray
+    slope: FloatArray
+    hoop: FloatArray | None
     pressure_shape: FloatArray
     weight: FloatArray
     basis: skfem.CellBasis
@@ -77,6 +77,45 @@ class MixedElements:
         """Displacement unknowns of each element, shape (e, a * dimension)."""
         each = self.dimension * self.cells[:, :, None] + np.arange(self.dimension)
         return each.reshape(len(self.cells), -1)
+
+    def displacement_gradient(self, displacement: FloatArray) -> FloatArray:
+        """Components of grad u for displacements of shape (n * dimension,), shape (e, q, g) [-]."""
+        u = displacement[self.unknowns].reshape(*self.cells.shape, self.dimension)
+        flat = np.einsum("eqad,eai->eqid", self.slope, u, optimize=True).reshape(*self.weight.shape, -1)
+        if self.hoop is None:
+            return np.asarray(flat)
+        return np.concatenate([flat, np.einsum("eqa,ea->eq", self.hoop, u[..., 0])[..., None]], axis=2)
+
+    def transposed(self, stress: FloatArray) -> FloatArray:
+        """The gradient operator's transpose: (e, q, g) to local unknowns, (e, q, a * dimension)."""
+        d = self.dimension
+        square = stress[..., : d * d].reshape(*stress.shape[:2], d, d)
+        out = np.matmul(self.slope, square.transpose(0, 1, 3, 2))
+        if self.hoop is not None:
+            out[..., 0] += self.hoop * stress[..., -1:]
+        return np.asarray(out.reshape(*stress.shape[:2], -1))
+
+    def stiffness(self, moduli: FloatArray) -> FloatArray:
+        """Sum over points of the moduli (e, q, g, g), symmetric and weighted, between local unknowns, (e, i, j)."""
+        if self.hoop is not None:
+            gradient = _axisymmetric(self.slope, self.hoop)
+            return product(gradient, np.matmul(moduli, gradient))
+        e, _, a, d = self.slope.shape
+        out = np.empty((e, a, d, a, d))
+        for start in range(0, e, _BLOCK):
+            part = slice(start, start + _BLOCK)
+            slope = self.slope[part]
+            tensor = moduli[part].reshape(*slope.shape[:2], d, d, d, d)
+            for i in range(d):
+                for k in range(i, d):
+                    block = _contracted(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]))
+                    out[part, :, i, :, k] = block
+                    out[part, :, k, :, i] = block.transpose(0, 2, 1)
+        return out.reshape(e, a * d, a * d)
+
+
+#: Elements contracted at once: few enough that the work stays in the cache.
+_BLOCK = 128
 
 
 def mixed_elements(
@@ -104,19 +143,16 @@ def mixed_elements(
     shape = _values(basis)
     slope = np.stack([np.asarray(basis.basis[a][0].grad) for a in range(basis.Nbfun)], axis=-1)  # (d, e, q, a)
     position = np.asarray(basis.global_coordinates())
-    weight = basis.dx * (2 * np.pi * position[0] if axisymmetric else 1.0)
-    gradient = _axisymmetric(slope, shape, position[0]) if axisymmetric else _solid(slope)
-    trace = [0, 3, 4] if axisymmetric else [0, 4, 8]
     return MixedElements(
         dimension=mesh.dim(),
         nodes=np.ascontiguousarray(basis.doflocs.T),
         cells=basis.element_dofs.T.astype(np.int64),
         pressure_cells=_split_by_region(pressure.element_dofs.T.astype(np.int64), material),
         region=material,
-        gradient=gradient,
-        divergence=gradient[:, :, trace].sum(axis=2),
+        slope=np.ascontiguousarray(slope.transpose(1, 2, 3, 0)),
+        hoop=shape / position[0][:, :, None] if axisymmetric else None,
         pressure_shape=_values(pressure),
-        weight=weight,
+        weight=basis.dx * (2 * np.pi * position[0] if axisymmetric else 1.0),
         basis=basis,
         places=_AXISYMMETRIC if axisymmetric else _SOLID,
     )
@@ -139,10 +175,10 @@ def linear_system(elements: MixedElements, shear_modulus: FloatArray, bulk_compl
     mu = np.asarray(shear_modulus)[elements.region]
     inverse = np.asarray(bulk_compliance)[elements.region]
     w = elements.weight
-    stress = np.einsum("gh,eqhj->eqgj", _deviator(elements.places), elements.gradient, optimize=True)
-    stress *= (2 * mu[:, None] * w)[:, :, None, None]
-    stiff = product(elements.gradient, stress)
-    couple = -np.einsum("eqi,eqb,eq->eib", elements.divergence, elements.pressure_shape, w, optimize=True)
+    moduli = (2 * mu[:, None] * w)[:, :, None, None] * _deviator(elements.places)
+    identity = np.broadcast_to(np.array([float(i == j) for i, j in elements.places]), (*w.shape, len(elements.places)))
+    divergence = elements.transposed(identity * w[..., None])
+    couple = -np.matmul(divergence.transpose(0, 2, 1), elements.pressure_shape)
     volume = -np.einsum(
         "eqa,eqb,eq->eab",
         elements.pressure_shape,
@@ -150,7 +186,7 @@ def linear_system(elements: MixedElements, shear_modulus: FloatArray, bulk_compl
         w * inverse[:, None],
         optimize=True,
     )
-    return Pattern(elements).assemble(stiff, couple, volume)
+    return Pattern(elements).assemble(elements.stiffness(moduli), couple, volume)
 
 
 class Pattern:
@@ -208,23 +244,24 @@ def _values(basis: skfem.CellBasis) -> FloatArray:
     return np.stack(each, axis=-1)
 
 
-def _axisymmetric(slope: FloatArray, shape: FloatArray, radius: FloatArray) -> FloatArray:
-    e, q, a = shape.shape
+def _axisymmetric(slope: FloatArray, hoop: FloatArray) -> FloatArray:
+    """The gradient operator as a dense array, shape (e, q, 5, a * 2) [1/m]."""
+    e, q, a, _ = slope.shape
     out = np.zeros((e, q, 5, a, 2))
-    out[:, :, 0, :, 0] = slope[0]
-    out[:, :, 1, :, 0] = slope[1]
-    out[:, :, 2, :, 1] = slope[0]
-    out[:, :, 3, :, 1] = slope[1]
-    out[:, :, 4, :, 0] = shape / radius[:, :, None]
+    out[:, :, 0, :, 0] = slope[..., 0]
+    out[:, :, 1, :, 0] = slope[..., 1]
+    out[:, :, 2, :, 1] = slope[..., 0]
+    out[:, :, 3, :, 1] = slope[..., 1]
+    out[:, :, 4, :, 0] = hoop
     return out.reshape(e, q, 5, 2 * a)
 
 
-def _solid(slope: FloatArray) -> FloatArray:
-    d, e, q, a = slope.shape
-    out = np.zeros((e, q, d, d, a, d))
-    for component in range(d):
-        out[:, :, component, :, :, component] = slope.transpose(1, 2, 0, 3)
-    return out.reshape(e, q, d * d, a * d)
+def _contracted(slope: FloatArray, tensor: FloatArray) -> FloatArray:
+    """sum_q slope tensor slope^T: (e, q, a, J), (e, q, J, L) to (e, a, b), as one product over (q, L)."""
+    e, q, a, d = slope.shape
+    left = np.matmul(slope, tensor).transpose(0, 2, 1, 3).reshape(e, a, q * d)
+    right = slope.transpose(0, 1, 3, 2).reshape(e, q * d, a)
+    return np.asarray(np.matmul(left, right))
 
 
 def _split_by_region(cells: IntArray, region: IntArray) -> IntArray:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from fem_reference.elements import MixedElements, Pattern, product
+from fem_reference.elements import MixedElements, Pattern
 from fem_reference.materials import Energy
 from fem_reference.materials.energy import Response
 from fem_reference.materials.invariants import Invariant, volume_ratio
@@ -57,17 +57,16 @@ class Solid:
         w = e.weight
         residual = np.zeros_like(state)
         total = (stress - p[..., None] * cofactor) * w[..., None]
-        np.add.at(residual, e.unknowns, np.einsum("eqgi,eqg->ei", e.gradient, total, optimize=True))
+        np.add.at(residual, e.unknowns, e.transposed(total).sum(axis=1))
         inverse = self.bulk_compliance[e.region][:, None]
         volume = -(J.value - 1 + p * inverse) * w
         np.add.at(residual, e.pressure_cells + e.displacements, np.einsum("eqb,eq->eb", e.pressure_shape, volume))
         moduli = (tangent - p[..., None, None] * second) * w[..., None, None]
-        stiff = product(e.gradient, np.matmul(moduli, e.gradient))
-        along = np.einsum("eqgi,eqg->eqi", e.gradient, cofactor * w[..., None], optimize=True)
+        along = e.transposed(cofactor * w[..., None])
         couple = -np.matmul(along.transpose(0, 2, 1), e.pressure_shape)
         weighted = e.pressure_shape * (w * inverse)[..., None]
         block = -np.matmul(e.pressure_shape.transpose(0, 2, 1), weighted)
-        return residual, self.pattern.assemble(stiff, couple, block)
+        return residual, self.pattern.assemble(e.stiffness(moduli), couple, block)
 
     def energy(self, state: FloatArray) -> float:
         """Total stored energy with the pressure as a Lagrange multiplier [J]."""
@@ -78,7 +77,7 @@ class Solid:
 
     def _fields(self, state: FloatArray) -> tuple[FloatArray, Invariant, FloatArray]:
         e = self.elements
-        flat = np.einsum("eqgi,ei->eqg", e.gradient, state[e.unknowns], optimize=True)
+        flat = e.displacement_gradient(state[: e.displacements])
         F = np.zeros((*flat.shape[:2], 3, 3))
         for g, (i, j) in enumerate(e.places):
             F[..., i, j] = flat[..., g] + (i == j)

@@ -1,0 +1,219 @@
+"""Finite-strain pressing of any shape, in three dimensions.
+
+The cover is wide and alike everywhere, so the mesh lies in the indenter's frame, and poses need no new solve.  A shape
+that mirrors in x or in y is solved on the half or the quarter that is enough, without being asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+import skfem
+
+from fem_reference.axisymmetric import edge_shape
+from fem_reference.elements import MixedElements, Pattern, mixed_elements
+from fem_reference.equilibrium import Equilibrium, Problem
+from fem_reference.finite_strain import Solid
+from fem_reference.materials import bulk_compliance, finite_strain_energy
+from fem_reference.obstacle import Obstacle
+from fem_reference.press_axisymmetric import PENALTY
+from fem_reference.surface_contact import SurfaceContact
+from meshes import Cover, Indenter
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidState:
+    """One converged target of a loading path.
+
+    Attributes:
+        depth: Approach from first touch [m].
+        load: Force of the whole indenter [N].
+        area: Reference area that touches, of the whole [m2].
+        overlap: Largest distance that the penalty left between surfaces [m].
+        x: Positions of the base pressure along x, ascending, mirrored halves included, shape (m,) [m].
+        y: Positions along y, shape (n,) [m].
+        pressure: Base pressure, shape (m, n) [Pa].
+        reaction: Sum of the base reactions, of the whole [N].
+    """
+
+    depth: float
+    load: float
+    area: float
+    overlap: float
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+    reaction: float
+
+
+def mirrors(indenter: Indenter) -> tuple[bool, bool]:
+    """Whether the shape is its own mirror image in the planes x = 0 and y = 0."""
+    half = indenter.footprint
+    x, y = np.meshgrid(np.linspace(-half[0], half[0], 61), np.linspace(-half[1], half[1], 61))
+    gap = np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
+    scale = 1e-9 + 1e-6 * max(half)
+    return bool(np.abs(gap - gap[:, ::-1]).max() < scale), bool(np.abs(gap - gap[::-1]).max() < scale)
+
+
+def press_solid(
+    cover: Cover,
+    indenter: Indenter,
+    targets: Sequence[float],
+    *,
+    control: str,
+    elements_per_thickness: int,
+    contact_half: tuple[float, float],
+    fillet: float,
+    reach: float,
+    progress: Callable[[str], None] | None = None,
+) -> list[SolidState]:
+    """Follow one loading path and return the state at every target.
+
+    Args:
+        cover: Layers; a small-strain material counts as neo-Hookean with the same moduli.
+        indenter: Any shape with a gap.
+        targets: Loads [N] or depths [m], ascending.
+        control: "load" or "depth".
+        elements_per_thickness: Elements through the cover [-].
+        contact_half: Half widths of the largest contact; the mesh is fine up to them [m].
+        fillet: Radius of the rounding of sharp edges [m].
+        reach: Distance from the contact to the outer boundary [m].
+        progress: Called with a line of text after each step.
+
+    Raises:
+        PathError: If the path stops early.
+    """
+    mirrored = mirrors(indenter)
+    size = min(cover.thickness, 2 * min(contact_half)) / elements_per_thickness
+    sides = [_side(half, size, reach, mirror=m) for half, m in zip(contact_half, mirrored, strict=True)]
+    counts = [max(2, round(layer.thickness / cover.thickness * elements_per_thickness)) for layer in cover.layers]
+    heights = _heights(cover, counts)
+    mesh = skfem.MeshHex.init_tensor(*sides, heights)
+    row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
+    elements = mixed_elements(mesh, region=np.repeat(np.arange(len(counts)), counts)[row])
+    multiple = float((1 + mirrored[0]) * (1 + mirrored[1]))
+    contact = SurfaceContact(
+        elements,
+        cover.thickness,
+        Obstacle(indenter=indenter, fillet=fillet),
+        penalty=PENALTY * cover.layers[-1].material.shear_modulus / size,
+        multiple=multiple,
+    )
+    solid = Solid(
+        elements=elements,
+        energies=[finite_strain_energy(layer.material) for layer in cover.layers],
+        bulk_compliance=np.array([bulk_compliance(layer.material) for layer in cover.layers]),
+        pattern=Pattern(elements),
+    )
+    problem = Problem(solid=solid, contact=contact, fixed=_held(cover, elements, sides, mirrored))
+    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, progress=progress)
+    return [_state(elements, reached, mirrored, multiple) for reached in path]
+
+
+def _side(half: float, size: float, reach: float, *, mirror: bool) -> FloatArray:
+    """Nodes along one side: coarser in the middle of the contact, fine at its edge, growing outside [m]."""
+    inner, step = [half], 0.5 * size
+    while inner[-1] > 0.6 * step:
+        inner.append(inner[-1] - step)
+        step = min(step * 1.35, 1.2 * size)
+    inside = np.array(inner[::-1])
+    inside = (inside - inside[0]) / (half - inside[0]) * half  # the last node falls on the axis
+    outer, step = [half], 0.5 * size
+    while outer[-1] < half + reach:
+        outer.append(outer[-1] + step)
+        step *= 1.45
+    positive = np.concatenate([inside, outer[1:]])
+    return positive if mirror else np.concatenate([-positive[:0:-1], positive])
+
+
+def _heights(cover: Cover, counts: list[int]) -> FloatArray:
+    heights, z = [0.0], 0.0
+    for layer, n in zip(cover.layers, counts, strict=True):
+        heights += list(z + layer.thickness * np.arange(1, n + 1) / n)
+        z += layer.thickness
+    return np.array(heights)
+
+
+def _held(
+    cover: Cover, elements: MixedElements, sides: list[FloatArray], mirrored: tuple[bool, bool]
+) -> npt.NDArray[np.int64]:
+    """The base, the outer boundary, and the planes of symmetry along their normals."""
+    x, y, z = elements.nodes.T
+    tolerance = 1e-9 * cover.thickness
+    base = z < tolerance
+    outer = np.zeros_like(base)
+    for place, side, mirror in zip((x, y), sides, mirrored, strict=True):
+        outer |= place > side[-1] - tolerance
+        if not mirror:
+            outer |= place < side[0] + tolerance
+    across = outer | (base if cover.base == "bonded" else np.zeros_like(base))
+    planes = [(np.abs(place) < tolerance) & mirror for place, mirror in zip((x, y), mirrored, strict=True)]
+    components = [across | planes[0], across | planes[1], base | outer]
+    return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
+
+
+def _state(elements: MixedElements, reached: Equilibrium, mirrored: tuple[bool, bool], multiple: float) -> SolidState:
+    x, y, z = elements.nodes.T
+    base = np.flatnonzero(z < 1e-9 * z.max())
+    base = base[np.lexsort((y[base], x[base]))]
+    lines = [np.unique(np.round(place[base], 12)) for place in (x, y)]
+    forces = reached.reaction[3 * base + 2].reshape(len(lines[0]), len(lines[1]))
+    points, pressure = _pressure(lines, forces)
+    for axis in range(2):
+        if mirrored[axis]:
+            points[axis] = np.concatenate([-points[axis][::-1], points[axis]])
+            pressure = np.concatenate([np.flip(pressure, axis), pressure], axis)
+    return SolidState(
+        depth=reached.depth,
+        load=reached.load,
+        area=reached.touch.area,
+        overlap=reached.touch.overlap,
+        x=points[0],
+        y=points[1],
+        pressure=pressure,
+        reaction=float(forces.sum()) * multiple,
+    )
+
+
+def _pressure(lines: list[FloatArray], forces: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Base pressure at the Gauss points of each face from nodal reactions.
+
+    The mass of biquadratic faces on a tensor grid is a product of two line masses, so two small banded solves divide
+    the reactions by it; at the two Gauss points of each edge its oscillation vanishes, as in the axisymmetric solve.
+    """
+    value = forces
+    points = []
+    for axis, nodes in enumerate(lines):
+        value = np.moveaxis(scipy.linalg.solve(_line_mass(nodes), np.moveaxis(value, axis, 0), assume_a="pos"), 0, axis)
+        read, place = _gauss_reader(nodes)
+        value = np.moveaxis(np.tensordot(read, value, axes=(1, axis)), 0, axis)
+        points.append(place)
+    return points, value
+
+
+def _line_mass(nodes: FloatArray) -> FloatArray:
+    """Mass of quadratic edges, dense, shape (m, m) [m]."""
+    points, weights = np.polynomial.legendre.leggauss(3)
+    shape = edge_shape((points + 1) / 2)
+    out = np.zeros((len(nodes), len(nodes)))
+    for e in range(0, len(nodes) - 2, 2):
+        out[e : e + 3, e : e + 3] += (shape * weights / 2) @ shape.T * (nodes[e + 2] - nodes[e])
+    return out
+
+
+def _gauss_reader(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matrix from nodal values to values at two Gauss points per edge, and where they are [m]."""
+    t = (1 + np.array([-1, 1]) / np.sqrt(3)) / 2
+    shape = edge_shape(t)
+    edges = range(0, len(nodes) - 2, 2)
+    out = np.zeros((2 * len(edges), len(nodes)))
+    for row, e in enumerate(edges):
+        out[2 * row : 2 * row + 2, e : e + 3] = shape.T
+    place = np.concatenate([nodes[e] + t * (nodes[e + 2] - nodes[e]) for e in edges])
+    return out, place
