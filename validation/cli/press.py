@@ -117,5 +117,5 @@ def _print(comparison: Comparison) -> None:
         images.append(("finite elements", comparison.fem.texel_forces))
     if comparison.fast is not None:
         images.append(("fast model", comparison.fast.texel_forces))
-    console.print(heat_maps(sensor.array, images))
+    console.print(heat_maps(sensor.array, images, width=console.width))
     console.print(comparison_table(comparison))

@@ -19,6 +19,9 @@ from validation.stamp import StampScores
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Characters of a texel in a tactile image, and between two images.
+_CELL, _GAP = 6, 3
+
 
 def cover_text(cover: Cover) -> str:
     """The cover in one line, with its label where it is assumed."""
@@ -70,14 +73,22 @@ def estimates_table(derivation: Derivation) -> Table:
     return table
 
 
-def heat_maps(array: TexelArray, images: Sequence[tuple[str, FloatArray]]) -> Table:
-    """Tactile images side by side on one scale, in mN, row 0 at the bottom."""
+def heat_maps(array: TexelArray, images: Sequence[tuple[str, FloatArray]], *, width: int = 80) -> Table:
+    """Tactile images on one scale, in mN, row 0 at the bottom: side by side where the width [characters] allows."""
     peak = max(float(np.max(np.abs(values))) for _, values in images) or 1.0
-    table = Table.grid(padding=(0, 3))
-    for _ in images:
-        table.add_column()
-    table.add_row(*(Text(f"{title}, mN", style="bold") for title, _ in images))
-    table.add_row(*(_heat_map(array, values, peak) for _, values in images))
+    table = Table.grid(padding=(0, _GAP))
+    titles = [Text(f"{title}, mN", style="bold") for title, _ in images]
+    maps = [_heat_map(array, values, peak) for _, values in images]
+    if len(images) * (_CELL * array.columns + _GAP) <= width:
+        for _ in images:
+            table.add_column(no_wrap=True)
+        table.add_row(*titles)
+        table.add_row(*maps)
+    else:
+        table.add_column(no_wrap=True)
+        for title, drawn in zip(titles, maps, strict=True):
+            table.add_row(title)
+            table.add_row(drawn)
     return table
 
 
@@ -88,9 +99,9 @@ def _heat_map(array: TexelArray, values: FloatArray, peak: float) -> Text:
         for column in range(array.columns):
             value = float(image[row, column])
             if active[row, column]:
-                text.append(f"{1e3 * value:6.0f}", style=_style(value / peak))
+                text.append(f"{round(1e3 * value):{_CELL}d}", style=_style(value / peak))
             else:
-                text.append("      ")
+                text.append(" " * _CELL)
         text.append("\n")
     return text
 
@@ -107,6 +118,10 @@ def _length(value: float) -> str:
     return "none" if math.isnan(value) else f"{1e3 * value:.2f} mm"
 
 
+def _force(value: float) -> str:
+    return f"{round(value, 4) + 0.0:.4f} N"  # no minus before a zero
+
+
 def comparison_table(comparison: Comparison) -> Table:
     """Totals of each model and, where both are there, the scores."""
     table = Table(show_header=False)
@@ -116,12 +131,12 @@ def comparison_table(comparison: Comparison) -> Table:
     if fem is not None and "fem" in comparison.models:
         errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
         assumed = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
-        table.add_row("finite elements", f"{fem.total_force:.4f} N, {fem.outside:.4f} N of it outside the array")
+        table.add_row("finite elements", f"{fem.total_force:.4f} N, {_force(fem.outside)} of it outside the array")
         table.add_row("", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²")
         table.add_row("", f"error estimate {errors}")
         table.add_row("", f"assumes {assumed}; {fem.seconds:.2f} s")
     if fast is not None:
-        table.add_row("fast model", f"{fast.total_force:.4f} N, {fast.outside:.4f} N of it outside the array")
+        table.add_row("fast model", f"{fast.total_force:.4f} N, {_force(fast.outside)} of it outside the array")
         table.add_row("", f"{fast.seconds:.3f} s")
     if comparison.score is not None:
         table.add_section()
