@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 import numpy.typing as npt
@@ -25,11 +26,14 @@ FloatArray = npt.NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
 _ITERATIONS = 14
 _SMALLEST = 1 / 256
-#: Residuals relative to the largest contact force and to a pressure unknown's share of the volume.
-_TIGHT = 1e-6
+#: Residuals relative to the largest contact force and to a pressure unknown's share of the volume: at a target, and
+#: on the way to it.
+_TIGHT, _LOOSE = 1e-6, 1e-3
+#: A step that took fewer iterations than this may be followed by a longer one.
+_EASY = 8
 _AUGMENTATIONS = 6
 #: Overlap that counts as none, relative to the depth.
-_OVERLAP = 2e-4
+_OVERLAP = 5e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,6 +67,23 @@ def _predicted(before: Equilibrium | None, here: Equilibrium, aim: float, contro
     return here.state + ahead * (here.state - before.state), depth
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Guess:
+    """A state near a target.
+
+    Attributes:
+        state: Displacements and mean pressures, shape (n,) [m], [Pa].
+        depth: Approach [m].
+    """
+
+    state: FloatArray
+    depth: float
+
+
+def _where(here: Equilibrium) -> str:
+    return f"{here.load:.3g} N at {here.depth * 1e3:.3g} mm"
+
+
 class PathError(ConvergenceError):
     """The loading path stopped early.
 
@@ -89,6 +110,7 @@ class Problem:
         *,
         control: str,
         first: float,
+        guesses: Sequence[Guess] = (),
         progress: Callable[[str], None] | None = None,
     ) -> list[Equilibrium]:
         """Follow one loading path and stop at every target.
@@ -97,43 +119,71 @@ class Problem:
             targets: Loads [N] or depths [m], ascending.
             control: "load" or "depth".
             first: Depth of the first step, well inside the linear range [m].
+            guesses: A state and depth near each target, from a coarser mesh; the path is walked only where they fail.
             progress: Called with a line of text after each step.
 
         Raises:
             PathError: If a step fails even when halved repeatedly.
         """
-        size = self.solid.elements.displacements + self.solid.elements.pressures
-        here = self._first(np.zeros(size), first)
-        before = None
-        step = here.load if control == "load" else first
         out: list[Equilibrium] = []
-        for target in targets:
-            smallest = abs(target) * _SMALLEST
-            while (done := here.load if control == "load" else here.depth) != target:
-                aim = target if abs(target - done) <= 1.3 * step else done + np.sign(target - done) * step
-                try:
-                    used = here.iterations
-                    state, depth = _predicted(before, here, aim, control)
-                    before, here = here, self._newton(state, depth, aim if control == "load" else None, used)
-                    step *= 1.8 if here.iterations - used < 8 else 1.0  # noqa: PLR2004 -- easy steps grow
-                    if progress is not None:
-                        progress(f"{here.load:.3g} N at {here.depth * 1e3:.3g} mm")
-                except (InvertedError, ConvergenceError) as error:
-                    step = abs(aim - done) / 2
-                    _LOG.info("step to %.4g halved: %s", aim, error)
-                    if step < smallest:
-                        unit = "N" if control == "load" else "m"
-                        message = f"no convergence beyond {control} {done:.4g} {unit} (wanted {target:.4g}): {error}"
-                        raise PathError(message, here) from error
-            here = self._tightened(here, control)
-            out.append(here)
+        for target, guess in zip_longest(targets, guesses):
+            reached = None if guess is None else self._from_guess(guess, target, control, out[-1] if out else None)
+            if reached is None:
+                start = out[-1] if out else self._first(first)
+                reached = self._walk(start, target, control, first, progress)
+            out.append(self._tightened(reached, control))
+            if progress is not None:
+                progress(_where(out[-1]))
         return out
 
-    def _first(self, rest: FloatArray, depth: float) -> Equilibrium:
-        """The first step, halved until it converges."""
+    def _from_guess(self, guess: Guess, target: float, control: str, before: Equilibrium | None) -> Equilibrium | None:
+        """Straight to the target from a good guess; None where that fails."""
+        used = before.iterations if before else 0
+        load, depth = (target, guess.depth) if control == "load" else (None, target)
+        try:
+            return self._newton(guess.state, depth, load, used, tight=_LOOSE)
+        except (InvertedError, ConvergenceError) as error:
+            _LOG.info("guess for %s %.4g failed: %s", control, target, error)
+            return None
+
+    def _walk(
+        self,
+        here: Equilibrium,
+        target: float,
+        control: str,
+        first: float,
+        progress: Callable[[str], None] | None,
+    ) -> Equilibrium:
+        """Step to a target; steps grow when easy and are halved when they fail."""
+        before = None
+        step = here.load if control == "load" else first
+        while (done := here.load if control == "load" else here.depth) != target:
+            aim = target if abs(target - done) <= 1.3 * step else done + np.sign(target - done) * step
+            used = here.iterations
+            try:
+                state, depth = _predicted(before, here, aim, control)
+                load = aim if control == "load" else None
+                before, here = here, self._newton(state, depth, load, used, tight=_LOOSE)
+            except (InvertedError, ConvergenceError) as error:
+                step = abs(aim - done) / 2
+                before = None
+                _LOG.info("step to %s %.4g halved: %s", control, aim, error)
+                if step < abs(target) * _SMALLEST:
+                    unit = "N" if control == "load" else "m"
+                    message = f"no convergence beyond {control} {done:.4g} {unit} (wanted {target:.4g}): {error}"
+                    raise PathError(message, here) from error
+                continue
+            step *= 1.8 if here.iterations - used < _EASY else 1.0
+            if progress is not None:
+                progress(_where(here))
+        return here
+
+    def _first(self, depth: float) -> Equilibrium:
+        """The first step from rest, halved until it converges."""
+        rest = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         for halving in range(8):
             try:
-                return self._newton(rest, depth / 2**halving, None, 0)
+                return self._newton(rest, depth / 2**halving, None, 0, tight=_LOOSE)
             except (InvertedError, ConvergenceError) as error:
                 _LOG.info("first step halved: %s", error)
         raise PathError(f"no convergence even at a depth of {depth / 128:.3g} m", None)
@@ -141,23 +191,24 @@ class Problem:
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""
         for _ in range(_AUGMENTATIONS):
-            if here.touch.overlap < _OVERLAP * here.depth:
-                break
             self.contact.augment(here.touch)
+            load = here.load if control == "load" else None
             try:
-                here = self._newton(here.state, here.depth, here.load if control == "load" else None, here.iterations)
+                here = self._newton(here.state, here.depth, load, here.iterations, tight=_TIGHT)
             except (InvertedError, ConvergenceError) as error:
                 _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
                 break
+            if here.touch.overlap < _OVERLAP * here.depth:
+                break
         return here
 
-    def _newton(self, state: FloatArray, depth: float, load: float | None, used: int) -> Equilibrium:
+    def _newton(self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float) -> Equilibrium:
         """Solve at a depth, or, where a load is given, for the depth as well."""
         state = state.copy()
         for iteration in range(_ITERATIONS):
             internal, stiffness = self.solid.linearise(state)
             touch = self.contact.at(state, depth)
-            if iteration and self._balanced(internal + touch.force, touch, load):
+            if iteration and self._balanced(internal + touch.force, touch, load, tight):
                 return Equilibrium(
                     state=state,
                     depth=depth,
@@ -178,14 +229,14 @@ class Problem:
             depth += float(change)
         raise ConvergenceError(f"Newton's method did not converge in {_ITERATIONS} iterations")
 
-    def _balanced(self, residual: FloatArray, touch: Touch, load: float | None) -> bool:
+    def _balanced(self, residual: FloatArray, touch: Touch, load: float | None, tight: float) -> bool:
         """Whether forces, volumes and the load are met."""
         split = self.solid.elements.displacements
         forces = np.abs(residual[:split][self._moving]).max(initial=0.0)
         volumes = np.abs(residual[split:]).max()
         share = float(self.solid.elements.weight.sum()) / (len(residual) - split)
-        met = load is None or abs(load - touch.total) < _TIGHT * load
-        return bool(forces < _TIGHT * np.abs(touch.force).max() and volumes < _TIGHT * share and met)
+        met = load is None or abs(load - touch.total) < tight * load
+        return bool(forces < tight * np.abs(touch.force).max() and volumes < tight * share and met)
 
     @cached_property
     def _moving(self) -> npt.NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from fem_reference.finite_strain import Solid
 from fem_reference.materials import bulk_compliance, finite_strain_energy
 from fem_reference.obstacle import Obstacle
 from fem_reference.surface_contact import SurfaceContact
+from fem_reference.transfer import Coarse
 from meshes import Cover, Indenter
 from meshes.indenter import Flat
 
@@ -56,9 +57,10 @@ def press_axisymmetric(
     contact_radius: float,
     fillet: float,
     reach: float,
+    coarse: Coarse | None = None,
     progress: Callable[[str], None] | None = None,
-) -> list[PressedState]:
-    """Follow one loading path and return the state at every target.
+) -> tuple[list[PressedState], Coarse]:
+    """Follow one loading path; return the state at every target, and the path for a finer mesh to start from.
 
     Args:
         cover: Layers; a small-strain material counts as neo-Hookean with the same moduli.
@@ -69,6 +71,7 @@ def press_axisymmetric(
         contact_radius: Estimated radius of the largest contact; the mesh is fine up to it [m].
         fillet: Radius of the rounding of sharp edges [m].
         reach: Radius of the outer boundary [m].
+        coarse: The same path on a coarser mesh, to start from.
         progress: Called with a line of text after each step.
 
     Raises:
@@ -92,8 +95,9 @@ def press_axisymmetric(
     penalty = PENALTY * cover.layers[-1].material.shear_modulus / size
     contact = SurfaceContact(elements, cover.thickness, Obstacle(indenter=indenter, fillet=fillet), penalty=penalty)
     problem = Problem(solid=solid, contact=contact, fixed=held(cover, r, z, reach))
-    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, progress=progress)
-    return [_state(elements, cover, reached) for reached in path]
+    guesses = () if coarse is None else coarse.guesses(elements)
+    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, guesses=guesses, progress=progress)
+    return [_state(elements, cover, reached) for reached in path], Coarse(elements=elements, path=path)
 
 
 def _state(elements: MixedElements, cover: Cover, reached: Equilibrium) -> PressedState:

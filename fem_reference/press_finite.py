@@ -97,9 +97,10 @@ def _compute(
     radius = _contact_radius(cover, indenter, targets[-1], control)
     reach = 12 * decay_length(cover) + 1.5 * radius
     out: dict[str, Any] = {}
+    coarse = None
     for n in GRIDS:
         say = None if progress is None else _with_grid(progress, n)
-        path = press_axisymmetric(
+        path, coarse = press_axisymmetric(
             cover,
             indenter,
             targets,
@@ -108,6 +109,7 @@ def _compute(
             contact_radius=radius,
             fillet=fillet(cover, indenter),
             reach=reach,
+            coarse=coarse,
             progress=say,
         )
         for i, state in enumerate(path):

@@ -22,6 +22,7 @@ from fem_reference.materials import bulk_compliance, finite_strain_energy
 from fem_reference.obstacle import Obstacle
 from fem_reference.press_axisymmetric import PENALTY
 from fem_reference.surface_contact import SurfaceContact
+from fem_reference.transfer import Coarse
 from meshes import Cover, Indenter
 
 FloatArray = npt.NDArray[np.float64]
@@ -71,9 +72,10 @@ def press_solid(
     contact_half: tuple[float, float],
     fillet: float,
     reach: float,
+    coarse: Coarse | None = None,
     progress: Callable[[str], None] | None = None,
-) -> list[SolidState]:
-    """Follow one loading path and return the state at every target.
+) -> tuple[list[SolidState], Coarse]:
+    """Follow one loading path; return the state at every target, and the path for a finer mesh to start from.
 
     Args:
         cover: Layers; a small-strain material counts as neo-Hookean with the same moduli.
@@ -84,6 +86,7 @@ def press_solid(
         contact_half: Half widths of the largest contact; the mesh is fine up to them [m].
         fillet: Radius of the rounding of sharp edges [m].
         reach: Distance from the contact to the outer boundary [m].
+        coarse: The same path on a coarser mesh, to start from.
         progress: Called with a line of text after each step.
 
     Raises:
@@ -112,8 +115,10 @@ def press_solid(
         pattern=Pattern(elements),
     )
     problem = Problem(solid=solid, contact=contact, fixed=_held(cover, elements, sides, mirrored))
-    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, progress=progress)
-    return [_state(elements, reached, mirrored, multiple) for reached in path]
+    guesses = () if coarse is None else coarse.guesses(elements)
+    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, guesses=guesses, progress=progress)
+    states = [_state(elements, reached, mirrored, multiple) for reached in path]
+    return states, Coarse(elements=elements, path=path)
 
 
 def _side(half: float, size: float, reach: float, *, mirror: bool) -> FloatArray:
