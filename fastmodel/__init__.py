@@ -30,8 +30,10 @@ Every error about input is a `FastModelError`, itself a `ValueError`.  Needs num
 installed, speeds the filter up.
 """
 
+from fastmodel.area import AreaTexels
 from fastmodel.butterworth import Butterworth, FilterBank
-from fastmodel.contact import METHODS, BoxTexels, TexelContact
+from fastmodel.contact import BoxTexels, TexelContact
+from fastmodel.cover_cells import CoverCells
 from fastmodel.electronics import WTS_0614_34, Electronics
 from fastmodel.errors import (
     FastModelError,
@@ -45,22 +47,29 @@ from fastmodel.errors import (
 )
 from fastmodel.fit import Fit, fit_gaussian
 from fastmodel.frame import Frame
+from fastmodel.methods import METHODS
 from fastmodel.parameters import Parameters, load
-from fastmodel.rig import FastIndentation, indent
+from fastmodel.plate import Plate
+from fastmodel.rig import FastIndentation, Placement, add_geoms, indent, indent_together
 from fastmodel.sensor import OptionWarning, Sensor, attach, recommend_options
 from fastmodel.spread import Gaussian, Spread, Tabulated, outside_share
+from fastmodel.surface_contact import CoverContact, Foundation
 
 __all__ = [
     "METHODS",
     "WTS_0614_34",
+    "AreaTexels",
     "BoxTexels",
     "Butterworth",
+    "CoverCells",
+    "CoverContact",
     "Electronics",
     "FastIndentation",
     "FastModelError",
     "FilterBank",
     "FilterError",
     "Fit",
+    "Foundation",
     "Frame",
     "Gaussian",
     "LifeCycleError",
@@ -68,6 +77,8 @@ __all__ = [
     "OptionWarning",
     "Parameters",
     "ParametersError",
+    "Placement",
+    "Plate",
     "Sensor",
     "ShapeError",
     "Spread",
@@ -75,9 +86,11 @@ __all__ = [
     "Tabulated",
     "TexelContact",
     "UnknownNameError",
+    "add_geoms",
     "attach",
     "fit_gaussian",
     "indent",
+    "indent_together",
     "load",
     "outside_share",
     "recommend_options",

@@ -36,7 +36,7 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
         texel = texel_of.take(geom[:, side])  # take: several times faster here than indexing
         hit = ((texel >= 0) & stands).nonzero()[0]
         for size, k in _by_dimension(dim, hit):
-            local = _decode(
+            local = decode(
                 efc_force, address.take(k), friction[k] if pyramidal else friction, size, pyramidal=pyramidal
             )
             axes = frame.take(k, axis=0).reshape(-1, 3, 3)[:, : local.shape[1]]
@@ -51,10 +51,16 @@ def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray]]:
     return [(size, hit[sizes == size]) for size in set(sizes.tolist())]
 
 
-def _decode(
-    efc_force: FloatArray, address: IntArray, friction: FloatArray, size: int, *, pyramidal: bool
-) -> FloatArray:
-    """Normal and tangential forces in the contact frame, shape (k, 1) or (k, 3) [N]."""
+def decode(efc_force: FloatArray, address: IntArray, friction: FloatArray, size: int, *, pyramidal: bool) -> FloatArray:
+    """Normal and tangential forces in the contact frame, shape (k, 1) or (k, 3) [N].
+
+    Args:
+        efc_force: Constraint forces [N].
+        address: First row of each contact, shape (k,).
+        friction: Friction coefficients, shape (k, 5) [-].
+        size: Dimension of all these contacts.
+        pyramidal: Whether rows are edges of a pyramid.
+    """
     kept = min(size, 3)
     if size == 1 or not pyramidal:
         return np.asarray(efc_force[address[:, None] + np.arange(kept)])

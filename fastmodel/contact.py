@@ -1,23 +1,22 @@
-"""How a touch becomes forces on texels.
+"""How a touch becomes forces on texels: what every contact method offers, and the boxes of the 2015 report.
 
-Every method edits a spec before it is compiled and afterwards reads the forces of one simulation step.  So far
-there is one: `BoxTexels`, the rigid boxes of the 2015 report.  MuJoCo carries the weight on them exactly but
-shares it by the *number of contact points* per box, not by area; that is the method's known error.
+Every method edits a spec before it is compiled and afterwards reads the forces of one simulation step.  `BoxTexels` are
+the rigid boxes of the report.  MuJoCo carries the weight on them exactly but shares it by the *number of contact
+points* per box, not by area; that is the method's known error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.box_forces import press_loops, press_numpy
-from fastmodel.errors import LifeCycleError, UnknownNameError
+from fastmodel.cover_cells import CoverCells
+from fastmodel.errors import LifeCycleError
 from fastmodel.native import choose_kernel
 from fastmodel.pose import Pose, multiply, quaternions, rotate
 from fastmodel.spread import tangent_axes
@@ -27,21 +26,59 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading:
+    """What a method makes of one step.
+
+    Attributes:
+        contact_forces: Force that presses on each texel along its normal, before spread, shape (n,) [N].
+        texel_forces: The same after spread, where the method knows the cover itself; else None, shape (n,) [N].
+        carried: All force that presses on the array and its margin [N].
+        approach: How far each touching body has come from its first touch of the undeformed cover, where the method
+            knows, shape (bodies,) [m].
+    """
+
+    contact_forces: FloatArray
+    texel_forces: FloatArray | None
+    carried: float
+    approach: FloatArray | None = None
+
+
 class TexelContact(Protocol):
-    """A way to feel contacts, chosen before the model is compiled."""
+    """A way to feel contacts, chosen before the model is compiled.
+
+    Attributes:
+        costly: Whether reading costs so much that it should happen no more often than frames need it.
+        honours: Which of Fz, Mx, My of a body that is free to tilt the texel forces add up to.  A guided body's
+            moments are the guide's affair: there it is Fz only.
+    """
+
+    costly: ClassVar[bool]
+    honours: ClassVar[tuple[str, ...]]
 
     def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
         """Add to the spec what the method needs."""
 
-    def bind(self, model: Any, array: TexelArray, name: str, *, native: bool | None = None) -> ContactReader:  # noqa: ANN401
+    def bind(
+        self,
+        model: Any,  # noqa: ANN401 -- MjModel
+        array: TexelArray,
+        name: str,
+        *,
+        cells: CoverCells | None = None,
+        native: bool | None = None,
+    ) -> ContactReader:
         """Resolve names to index arrays, once."""
 
 
 class ContactReader(Protocol):
     """The bound method."""
 
-    def forces(self, data: Any) -> FloatArray:  # noqa: ANN401 -- MjData
-        """Force that presses on each texel along its normal in the last step, shape (n,) [N]."""
+    def read(self, data: Any) -> Reading:  # noqa: ANN401 -- MjData
+        """Forces of the last step."""
+
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """The reading that belongs to given contact forces, shape (n,) [N]; forgets what was read before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +96,9 @@ class BoxTexels:
 
     height: float = 2e-3
     contact_bit: int = 30
+
+    costly: ClassVar[bool] = False
+    honours: ClassVar[tuple[str, ...]] = ("Fz", "Mx", "My")
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -98,26 +138,28 @@ class BoxTexels:
                 rgba=[0.25, 0.27, 0.3, 1.0] if array.active[index] else [0.5, 0.5, 0.5, 0.4],
             )
 
-    def bind(self, model: Any, array: TexelArray, name: str, *, native: bool | None = None) -> ContactReader:  # noqa: ANN401
+    def bind(
+        self,
+        model: Any,  # noqa: ANN401 -- MjModel
+        array: TexelArray,
+        name: str,
+        *,
+        cells: CoverCells | None = None,  # noqa: ARG002 -- boxes know no cover
+        native: bool | None = None,
+    ) -> BoxReader:
         """Find the boxes in the compiled model.
 
         Args:
             model: The compiled model.
             array: The array that was attached.
             name: The prefix it was attached with.
+            cells: Not used.
             native: True for the numba kernel, False for numpy, None for whichever is there.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        names = [geom_name(name, index) for index in range(array.count)]
-        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names]
-        if min(ids) < 0:
-            raise LifeCycleError(
-                f"geom {names[ids.index(min(ids))]!r} is not in this model; bind a model compiled from the spec "
-                f"that sensor {name!r} was attached to"
-            )
-        return BoxReader(model, np.array(ids), native=native)
+        return BoxReader(model, find_boxes(model, array, name), native=native)
 
 
 class BoxReader:
@@ -161,6 +203,14 @@ class BoxReader:
             )
         return total if total.min() >= 0 else _without_lift(total)
 
+    def read(self, data: Any) -> Reading:  # noqa: ANN401
+        """Forces of the last step."""
+        return self.at_rest(self.forces(data))
+
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """The reading that belongs to given contact forces, shape (n,) [N]."""
+        return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
+
 
 def _without_lift(total: FloatArray) -> FloatArray:
     """Forces without negative entries and with the same sum (zero at least), shape (n,) [N]."""
@@ -169,21 +219,20 @@ def _without_lift(total: FloatArray) -> FloatArray:
     return pressed * (max(float(total.sum()), 0.0) / positive) if positive > 0 else pressed
 
 
-#: Contact methods by name.
-METHODS: Mapping[str, TexelContact] = MappingProxyType({"boxes": BoxTexels()})
-
-
-def choose(method: str | TexelContact) -> TexelContact:
-    """A contact method by name, or the one given.
+def find_boxes(model: Any, array: TexelArray, name: str) -> IntArray:  # noqa: ANN401
+    """Geom id of each texel's box, shape (n,).
 
     Raises:
-        UnknownNameError: If there is none of that name.
+        LifeCycleError: If one is not in the model.
     """
-    if not isinstance(method, str):
-        return method
-    if method not in METHODS:
-        raise UnknownNameError("contact method", method, METHODS)
-    return METHODS[method]
+    names = [geom_name(name, index) for index in range(array.count)]
+    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names]
+    if min(ids) < 0:
+        raise LifeCycleError(
+            f"geom {names[ids.index(min(ids))]!r} is not in this model; bind a model compiled from the spec "
+            f"that sensor {name!r} was attached to"
+        )
+    return np.array(ids)
 
 
 def geom_name(name: str, index: int) -> str:

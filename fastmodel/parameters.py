@@ -23,6 +23,7 @@ import numpy.typing as npt
 import tomli_w
 
 from fastmodel.butterworth import Butterworth
+from fastmodel.cover_cells import CoverCells
 from fastmodel.electronics import Electronics
 from fastmodel.errors import ParametersError, ShapeError
 from fastmodel.files import kept_path, pack, replace_pair
@@ -37,6 +38,9 @@ FORMAT = 1
 TOML_NAME = "parameters.toml"
 NPZ_NAME = "cover.npz"
 _OPERATOR = "operator"
+_COMPLIANCE = "cells_compliance"
+_INFLUENCE = "cells_influence"
+_RESERVED = (_OPERATOR, _COMPLIANCE, _INFLUENCE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +54,8 @@ class Parameters:
         filter: Low-pass on every texel; None for none.
         provenance: Where the numbers come from: estimator, versions, hashes, assumptions.
         tables: Further arrays of the cover that travel with it, by name, for example a point response.
+        cells: The cover between sub-texel cells, for the contact methods `cover` and `foundation`; None where nobody
+            knows it.
     """
 
     array: TexelArray
@@ -58,21 +64,25 @@ class Parameters:
     filter: Butterworth | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     tables: Mapping[str, FloatArray] = field(default_factory=dict)
+    cells: CoverCells | None = None
 
     def __post_init__(self) -> None:
         """Check that the parts fit one another.
 
         Raises:
             ShapeError: If the spread operator or the gains are for another number of texels.
-            ParametersError: If a table is named like the operator.
+            ParametersError: If a table is named like one of the format's own.
         """
         if isinstance(self.spread, Tabulated):
             self.spread.operator(self.array)
         gains = self.electronics.gains
         if gains is not None and len(gains) != self.array.count:
             raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
-        if _OPERATOR in self.tables:
-            raise ParametersError(f"a table must not be named {_OPERATOR!r}; that name is the spread's")
+        if self.cells is not None:
+            self.cells.check_pitch(self.array)
+        for name in _RESERVED:
+            if name in self.tables:
+                raise ParametersError(f"a table must not be named {name!r}; the format uses that name itself")
 
     def save(self, folder: str | Path) -> Path:
         """Write `parameters.toml` and `cover.npz` into a folder, made if need be.
@@ -89,6 +99,8 @@ class Parameters:
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
+        if self.cells is not None:
+            tables |= {_COMPLIANCE: self.cells.compliance, _INFLUENCE: self.cells.influence}
         packed = pack({name: np.asarray(table) for name, table in tables.items()})
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         replace_pair(target / NPZ_NAME, packed, target / TOML_NAME, text.encode())
@@ -126,7 +138,8 @@ def load(folder: str | Path) -> Parameters:
             electronics=reader.build("electronics", lambda: _electronics(reader)),
             filter=reader.build("filter", lambda: _filter(document.get("filter"))),
             provenance=reader.build("provenance", lambda: dict(document.get("provenance", {}))),
-            tables=tables,
+            cells=reader.build("cells", lambda: _cells(document.get("cells"), tables)),
+            tables={name: table for name, table in tables.items() if name not in _RESERVED},
         ),
     )
 
@@ -165,6 +178,9 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     }
     if parameters.filter is not None:
         document["filter"] = _plain(parameters.filter)
+    if parameters.cells is not None:
+        plain = _plain(parameters.cells)
+        document["cells"] = {name: value for name, value in plain.items() if name not in {"compliance", "influence"}}
     if parameters.provenance:
         document["provenance"] = _without_none(dict(parameters.provenance))
     return document
@@ -235,6 +251,13 @@ def _electronics(reader: _Reader) -> Electronics:
 
 def _filter(values: Mapping[str, Any] | None) -> Butterworth | None:
     return None if values is None else Butterworth(**values)
+
+
+def _cells(values: Mapping[str, Any] | None, tables: Mapping[str, FloatArray]) -> CoverCells | None:
+    if values is None:
+        return None
+    named = {**values, "cell": tuple(values["cell"])}
+    return CoverCells(compliance=tables[_COMPLIANCE], influence=tables[_INFLUENCE], **named)
 
 
 def _plain(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance

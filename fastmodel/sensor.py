@@ -19,9 +19,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.butterworth import FilterBank
-from fastmodel.contact import ContactReader, TexelContact, choose, geom_name
+from fastmodel.contact import ContactReader, Reading, TexelContact
 from fastmodel.errors import FastModelError, LifeCycleError, StateError, UnknownNameError
 from fastmodel.frame import Frame
+from fastmodel.methods import DEFAULT, choose
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
 
@@ -43,8 +44,8 @@ def attach(
     name: str = "sensor",
     position: npt.ArrayLike = (0.0, 0.0, 0.0),
     quaternion: npt.ArrayLike = (1.0, 0.0, 0.0, 0.0),
-    contact: str | TexelContact = "boxes",
-    every: int = 1,
+    contact: str | TexelContact = DEFAULT,
+    every: int | None = None,
     native: bool | None = None,
 ) -> Sensor:
     """Put a tactile array on a body of a spec that is not compiled yet.
@@ -58,21 +59,23 @@ def attach(
         name: What to call it; geoms are named after it.
         position: Origin of the array's frame in the body's, shape (3,) [m].
         quaternion: Orientation of the array's frame in the body's, scalar first, shape (4,) [-].
-        contact: Contact method, by name or as settings.
-        every: Form contact forces on every n-th physics step [-].
+        contact: Contact method, by name (`fastmodel.METHODS`) or as settings; the best one that the parameters allow
+            when not given.
+        every: Form contact forces on every n-th physics step; when not given on every one with the boxes, else as
+            rarely as the frame rate and four times the filter's cut-off allow [-].
         native: True for numba kernels, False for numpy, None for whichever is there.
 
     Raises:
         UnknownNameError: If the body or the contact method does not exist.
         FastModelError: If the name is taken, `every` is not a positive whole number, or the pose is not one.
     """
-    method = choose(contact)
-    if every != int(every) or every < 1:
+    _, method = choose(contact, parameters)
+    if every is not None and (every != int(every) or every < 1):
         raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
-    if spec.geom(geom_name(name, 0)) is not None:
+    if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     method.attach(_find_body(spec, body), parameters.array, _pose(position, quaternion), name)
-    return Sensor(name=name, parameters=parameters, contact=method, every=int(every), native=native)
+    return Sensor(name=name, parameters=parameters, contact=method, every=every, native=native)
 
 
 def recommend_options(spec: Any) -> None:  # noqa: ANN401 -- MjSpec
@@ -98,7 +101,7 @@ class Sensor:
     """
 
     def __init__(
-        self, *, name: str, parameters: Parameters, contact: TexelContact, every: int, native: bool | None
+        self, *, name: str, parameters: Parameters, contact: TexelContact, every: int | None, native: bool | None
     ) -> None:
         """Remember the settings; `attach` is the way in."""
         self.name = name
@@ -121,9 +124,11 @@ class Sensor:
             LifeCycleError: If the model was not compiled from the spec with this array.
             FilterError: If the filter's cut-off is not below half the rate it runs at.
         """
-        reader = self._contact.bind(model, self.parameters.array, self.name, native=self._native)
-        self._running = _Running(self.parameters, reader, model, self._every, native=self._native)
-        _warn(self.parameters, model, self._every)
+        parameters = self.parameters
+        reader = self._contact.bind(model, parameters.array, self.name, cells=parameters.cells, native=self._native)
+        every = self._every or _rarely(parameters, self._contact, model)
+        self._running = _Running(parameters, reader, model, every, native=self._native)
+        _warn(parameters, model, every)
         return self
 
     def step(self, data: Any) -> bool:  # noqa: ANN401 -- MjData
@@ -156,7 +161,15 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().contact_forces.copy()
+        return self._bound().reading.contact_forces.copy()
+
+    def carried(self) -> float:
+        """Everything that pressed on the array and its margin at the last sample [N].
+
+        Raises:
+            LifeCycleError: If the sensor is not bound.
+        """
+        return self._bound().reading.carried
 
     def outside(self) -> float:
         """Filtered contact force of the latest frame that no texel feels [N].
@@ -206,20 +219,23 @@ class _Running:
         rate = 1.0 / (every * self._timestep)
         count = parameters.array.count
         design = parameters.filter
-        self._filter = None if design is None else FilterBank(design, rate, count, native=native)
+        # the last signal is the sum of everything, so that what no texel feels is filtered alike
+        self._filter = None if design is None else FilterBank(design, rate, count + 1, native=native)
         self.reset(np.zeros(()))
 
     def reset(self, contact_forces: FloatArray) -> None:
         settled = np.broadcast_to(contact_forces, (self._array.count,))
         if not np.isfinite(settled).all():
             raise StateError("contact forces to start from must be finite")
+        self.reading = self._reader.at_rest(settled)
+        signals = self._signals(self.reading)
         if self._filter is not None:
-            self._filter.settle(settled)
+            self._filter.settle(signals)
         self._noise = np.random.default_rng(self._electronics.seed)
         self._steps = 0
         self._time = self._start = np.nan
         self._frames = 0
-        self.contact_forces = self._filtered = settled
+        self._filtered = signals
         self._sampled_at = 0.0
         self.latest = self._make_frame(None)
 
@@ -236,16 +252,26 @@ class _Running:
         return True
 
     def _sample(self, data: Any, name: str) -> None:  # noqa: ANN401 -- MjData
-        forces = self._reader.forces(data)
-        if not math.isfinite(forces.sum()):
+        reading = self._reader.read(data)
+        if not math.isfinite(reading.carried):
             raise StateError(f"sensor {name!r}: contact forces are not finite at t = {data.time:g} s")
-        self.contact_forces = forces
-        self._filtered = forces if self._filter is None else self._filter.step(forces)
+        self.reading = reading
+        signals = self._signals(reading)
+        self._filtered = signals if self._filter is None else self._filter.step(signals)
         self._sampled_at = data.time
 
+    def _signals(self, reading: Reading) -> FloatArray:
+        """What is filtered: force on each texel and the sum of everything, shape (n + 1,) [N]."""
+        self._spreads = reading.texel_forces is not None
+        forces = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
+        signals = np.empty(len(forces) + 1)
+        signals[:-1], signals[-1] = forces, reading.carried
+        return signals
+
     def _make_frame(self, noise: np.random.Generator | None) -> Frame:
-        texel_forces = self._operator @ self._filtered
-        self.outside = float(self._filtered.sum() - texel_forces.sum())
+        count = self._array.count
+        texel_forces = self._filtered[:count].copy() if self._spreads else self._operator @ self._filtered[:count]
+        self.outside = float(self._filtered[count] - texel_forces.sum())
         counts = self._electronics.counts(texel_forces, noise)
         counts[~self._array.active] = 0
         image = self._array.image(self._electronics.image(counts))
@@ -263,6 +289,16 @@ class _Running:
                 f"{self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
             )
         self._time = now
+
+
+def _rarely(parameters: Parameters, contact: TexelContact, model: Any) -> int:  # noqa: ANN401 -- MjModel
+    """Physics steps between readings of a method: one, or as many as frames and filter allow where reading is dear."""
+    if not contact.costly:
+        return 1
+    wanted = parameters.electronics.rate_hz
+    if parameters.filter is not None:
+        wanted = max(wanted, 4 * parameters.filter.cutoff_hz)
+    return max(1, int((1 + _TICK) / (wanted * model.opt.timestep)))
 
 
 def _find_body(spec: Any, body: Any) -> Any:  # noqa: ANN401 -- mjsBody

@@ -150,7 +150,7 @@ def test_bad_input_is_named():
         indent(PARAMETERS, sphere, load=1.0, at=(np.nan, 0.0))
     with pytest.raises(MissedArrayError, match="'at' must lie on the array"):
         indent(PARAMETERS, sphere, load=1.0, at=(0.1, 0.0))
-    with pytest.raises(UnknownNameError, match="no contact method named 'bricks'; valid names: boxes"):
+    with pytest.raises(UnknownNameError, match="no contact method named 'bricks'; valid names: area, boxes, cover"):
         indent(PARAMETERS, sphere, load=1.0, method="bricks")
     with pytest.raises(ValueError, match="height"):
         BoxTexels(height=0.0)

@@ -1,0 +1,55 @@
+"""The contact methods by name, and which one is used when none is named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from fastmodel.area import AreaTexels
+from fastmodel.contact import BoxTexels, TexelContact
+from fastmodel.errors import FastModelError, UnknownNameError
+from fastmodel.parameters import Parameters
+from fastmodel.plate import require_grid
+from fastmodel.surface_contact import CoverContact, Foundation
+
+#: Contact methods by name.
+METHODS: Mapping[str, TexelContact] = MappingProxyType(
+    {"boxes": BoxTexels(), "area": AreaTexels(), "foundation": Foundation(), "cover": CoverContact()}
+)
+#: Name of the best method that the parameters allow.
+DEFAULT = "default"
+
+
+def choose(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
+    """A contact method by name, or the one given.
+
+    `default` is `cover` where the parameters hold the cover's cells and the array is a flat, even grid, and the boxes
+    of the 2015 report elsewhere.
+
+    Args:
+        method: Name or settings.
+        parameters: What it is for.
+
+    Returns:
+        Its name (settings as text) and itself.
+
+    Raises:
+        UnknownNameError: If there is none of that name.
+    """
+    if not isinstance(method, str):
+        return repr(method), method
+    if method == DEFAULT:
+        method = _best(parameters)
+    if method not in METHODS:
+        raise UnknownNameError("contact method", method, (DEFAULT, *METHODS))
+    return method, METHODS[method]
+
+
+def _best(parameters: Parameters) -> str:
+    if parameters.cells is None:
+        return "boxes"
+    try:
+        require_grid(parameters.array)
+    except FastModelError:
+        return "boxes"
+    return "cover"

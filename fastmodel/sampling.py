@@ -1,0 +1,223 @@
+"""What touching bodies look like from below, cell by cell, and what each of them carries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.lower_surface import Solid
+from meshes import TexelArray
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+#: Points along each edge of a cell on an outline at which the gap is taken.
+POINTS = 4
+_OFFSETS = (np.arange(POINTS) + 0.5) / POINTS - 0.5
+#: Share of corners under a part below which it is taken for a thin one, all of whose cells are looked at closely.
+_SPARSE = 0.25
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """A solid where it stands: axes as columns (3, 3) and origin (3,) in the array's frame [m]."""
+
+    solid: Solid
+    rotation: FloatArray
+    position: FloatArray
+
+    def lower(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Height of the underside over the array's plane at points of shape (m,), inf where there is none [m]."""
+        return self.solid.lower(x, y, self.rotation, self.position)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Load:
+    """What the engine lets one body press with.
+
+    Attributes:
+        force: Against the array's normal [N].
+        moment: Sums of force times x and of force times y over the contact points, in the array's frame, shape (2,)
+            [Nm].
+        tilts: Whether the body is free to tilt, so that its moments say where it presses.
+    """
+
+    force: float
+    moment: FloatArray
+    tilts: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CellGrid:
+    """Cells that divide the pitches of a flat grid and of a margin around it.
+
+    Attributes:
+        per_texel: Cells along each edge of a pitch [-].
+        rows: Rows of cells, margin included [-].
+        columns: Columns of cells, margin included [-].
+        margin: Cells beyond the array on each side [-].
+        edge: Edge lengths of a cell along x and y [m].
+        low: Lowest corner in the array's frame, shape (2,) [m].
+        texel_columns: Columns of the array [-].
+    """
+
+    per_texel: int
+    rows: int
+    columns: int
+    margin: int
+    edge: tuple[float, float]
+    low: FloatArray
+    texel_columns: int
+
+    @classmethod
+    def over(cls, array: TexelArray, per_texel: int, margin: int) -> CellGrid:
+        """Cells over a planar grid and `margin` pitches around it."""
+        edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
+        beyond = margin * per_texel
+        half_pitch = np.array(array.pitch) / 2
+        return cls(
+            per_texel=per_texel,
+            rows=array.rows * per_texel + 2 * beyond,
+            columns=array.columns * per_texel + 2 * beyond,
+            margin=beyond,
+            edge=edge,
+            low=array.centres[0, :2] - half_pitch - beyond * np.array(edge),
+            texel_columns=array.columns,
+        )
+
+    def texel(self, row: IntArray, column: IntArray) -> IntArray:
+        """Texel of each cell, -1 in the margin, same shape."""
+        i, j = row - self.margin, column - self.margin
+        inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin) & (j < self.columns - 2 * self.margin)
+        return np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """Cells that bodies stand over, each body's own; shapes (m,).
+
+    Attributes:
+        body: Which body, from 0.
+        row: Row in the cell grid.
+        column: Column in the cell grid.
+        coverage: Share of the cell under the body [-].
+        x: Middle of the covered part in the array's frame [m].
+        y: Middle of the covered part [m].
+        gap: Mean height of the body's underside over it [m].
+    """
+
+    body: IntArray
+    row: IntArray
+    column: IntArray
+    coverage: FloatArray
+    x: FloatArray
+    y: FloatArray
+    gap: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of cells over all bodies."""
+        return len(self.body)
+
+
+def sample(grid: CellGrid, bodies: Sequence[Sequence[Placed]], reach: Sequence[float]) -> Samples:
+    """Look at every body from below.
+
+    Args:
+        grid: The cells.
+        bodies: The solids of each body.
+        reach: Height over each body's lowest point up to which it is looked at [m].
+    """
+    found = [_sample_body(grid, parts, height) for parts, height in zip(bodies, reach, strict=True)]
+    body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
+    row, column, coverage, x, y, gap = (np.concatenate(each) for each in zip(*found, strict=True))
+    return Samples(
+        body=body, row=row.astype(np.int64), column=column.astype(np.int64), coverage=coverage, x=x, y=y, gap=gap
+    )
+
+
+def _sample_body(grid: CellGrid, parts: Sequence[Placed], reach: float) -> tuple[FloatArray, ...]:
+    """Row, column, coverage, x, y, gap of the cells under one body.
+
+    A cell whose corners all lie under one part lies under it altogether, because parts are convex.  Only cells around
+    an outline are looked at in more points.  Where parts overlap or share an edge the lowest one counts, once.
+    """
+    nothing = (np.zeros(0),) * 6
+    windows = [_window(grid, part) for part in parts]
+    low = np.min([first for first, _ in windows], axis=0)
+    columns, rows = np.max([last for _, last in windows], axis=0) - low
+    if rows <= 0 or columns <= 0:
+        return nothing
+    height, outline = np.full((rows, columns), np.inf), np.zeros((rows, columns), dtype=bool)
+    for part, (first, last) in zip(parts, windows, strict=True):
+        if (first < last).all():
+            place = (slice(first[1] - low[1], last[1] - low[1]), slice(first[0] - low[0], last[0] - low[0]))
+            whole, around = _look_at_corners(grid, part, first, last)
+            height[place] = np.minimum(height[place], whole)
+            outline[place] |= around
+    row, column = np.nonzero(np.isfinite(height))
+    middle = (np.zeros(len(row)),) * 2
+    found = [(row, column, np.ones(len(row)), *middle, height[row, column])]
+    found.append(_look_closely(grid, parts, low, *np.nonzero(outline & ~np.isfinite(height))))
+    row, column, share, right, up, gap = (np.concatenate(each) for each in zip(*found, strict=True))
+    if not len(gap):
+        return nothing
+    near = gap <= gap.min() + reach
+    row, column, share, right, up, gap = (each[near] for each in (row, column, share, right, up, gap))
+    row, column = row + low[1], column + low[0]
+    x = grid.low[0] + (column + 0.5 + right) * grid.edge[0]
+    y = grid.low[1] + (row + 0.5 + up) * grid.edge[1]
+    return row, column, share, x, y, gap
+
+
+def _look_at_corners(
+    grid: CellGrid, part: Placed, first: IntArray, last: IntArray
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Mean gap of cells that lie under the part altogether, else inf; and which cells its outline may cross."""
+    columns, rows = last - first + 1
+    x = grid.low[0] + (first[0] + np.arange(columns)) * grid.edge[0]
+    y = grid.low[1] + (first[1] + np.arange(rows)) * grid.edge[1]
+    gap = part.lower(np.tile(x, rows), np.repeat(y, columns)).reshape(rows, columns)
+    whole = 0.25 * (gap[:-1, :-1] + gap[1:, :-1] + gap[:-1, 1:] + gap[1:, 1:])
+    hit = np.isfinite(gap)
+    if hit.sum() < _SPARSE * hit.size:
+        return whole, np.ones(whole.shape, dtype=bool)
+    # any corner within one cell of the cell's own corners
+    wide = hit[:, :-1] | hit[:, 1:]
+    wide[:, 1:] |= hit[:, :-2]
+    wide[:, :-1] |= hit[:, 2:]
+    around = wide[:-1] | wide[1:]
+    around[1:] |= wide[:-2]
+    around[:-1] |= wide[2:]
+    return whole, around
+
+
+def _look_closely(
+    grid: CellGrid, parts: Sequence[Placed], low: IntArray, row: IntArray, column: IntArray
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Row, column, coverage, middle of the covered part (in cells from the cell's middle) and gap of covered cells."""
+    right, up = np.tile(_OFFSETS, POINTS), np.repeat(_OFFSETS, POINTS)
+    x = grid.low[0] + (low[0] + 0.5 + column[:, None] + right) * grid.edge[0]
+    y = grid.low[1] + (low[1] + 0.5 + row[:, None] + up) * grid.edge[1]
+    gap = np.full(x.size, np.inf)
+    for part in parts:
+        np.minimum(gap, part.lower(x.ravel(), y.ravel()), out=gap)
+    gap = gap.reshape(x.shape)
+    hit = np.isfinite(gap)
+    count = hit.sum(axis=1)
+    some = count.nonzero()[0]
+    hit, gap, count = hit[some], gap[some], count[some]
+    mean = np.where(hit, gap, 0.0).sum(axis=1) / count
+    return row[some], column[some], count / POINTS**2, hit @ right / count, hit @ up / count, mean
+
+
+def _window(grid: CellGrid, part: Placed) -> tuple[IntArray, IntArray]:
+    """First and one past the last column and row of cells under a part, both (2,)."""
+    low, high = part.solid.bounds(part.rotation, part.position)
+    size = np.array([grid.columns, grid.rows])
+    first = np.floor(np.clip((low[:2] - grid.low) / grid.edge, 0, size)).astype(np.int64)
+    last = np.ceil(np.clip((high[:2] - grid.low) / grid.edge, 0, size)).astype(np.int64)
+    return first, last
