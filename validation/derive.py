@@ -22,6 +22,7 @@ from validation.resolution import texel_separation, two_point_separation
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
+    from fastmodel.cover_cells import CoverCells
     from fastmodel.parameters import Parameters
     from fem_reference.point_spread import PointSpread
 
@@ -48,7 +49,8 @@ class Derivation:
         error_estimate: Relative errors of the reference (`total_force`, `peak_texel`, `sigma`) [-].
         resolution: Smallest separation of two equal point loads with a dip of base pressure between [m].
         resolution_on_array: The same for texel values, in the worst alignment; nan if there is none [m].
-        sensitivity: Derivatives of sigma: `thickness` [pitches/m] and `poisson_ratio` [pitches].
+        sensitivity: Derivatives of sigma_x of the uncut kernel, all layers changed together: `thickness` [pitches/m],
+            `poisson_ratio` [pitches] and `youngs_modulus`, which is exactly 0 [pitches/Pa].
         seconds: Wall time [s].
     """
 
@@ -122,6 +124,8 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     uniform = np.asarray(spread.texel_response(array, load="uniform"))
     tell("kernel fit")
     fit = _fit(spread, array, point, uniform)
+    tell("cover between cells")
+    cells = _cells(sensor, spread)
     tell("resolution and sensitivities")
     return Derivation(
         sensor=sensor,
@@ -136,6 +140,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
             filter=sensor.filter,
             electronics=sensor.electronics,
             provenance=_provenance(sensor, fit),
+            cells=cells,
             tables={
                 "point_response_radius": np.asarray(spread.radius),
                 "point_response_pressure": np.asarray(spread.pressure_per_force),
@@ -183,6 +188,21 @@ def _outside(spread: PointSpread, array: TexelArray) -> tuple[float, float]:
     return float(spread.outside(array, centre, angles=90)[0]), float(uniform)
 
 
+def _cells(sensor: SensorDescription, spread: PointSpread) -> CoverCells | None:
+    """The cover between cells, where it is wide, the array even, and no other spread asked for."""
+    from fastmodel.errors import FastModelError
+    from fastmodel.plate import require_grid
+    from validation.cover_cells import cover_cells
+
+    try:
+        require_grid(sensor.array)
+    except FastModelError:
+        return None
+    if sensor.spread is not None or sensor.cover.size is not None:
+        return None
+    return cover_cells(sensor.cover, sensor.array, spread)
+
+
 def _fit(spread: PointSpread, array: TexelArray, point: FloatArray | None, uniform: FloatArray) -> Fit:
     return fit_gaussian(
         array.image(uniform),
@@ -196,20 +216,31 @@ def _fit(spread: PointSpread, array: TexelArray, point: FloatArray | None, unifo
 
 
 def _sensitivity(sensor: SensorDescription, spread: PointSpread) -> dict[str, float]:
-    """Derivatives of sigma_x by central differences (one-sided at the ends of the Poisson ratio's range).
+    """Derivatives of sigma_x: by thickness from the scaling law, by Poisson ratio from the exact layer, by E none.
 
     Of the uncut kernel: the smallest ksize that holds 99.9 % jumps, and the cut kernel's sigma with it.
     """
     array, height = sensor.array, sensor.cover.thickness
     # The response of a cover scaled by s to an array equals that of the cover itself to the array scaled by 1 / s.
     thicker, thinner = (_sigma(spread, _scaled(array, 1 / (1 + step))) for step in (_THICKNESS_STEP, -_THICKNESS_STEP))
-    ratios = [_shifted(sensor.cover, sign * _POISSON_STEP) for sign in (1, -1)]
-    change = ratios[0].layers[0].material.poisson_ratio - ratios[1].layers[0].material.poisson_ratio
-    upper, lower = (_sigma(_exact(cover, spread), array) for cover in ratios)
     return {
         "thickness": (thicker - thinner) / (2 * _THICKNESS_STEP * height),
-        "poisson_ratio": (upper - lower) / change,
+        "poisson_ratio": sum(_poisson_slope(sensor, spread, index) for index in range(len(sensor.cover.layers))),
+        # Multiplying all moduli by a number multiplies all displacements by its inverse, and no force.
+        "youngs_modulus": 0.0,
     }
+
+
+def _poisson_slope(sensor: SensorDescription, spread: PointSpread, index: int) -> float:
+    """Derivative of sigma_x by one layer's Poisson ratio: slope of a parabola through three ratios in their range."""
+    here = sensor.cover.layers[index].material.poisson_ratio
+    middle = float(np.clip(here, _POISSON_STEP, 0.5 - _POISSON_STEP))
+    low, centre, high = (
+        _sigma(_exact(_with_poisson_ratio(sensor.cover, index, middle + step), spread), sensor.array)
+        for step in (-_POISSON_STEP, 0.0, _POISSON_STEP)
+    )
+    bend = (high - 2 * centre + low) / _POISSON_STEP**2
+    return (high - low) / (2 * _POISSON_STEP) + (here - middle) * bend
 
 
 def _exact(cover: Cover, spread: PointSpread) -> PointSpread:
@@ -233,18 +264,12 @@ def _scaled(array: TexelArray, factor: float) -> TexelArray:
     )
 
 
-def _shifted(cover: Cover, step: float) -> Cover:
-    """The cover with every layer's Poisson ratio moved, within its range."""
-    layers = tuple(
-        dataclasses.replace(
-            layer,
-            material=dataclasses.replace(
-                layer.material, poisson_ratio=float(np.clip(layer.material.poisson_ratio + step, 0, 0.5))
-            ),
-        )
-        for layer in cover.layers
-    )
-    return dataclasses.replace(cover, layers=layers)
+def _with_poisson_ratio(cover: Cover, index: int, ratio: float) -> Cover:
+    """The cover with another Poisson ratio in one layer."""
+    layers = list(cover.layers)
+    material = dataclasses.replace(layers[index].material, poisson_ratio=ratio)
+    layers[index] = dataclasses.replace(layers[index], material=material)
+    return dataclasses.replace(cover, layers=tuple(layers))
 
 
 def _provenance(sensor: SensorDescription, fit: Fit) -> dict[str, Any]:

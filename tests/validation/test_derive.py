@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 import fastmodel
+from fem_reference import point_spread
 from fem_reference.closed_form import point_response
-from validation.derive import derive
+from meshes import Cover, Layer, Material
+from validation.derive import _sensitivity, _sigma, derive
 from validation.errors import InputError
 from validation.plain import plain
 from validation.resolution import two_point_separation
@@ -58,7 +60,7 @@ def test_json_has_the_keys_that_others_rely_on(derivation):
     assert np.shape(result["texel_response"]) == np.shape(result["texel_response_uniform"]) == (14, 6)
     assert result["point_response"].keys() == {"radius_m", "pressure_per_force"}
     assert result["error_estimate"].keys() == {"total_force", "peak_texel", "sigma"}
-    assert result["sensitivity"].keys() == {"thickness", "poisson_ratio"}
+    assert result["sensitivity"].keys() == {"thickness", "poisson_ratio", "youngs_modulus"}
     assert result["cover"]["assumed"] is True
 
 
@@ -77,6 +79,97 @@ def test_sensitivity_to_thickness_predicts_a_thicker_cover(derivation, thicker):
     name = "least-squares-uniform-uncut"
     change = thicker.fit.estimates[name][0] - derivation.fit.estimates[name][0]
     assert change == pytest.approx(derivation.sensitivity["thickness"] * 1e-4, rel=0.1)
+
+
+def cover(*layers):
+    """Layers from bottom to top: thickness [m], Young's modulus [Pa], Poisson ratio."""
+    return Cover(
+        layers=tuple(
+            Layer(
+                thickness=thickness,
+                material=Material(
+                    name="m", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
+                ),
+            )
+            for thickness, modulus, ratio in layers
+        )
+    )
+
+
+def sigma(layers):
+    """Of a run of the elements."""
+    return _sigma(point_spread(cover(*layers)), load("wts-0614-34").array)
+
+
+def sensitivity(layers):
+    chosen = cover(*layers)
+    return _sensitivity(dataclasses.replace(load("wts-0614-34"), cover=chosen), point_spread(chosen))
+
+
+@pytest.mark.parametrize("ratio", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
+def test_sensitivity_to_poisson_ratio_is_that_of_real_runs(ratio):
+    low, high = (sigma([(2e-3, 1e6, ratio + step)]) for step in (-0.005, 0.005))
+    assert sensitivity([(2e-3, 1e6, ratio)])["poisson_ratio"] == pytest.approx((high - low) / 0.01, rel=0.01)
+
+
+def test_sensitivity_at_the_end_of_the_range_is_of_second_order():
+    """A plain one-sided difference is 5 % off here."""
+    end, near = sigma([(2e-3, 1e6, 0.5)]), sigma([(2e-3, 1e6, 0.4995)])
+    assert sensitivity([(2e-3, 1e6, 0.5)])["poisson_ratio"] == pytest.approx((end - near) / 0.0005, rel=0.02)
+
+
+def test_sensitivities_of_two_layers_are_those_of_real_runs():
+    """One layer at the end of its range and one far from it: neither may be measured by the other's step."""
+
+    def layers(scale=1.0, step=0.0):
+        return [(1.5e-3 * scale, 1e6, 0.3 - step), (0.5e-3 * scale, 1e7, 0.5 - step)]
+
+    found = sensitivity(layers())
+    thicker, thinner = sigma(layers(1.02)), sigma(layers(0.98))
+    assert found["thickness"] == pytest.approx((thicker - thinner) / (0.04 * 2e-3), rel=1e-3)
+    assert found["poisson_ratio"] == pytest.approx((sigma(layers()) - sigma(layers(step=0.002))) / 0.002, rel=0.02)
+
+
+def test_youngs_modulus_drops_out_of_the_point_spread(derivation):
+    assert derivation.sensitivity["youngs_modulus"] == 0
+    stiff, soft = (point_spread(cover((2e-3, modulus, 0.49))) for modulus in (1e6, 1e4))
+    np.testing.assert_allclose(soft.pressure_per_force, stiff.pressure_per_force, rtol=1e-6, atol=1e-6)
+    two = [sigma([(1e-3, scale * 1e6, 0.49), (1e-3, scale * 1e7, 0.49)]) for scale in (1, 0.01)]
+    assert two[0] == pytest.approx(two[1], rel=1e-6)
+
+
+def test_of_several_layers_the_ratio_of_moduli_counts():
+    """The test above can fail."""
+    assert abs(sigma([(1e-3, 1e6, 0.49), (1e-3, 1e7, 0.49)]) - sigma([(1e-3, 1e6, 0.49), (1e-3, 1e6, 0.49)])) > 0.01
+
+
+def test_resolution_is_that_of_two_touches_on_the_exact_layer(derivation):
+    """Base pressure between two point loads, superposed from the exact solution: a dip beyond the resolution only."""
+    for factor, dips in ((0.97, False), (1.03, True)):
+        apart = factor * derivation.resolution
+        place = np.linspace(0, apart, 201)
+        pressure = point_response(derivation.sensor.cover, place)
+        pressure = pressure + pressure[::-1]
+        assert (pressure[100] < pressure[0] - 1e-3 * pressure.max()) == dips
+
+
+def test_resolution_on_the_array_is_that_of_two_touches_on_real_texels(derivation):
+    """Two touches on the array's own middle row, at every alignment: a texel between reads less than both sides."""
+    array, spread = derivation.sensor.array, derivation.point_spread
+    apart, row = derivation.resolution_on_array, array.centres[array.middle, 1]
+
+    def dips(separation):
+        found = []
+        for shift in np.arange(8) / 8 * array.pitch[0]:
+            touches = np.array([[shift - separation / 2, row], [shift + separation / 2, row]])
+            image = array.image(spread.texel_influence(array, touches).sum(axis=0))[array.rows // 2]
+            left, right = (round(float(x) / array.pitch[0] + 2.5) for x in touches[:, 0])
+            between = image[left + 1 : right]
+            found.append(between.size > 0 and between.min() < min(image[left], image[right]) - 1e-3 * image.max())
+        return all(found)
+
+    assert dips(apart)
+    assert not dips(apart - array.pitch[0] / 4)
 
 
 def test_resolution_scales_with_the_cover(derivation, thicker):

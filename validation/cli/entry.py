@@ -21,7 +21,16 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
             ("softcover demo", "softcover demo --out my-report", "softcover demo --recordings ~/recordings"),
         ),
         "derive": (
-            "Point spread function of a sensor's cover, and the fast model's parameters fitted to it.",
+            (
+                "Point spread function of a sensor's cover, and the fast model's parameters fitted to it.\n\n"
+                "Prints sigma and ksize of the Gaussian kernel and how much of the load it misplaces, every other "
+                "estimator's sigma, the two-point resolution (how far apart two equal touches must be to show a dip "
+                "between them, at the base and with these texels), how sigma changes with thickness and Poisson ratio, "
+                "and the error estimate of the finite elements.\n\n"
+                "Young's modulus drops out of the point spread function: a softer cover of the same thickness and "
+                "Poisson ratio spreads a given pressure just as far (of several layers the ratio of their moduli "
+                "counts). It decides how deep and wide an indenter goes: see `softcover press`."
+            ),
             (
                 "softcover derive wts-0614-34",
                 "softcover derive sensor.toml --out derived",

@@ -51,12 +51,17 @@ def derivation_table(derivation: Derivation) -> Table:
         ("", f"{_length(derivation.resolution_on_array)} with these texels, worst alignment"),
         ("sigma / thickness", f"{derivation.sensitivity['thickness'] * 1e-3:+.3f} pitches per mm"),
         ("sigma / Poisson ratio", f"{derivation.sensitivity['poisson_ratio'] * 0.01:+.4f} pitches per 0.01"),
+        ("sigma / Young's modulus", _modulus_text(sensor.cover)),
         ("error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())),
         ("time", f"{derivation.seconds:.2f} s"),
     )
     for name, value in rows:
         table.add_row(name, value)
     return table
+
+
+def _modulus_text(cover: Cover) -> str:
+    return "none: it drops out" + ("" if len(cover.layers) == 1 else ", only the ratio of the layers' moduli counts")
 
 
 def estimates_table(derivation: Derivation) -> Table:
