@@ -1,0 +1,57 @@
+"""What README shows works, and what it names is there."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from validation.derive import derive
+from validation.sensor_file import load
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+DOCUMENTS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md")] + sorted((ROOT / "docs").glob("*.md"))
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
+
+
+def test_robot_example_runs_as_it_stands(tmp_path):
+    derive(load("wts-0614-34")).parameters.save(tmp_path / "wts")
+    (example,) = blocks("python")
+    done = subprocess.run(  # noqa: S603 -- our own README
+        [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    grey = [int(word) for word in re.findall(r"\d+", done.stdout)]
+    assert len(grey) == 14 * 6
+    assert max(grey) > 100
+    assert grey.count(0) > 60
+
+
+def test_two_commands_come_first_and_soon():
+    first, second = blocks("sh")[:2]
+    assert first.count("\n") == second.count("\n") == 1
+    assert first.strip().endswith(".venv/bin/softcover demo")
+    assert second.strip() == ".venv/bin/pytest"
+    assert README[: README.index(second)].count("\n") < 60
+
+
+def test_ci_takes_its_commands_from_here():
+    script = (ROOT / ".ci" / "run").read_text()
+    awk = re.search(r"mapfile -t COMMANDS < <\((.*)\)\n", script).group(1)
+    found = subprocess.run(  # noqa: S603 -- our own script
+        [shutil.which("bash"), "-c", awk], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    assert found.splitlines() == [block.strip() for block in blocks("sh")[:2]]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(path):
+    for target in re.findall(r"\]\(([^)#]+)\)", path.read_text()):
+        assert target.startswith("https://") or (path.parent / target).exists(), target
