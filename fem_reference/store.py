@@ -104,7 +104,7 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
         return found
     result = {name: np.asarray(value) for name, value in compute().items()}
     if hash_sources() != code_version():
-        _LOG.warning("the sources changed while a result was computed; it is not kept")
+        _warn_once(folder(), "the sources changed after this process loaded them")
         return result
     try:
         write(key, result, {"kind": kind, "code": code_version(), "inputs": described})
@@ -239,7 +239,7 @@ def _sweep_at_start(place: Path) -> None:
 
 @cache
 def _warn_once(place: Path, reason: str) -> None:
-    _LOG.warning("the result store %s cannot be written (%s); results are not kept", place, reason)
+    _LOG.warning("the result store %s is not written (%s): results are not kept", place, reason)
 
 
 def _version(library: str) -> str:

@@ -15,12 +15,13 @@ _HARDNESS = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(?:(shore)?[\s-]*([a-z]*|0+))?\s*"
 _EXAMPLE = "write for example '30 shore-a'"
 
 
-def read_hardness(value: object, *, place: str = "") -> HardnessModulus:
+def read_hardness(value: object, *, place: str = "", bare: bool = False) -> HardnessModulus:
     """Read a Shore A hardness.
 
     Args:
-        value: A number with or without its scale: `30`, `30 A`, `30 shore-a`.
+        value: The text: `30 A`, `30 shore-a`.
         place: Where the text stands; begins the message of a fault.
+        bare: Whether a number without its scale will do.
 
     Raises:
         InputError: If it is no hardness, of another scale, or outside the range of the relations.
@@ -30,6 +31,8 @@ def read_hardness(value: object, *, place: str = "") -> HardnessModulus:
     match = _HARDNESS.fullmatch(text)
     if not match:
         raise InputError(f"{where}{value!r} is not a hardness; {_EXAMPLE}")
+    if not match[3] and not bare:
+        raise InputError(f"{where}{value!r} has no scale; {_EXAMPLE}")
     if (match[3] or "a").lower() != "a":
         raise InputError(f"{where}{value!r} is not on the Shore A scale, and only that has relations here; {_EXAMPLE}")
     try:

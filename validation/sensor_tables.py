@@ -10,7 +10,6 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict,
 from pydantic.dataclasses import dataclass
 
 from meshes.catalogue import MATERIALS
-from meshes.hardness import HardnessModulus
 from meshes.material import MODELS, SERIES, Material
 from validation.errors import nearest
 from validation.hardness_text import material_of_hardness, read_hardness
@@ -45,12 +44,6 @@ def _exponent(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not -100 <= value <= 100 or not value:  # noqa: PLR2004 -- any sensible one
         raise ValueError(f"must be a number other than 0, or a list of them, not {value!r}")
     return float(value)
-
-
-def _hardness(value: object) -> HardnessModulus:
-    if not isinstance(value, str):
-        raise ValueError(f"{value!r} has no scale; write for example '30 shore-a'")  # noqa: TRY004 -- pydantic's
-    return read_hardness(value)
 
 
 def _choice(*names: str) -> BeforeValidator:
@@ -138,7 +131,7 @@ class MaterialTable:
     c3: Annotated[float, _quantity("pressure", positive=False)] | None = None
     mu: Annotated[tuple[float, ...], _terms(lambda value: read(value, "pressure"))] | None = None
     alpha: Annotated[tuple[float, ...], _terms(_exponent)] | None = None
-    hardness: Annotated[Any, BeforeValidator(_hardness)] = None
+    hardness: Annotated[Any, BeforeValidator(read_hardness)] = None
     name: str = ""
     source: str | None = None
     spread: Share | None = None

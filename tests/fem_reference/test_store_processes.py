@@ -63,7 +63,10 @@ def await_new_file():
 
 
 def kill_writers(times):
-    """Kill `times` writers, each second one just when it writes; what was finished, and the unfinished files left."""
+    """Kill `times` writers at some time, when a file has begun, or after a finished one, in turn.
+
+    Returns the finished entries and how many unfinished files were left.
+    """
     store.folder().mkdir()
     random_delay = random.Random(0)  # noqa: S311 -- only spreads the kills
     finished, left = [], 0
@@ -71,13 +74,14 @@ def kill_writers(times):
         reader, writer = os.pipe()
         number = child(lambda turn=turn, writer=writer: write_for_ever(turn * 10_000, writer))
         os.close(writer)
-        time.sleep(random_delay.uniform(0.002, 0.08))
-        if turn % 2:
+        told = os.read(reader, 1 << 16) if turn % 3 == 2 else b""
+        time.sleep(random_delay.uniform(0.002, 0.06))
+        if turn % 3 == 1:
             await_new_file()
         os.kill(number, signal.SIGKILL)
         os.waitpid(number, 0)
-        with os.fdopen(reader) as lines:
-            finished += [int(line) for line in lines if line.endswith("\n")]
+        with os.fdopen(reader, "rb") as pipe:
+            finished += [int(line) for line in (told + pipe.read()).split(b"\n")[:-1]]
         found = store.partial_files()
         left += found
         assert store.sweep_leftovers() == found
@@ -107,8 +111,8 @@ def test_plain_writes_would_tear(folder, monkeypatch):
     def plain(path, parts):
         with path.open("wb", buffering=0) as file:
             for part in parts:
-                for start in range(0, len(part), 256):
-                    file.write(part[start : start + 256])
+                for start in range(0, len(part), 64):
+                    file.write(part[start : start + 64])
 
     monkeypatch.setattr(store, "replace", plain)
     *_, torn = check_killed(20)

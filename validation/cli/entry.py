@@ -112,7 +112,11 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
             ),
         ),
         "store": (
-            "The results that the reference keeps: list them, check them, remove them.",
+            (
+                "The results that the reference keeps: list them, check them, remove them.\n\n"
+                "Each one is found again by its whole input and the version of the code. They lie in the user's cache "
+                "folder, or in the folder that the environment variable SOFTCOVER_STORE names."
+            ),
             ("softcover store list", "softcover store verify", "softcover store prune"),
         ),
         "export": (

@@ -37,7 +37,7 @@ def materials(name: Name = None, /, *, hardness: Hardness = None, json: Json = F
     if hardness is not None:
         from validation.hardness_text import read_hardness
 
-        found = read_hardness(hardness, place="--hardness")
+        found = read_hardness(hardness, place="--hardness", bare=True)
         print_json(_hardness_json(found)) if json else _show_hardness(found)
     elif name is not None:
         material = _named(name)
