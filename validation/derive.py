@@ -23,7 +23,6 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.cover_cells import CoverCells
-    from fastmodel.cover_cells import CoverCells
     from fastmodel.parameters import Parameters
     from fem_reference.point_spread import PointSpread
 
@@ -127,8 +126,6 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     fit = _fit(spread, array, point, uniform)
     tell("cover between cells")
     cells = _cells(sensor, spread)
-    tell("cover between cells")
-    cells = _cells(sensor, spread)
     tell("resolution and sensitivities")
     return Derivation(
         sensor=sensor,
@@ -143,7 +140,6 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
             filter=sensor.filter,
             electronics=sensor.electronics,
             provenance=_provenance(sensor, fit),
-            cells=cells,
             cells=cells,
             tables={
                 "point_response_radius": np.asarray(spread.radius),
@@ -190,21 +186,6 @@ def _outside(spread: PointSpread, array: TexelArray) -> tuple[float, float]:
     places = centre + np.column_stack([x.ravel(), y.ravel()])
     uniform = np.outer(weights, weights).ravel() / 4 @ spread.outside(array, places, angles=40)
     return float(spread.outside(array, centre, angles=90)[0]), float(uniform)
-
-
-def _cells(sensor: SensorDescription, spread: PointSpread) -> CoverCells | None:
-    """The cover between cells, where it is wide, the array even, and no other spread asked for."""
-    from fastmodel.errors import FastModelError
-    from fastmodel.plate import require_grid
-    from validation.cover_cells import cover_cells
-
-    try:
-        require_grid(sensor.array)
-    except FastModelError:
-        return None
-    if sensor.spread is not None or sensor.cover.size is not None:
-        return None
-    return cover_cells(sensor.cover, sensor.array, spread)
 
 
 def _cells(sensor: SensorDescription, spread: PointSpread) -> CoverCells | None:
