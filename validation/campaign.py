@@ -1,6 +1,7 @@
 """A campaign: cases pressed by the finite elements and by the fast model, and scored.
 
-Beside the fitted fast model stand two null models: zeros, and the fast model's contact forces without any spread.
+Beside the fast model stand its simpler contact methods and two null models: zeros, and the forces on rigid boxes
+without any spread.
 What the reference itself is uncertain about is the noise floor of every score.
 """
 
@@ -30,8 +31,10 @@ Progress = Callable[[int, int, str], None]
 #: The scored models, and what each is.
 MODELS: Mapping[str, str] = MappingProxyType(
     {
-        "fast": "rigid texels in MuJoCo, fitted Gaussian spread",
-        "no-spread": "null: rigid texels in MuJoCo, texel forces as they come",
+        "fast": "the fast model as it comes: contact on the cover's own cells, or boxes where there are none",
+        "area": "rigid box texels in MuJoCo, forces shared by contact area, fitted Gaussian spread",
+        "boxes": "the 2015 report's: rigid box texels, forces by contact points, fitted Gaussian spread",
+        "no-spread": "null: the same boxes, texel forces as they come",
         "zeros": "null: an empty image",
     }
 )
@@ -229,10 +232,15 @@ def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
 
     array = parameters.array
     reference = press(cover, array, case.indenter, load=case.load, at=case.at, yaw=case.yaw)
-    fast = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw)
+    fast, area, boxes = (
+        indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
+        for method in ("default", "area", "boxes")
+    )
     forces = {
         "fast": (fast.texel_forces, fast.outside),
-        "no-spread": (np.where(array.active, fast.contact_forces, 0.0), 0.0),
+        "area": (area.texel_forces, area.outside),
+        "boxes": (boxes.texel_forces, boxes.outside),
+        "no-spread": (np.where(array.active, boxes.contact_forces, 0.0), 0.0),
         "zeros": (np.zeros(array.count), 0.0),
     }
     predictions = {

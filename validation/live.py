@@ -107,16 +107,11 @@ def simulated(parameters: Parameters, indenter: Indenter, *, load: float) -> Ite
 
 def _indenter(mujoco: Any, spec: Any, indenter: Indenter, load: float) -> str:  # noqa: ANN401 -- MuJoCo is untyped
     """Hang an indenter of the mass of its load over the array; return its body's name."""
+    from fastmodel.rig import add_geoms
+
     body = spec.worldbody.add_body(name="indenter", pos=[0, 0, 0])
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     mass = load / G0
     body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
-    for primitive in indenter.primitives():
-        body.add_geom(
-            type=getattr(mujoco.mjtGeom, f"mjGEOM_{primitive.kind.upper()}"),
-            size=[*primitive.size, 0.0, 0.0][:3],
-            pos=primitive.position,
-            quat=primitive.quaternion,
-            mass=0.0,
-        )
+    add_geoms(spec, body, indenter)
     return "indenter"

@@ -28,7 +28,7 @@ def write_mjcf(parameters: Parameters, path: Path, *, name: str) -> None:
     spec = mujoco.MjSpec()
     spec.modelname = name
     body = spec.worldbody.add_body(name=name)
-    fastmodel.attach(spec, body, parameters, name=name)
+    fastmodel.attach(spec, body, parameters, name=name, contact="boxes")
     spec.compile()
     text = spec.to_xml()
     # What a reader gets must be what was meant: load it back before anybody else does.
