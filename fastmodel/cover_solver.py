@@ -79,11 +79,11 @@ class CoverSolver:
         self._modulus = cells.foundation_modulus()
         self._spectra: dict[tuple[int, int], FloatArray] = {}
         self._last: FloatArray | None = None
-        self._window: tuple[int, int, int, int] = (0, 0, 0, 0)
+        self._operator: _Operator | None = None
 
     def reset(self) -> None:
         """Forget the last contact."""
-        self._last = None
+        self._last = self._operator = None
 
     def solve(self, samples: Samples, loads: Sequence[Load]) -> Solution:
         """Find the cell forces of one contact.
@@ -92,7 +92,9 @@ class CoverSolver:
             samples: Cells under each body.
             loads: What each body presses with.
         """
-        operator = _Operator(self, samples)
+        if self._operator is None or self._operator.samples is not samples:
+            self._operator = _Operator(self, samples)
+        operator = self._operator
         constraints = _Constraints(samples, loads)
         start = self._start(samples, loads)
         found = _conjugate_gradients(operator, constraints, samples.gap, start, self._settings)
@@ -102,11 +104,9 @@ class CoverSolver:
             constraints = _Constraints(samples, upright)
             found = _conjugate_gradients(operator, constraints, samples.gap, start, self._settings)
         self._keep(samples, found.forces)
-        lowest = np.full(len(loads), np.inf)
-        np.minimum.at(lowest, samples.body, samples.gap)
         return Solution(
             forces=found.forces,
-            approach=found.motion[constraints.approach] - lowest,
+            approach=found.motion[constraints.approach] - samples.lowest,
             steps=found.steps,
             converged=found.converged,
             on_cells=operator.on_cells(found.forces),
@@ -160,6 +160,7 @@ class _Operator:
     """Cell forces to displacements of the covered parts."""
 
     def __init__(self, solver: CoverSolver, samples: Samples) -> None:
+        self.samples = samples
         grid = solver._grid  # noqa: SLF001 -- one unit with the solver
         first_row, first_column = int(samples.row.min()) - 1, int(samples.column.min()) - 1
         rows = -(-(int(samples.row.max()) + 2 - first_row) // _BLOCK) * _BLOCK

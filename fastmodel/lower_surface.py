@@ -34,11 +34,17 @@ class Solid:
 
     Attributes:
         chord: Where lines meet it.
+        kind: 0 polytope, 1 ellipsoid, 2 cylinder, 3 capsule.
+        size: Half axes of an ellipsoid; radius and half length of a cylinder or capsule, shape (3,) [m].
+        planes: Outward normal and offset of a polytope's faces, shape (f, 4) [-, m].
         centre: Of the box that holds it, shape (3,) [m].
         half: Half edges of that box, shape (3,) [m].
     """
 
     chord: Chord
+    kind: int
+    size: FloatArray
+    planes: FloatArray
     centre: FloatArray
     half: FloatArray
 
@@ -56,14 +62,8 @@ class Solid:
         low, high = self.chord(origins, local[:, 2])
         return np.where((low <= high) & (low > -np.inf), low, np.inf)
 
-    def bounds(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Corners of the upright box that holds it in the array's frame, both (3,) [m]."""
-        middle = position + rotation @ self.centre
-        half = np.abs(rotation) @ self.half
-        return middle - half, middle + half
 
-
-def solid(model: Any, geom: int, edge: float = 0.0) -> Solid:  # noqa: ANN401 -- MjModel
+def solid(model: Any, geom: int, edge: float = 0.0) -> Solid:  # noqa: ANN401, PLR0911 -- MjModel; one way out per type
     """The shape of a geom.
 
     Args:
@@ -74,25 +74,37 @@ def solid(model: Any, geom: int, edge: float = 0.0) -> Solid:  # noqa: ANN401 --
     Raises:
         FastModelError: If the geom is a height field or a signed distance field, which have no convex shape.
     """
-    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom].copy()
-    kinds = mujoco.mjtGeom
-    if kind == kinds.mjGEOM_PLANE:
-        return Solid(chord=_polytope(np.array([[0.0, 0, 1]]), np.zeros(1)), centre=np.zeros(3), half=np.full(3, np.inf))
-    chords: dict[Any, Callable[[], Chord]] = {
-        kinds.mjGEOM_SPHERE: lambda: _ellipsoid(np.repeat(size[0], 3)),
-        kinds.mjGEOM_ELLIPSOID: lambda: _ellipsoid(size),
-        kinds.mjGEOM_CAPSULE: lambda: _capsule(size[0], size[1]),
-        kinds.mjGEOM_CYLINDER: lambda: _cylinder(size[0], size[1], edge),
-        kinds.mjGEOM_BOX: lambda: _polytope(np.vstack([np.eye(3), -np.eye(3)]), np.tile(size + edge, 2)),
-        kinds.mjGEOM_MESH: lambda: _hull(_vertices(model, geom), edge),
-    }
-    if kind not in chords:
-        raise FastModelError(
-            f"geom {model.geom(geom).name!r} is of type {kind.name}; the contact methods 'foundation' and "
-            f"'cover' take planes, spheres, ellipsoids, capsules, cylinders, boxes and meshes (as their convex hull)"
-        )
+    kind, size, kinds = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom].copy(), mujoco.mjtGeom
     box = model.geom_aabb[geom]
-    return Solid(chord=chords[kind](), centre=box[:3].copy(), half=box[3:] + edge)
+    bounds = (box[:3].copy(), box[3:] + edge)
+    match kind:
+        case kinds.mjGEOM_PLANE:
+            return _faces(np.array([[0.0, 0, 1, 0]]), np.zeros(3), np.full(3, np.inf))
+        case kinds.mjGEOM_BOX:
+            return _faces(np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(size + edge, 2)]), *bounds)
+        case kinds.mjGEOM_MESH:
+            return _faces(_hull(_vertices(model, geom), edge), *bounds)
+        case kinds.mjGEOM_SPHERE:
+            return _round(_ellipsoid(np.repeat(size[0], 3)), 1, np.repeat(size[0], 3), *bounds)
+        case kinds.mjGEOM_ELLIPSOID:
+            return _round(_ellipsoid(size), 1, size, *bounds)
+        case kinds.mjGEOM_CYLINDER:
+            return _round(_cylinder(size[0], size[1], edge), 2, size, *bounds)
+        case kinds.mjGEOM_CAPSULE:
+            return _round(_capsule(size[0], size[1]), 3, size, *bounds)
+    raise FastModelError(
+        f"geom {model.geom(geom).name!r} is of type {kind.name}; the contact methods 'foundation' and 'cover' take "
+        f"planes, spheres, ellipsoids, capsules, cylinders, boxes and meshes (as their convex hull)"
+    )
+
+
+def _faces(planes: FloatArray, centre: FloatArray, half: FloatArray) -> Solid:
+    chord = _polytope(planes[:, :3], planes[:, 3])
+    return Solid(chord=chord, kind=0, size=np.zeros(3), planes=planes, centre=centre, half=half)
+
+
+def _round(chord: Chord, kind: int, size: FloatArray, centre: FloatArray, half: FloatArray) -> Solid:
+    return Solid(chord=chord, kind=kind, size=size, planes=np.zeros((0, 4)), centre=centre, half=half)
 
 
 def _vertices(model: Any, geom: int) -> FloatArray:  # noqa: ANN401 -- MjModel
@@ -101,14 +113,14 @@ def _vertices(model: Any, geom: int) -> FloatArray:  # noqa: ANN401 -- MjModel
     return np.array(model.mesh_vert[first : first + count], dtype=np.float64)
 
 
-def _hull(vertices: FloatArray, edge: float) -> Chord:
+def _hull(vertices: FloatArray, edge: float) -> FloatArray:
     """The half spaces of the convex hull, each face once."""
     from scipy.spatial import ConvexHull
 
     equations = ConvexHull(vertices).equations
     scale = np.array([1, 1, 1, 1 / np.ptp(vertices, axis=0).max()])
     _, first = np.unique(np.round(equations * scale, 6), axis=0, return_index=True)
-    return _polytope(equations[first, :3], edge - equations[first, 3])
+    return np.column_stack([equations[first, :3], edge - equations[first, 3]])
 
 
 def _polytope(normals: FloatArray, offsets: FloatArray) -> Chord:

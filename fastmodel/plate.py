@@ -14,12 +14,13 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.box_forces import decode
 from fastmodel.errors import FastModelError, LifeCycleError
 from fastmodel.joints import Joints
-from fastmodel.lower_surface import Solid, solid
+from fastmodel.lower_surface import solid
+from fastmodel.native import choose_kernel
+from fastmodel.plate_forces import plate_loops, plate_numpy
 from fastmodel.pose import Pose, rotate
-from fastmodel.sampling import CellGrid, Load, Placed
+from fastmodel.sampling import CellGrid, Load, Shape, Standing
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -99,25 +100,39 @@ def require_grid(array: TexelArray) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Touching:
-    """Bodies that press on the plate: their ids, loads and solids."""
+    """Bodies that press on the plate: their ids, loads, and where they stand."""
 
     bodies: tuple[int, ...]
     loads: tuple[Load, ...]
-    parts: tuple[tuple[Placed, ...], ...]
+    standing: tuple[Standing, ...]
+
+    @property
+    def force(self) -> float:
+        """All force together [N]."""
+        return sum(load.force for load in self.loads)
 
     def only(self, kept: Sequence[int]) -> Touching:
         """Some of the bodies."""
         return Touching(
             bodies=tuple(self.bodies[k] for k in kept),
             loads=tuple(self.loads[k] for k in kept),
-            parts=tuple(self.parts[k] for k in kept),
+            standing=tuple(self.standing[k] for k in kept),
         )
 
 
 class PlateReader:
     """Finds in one step's data what presses on the plate."""
 
-    def __init__(self, plate: Plate, model: Any, array: TexelArray, name: str, edge: float) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        plate: Plate,
+        model: Any,  # noqa: ANN401 -- MjModel
+        array: TexelArray,
+        name: str,
+        *,
+        edge: float,
+        native: bool | None = None,
+    ) -> None:
         """Find the plate in the compiled model.
 
         Args:
@@ -126,6 +141,7 @@ class PlateReader:
             array: The array that was attached.
             name: The sensor's name.
             edge: Distance by which sharp edges stand out [m].
+            native: True for the numba kernel, False for numpy, None for whichever is there.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
@@ -139,84 +155,70 @@ class PlateReader:
         self._model, self._edge = model, edge
         self._middle = array.centres.mean(axis=0) - [0, 0, plate.height / 2]
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
-        self._group = model.body_weldid[model.geom_bodyid]
-        self._parts: dict[int, list[tuple[int, Solid]]] = {}
+        self._group = model.body_weldid[model.geom_bodyid].astype(np.int64)
+        self._shapes: dict[int, tuple[IntArray, Shape]] = {}
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
+        self._press = choose_kernel(plate_loops, plate_numpy, native=native)
 
     def touching(self, data: Any) -> Touching | None:  # noqa: ANN401 -- MjData
         """What presses on the plate now; None where nothing does."""
-        geom = data.contact.geom if data.nefc else np.zeros((0, 2), dtype=np.int32)
-        second = (geom[:, 1] == self._geom).nonzero()[0]
-        first = (geom[:, 0] == self._geom).nonzero()[0]
-        if not len(first) + len(second):
+        if not data.nefc:
             return None
-        rotation = data.geom_xmat[self._geom].reshape(3, 3)
-        origin = data.geom_xpos[self._geom] - rotation @ self._middle
-        pressed, place, body = self._contacts(data, first, second, rotation[:, 2])
-        x, y = (place - origin) @ rotation[:, 0], (place - origin) @ rotation[:, 1]
-        bodies, loads, parts = [], [], []
-        for each in np.unique(body):
-            mine = body == each
-            force = float(pressed[mine].sum())
-            if force <= 0:
-                continue
-            moment = np.array([pressed[mine] @ x[mine], pressed[mine] @ y[mine]])
-            bodies.append(int(each))
-            loads.append(Load(force=force, moment=moment, tilts=self._joints.tilts(data, int(each), rotation[:, 2])))
-            parts.append(self._place(data, int(each), rotation, origin))
-        return Touching(bodies=tuple(bodies), loads=tuple(loads), parts=tuple(parts)) if bodies else None
-
-    def _contacts(
-        self,
-        data: Any,  # noqa: ANN401 -- MjData
-        first: IntArray,
-        second: IntArray,
-        normal: FloatArray,
-    ) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Force against the normal [N], position [m] and body of each contact with the plate."""
+        axes = data.geom_xmat[self._geom].reshape(3, 3)
+        origin = data.geom_xpos[self._geom] - axes @ self._middle
         contact = data.contact
-        both = np.concatenate([first, second])
-        sign = np.repeat([1.0, -1.0], [len(first), len(second)])
-        other = contact.geom[both, np.repeat([1, 0], [len(first), len(second)])]
-        address = contact.efc_address[both]
-        stands = address >= 0
-        both, sign, other, address = both[stands], sign[stands], other[stands], address[stands]
-        dims, pressed = contact.dim[both], np.zeros(len(both))
-        for dim in set(dims.tolist()):
-            mine = (dims == dim).nonzero()[0]
-            friction = contact.friction[both[mine]]
-            local = decode(data.efc_force, address[mine], friction, dim, pyramidal=self._pyramidal)
-            axes = contact.frame[both[mine]].reshape(-1, 3, 3)[:, : local.shape[1]]
-            pressed[mine] = sign[mine] * np.einsum("ki,kij,j->k", local, axes, normal)
-        return pressed, contact.pos[both], self._group[other]
-
-    def _place(self, data: Any, body: int, rotation: FloatArray, origin: FloatArray) -> tuple[Placed, ...]:  # noqa: ANN401
-        """The solids of a body in the array's frame."""
-        return tuple(
-            Placed(
-                solid=shape,
-                rotation=rotation.T @ data.geom_xmat[geom].reshape(3, 3),
-                position=rotation.T @ (data.geom_xpos[geom] - origin),
-            )
-            for geom, shape in self._solids(body)
+        bodies, sums = np.empty(data.ncon, dtype=np.int64), np.empty((data.ncon, 3))
+        count = self._press(
+            contact.geom,
+            contact.efc_address,
+            contact.dim,
+            contact.frame,
+            contact.friction,
+            contact.pos,
+            data.efc_force,
+            self._pyramidal,
+            self._geom,
+            self._group,
+            axes,
+            origin,
+            bodies,
+            sums,
+        )
+        pressing = [k for k in range(count) if sums[k, 0] > 0]
+        if not pressing:
+            return None
+        return Touching(
+            bodies=tuple(int(bodies[k]) for k in pressing),
+            loads=tuple(
+                Load(
+                    force=float(sums[k, 0]),
+                    moment=sums[k, 1:],
+                    tilts=self._joints.tilts(data, int(bodies[k]), axes[:, 2]),
+                )
+                for k in pressing
+            ),
+            standing=tuple(self._stand(data, int(bodies[k]), axes, origin) for k in pressing),
         )
 
-    def _solids(self, body: int) -> list[tuple[int, Solid]]:
-        """Geoms of a body that can touch the plate."""
-        if body not in self._parts:
+    def _stand(self, data: Any, body: int, axes: FloatArray, origin: FloatArray) -> Standing:  # noqa: ANN401
+        """A body's solids in the array's frame."""
+        geoms, shape = self._shape(body)
+        return Standing(
+            shape=shape,
+            rotation=axes.T @ data.geom_xmat[geoms].reshape(-1, 3, 3),
+            position=(data.geom_xpos[geoms] - origin) @ axes,
+        )
+
+    def _shape(self, body: int) -> tuple[IntArray, Shape]:
+        """Geoms of a body that can touch the plate, and their solids."""
+        if body not in self._shapes:
             model, plate = self._model, self._geom
-            mine = (self._group == body).nonzero()[0]
-            touches = [
-                geom
-                for geom in mine.tolist()
-                if geom != plate
-                and (
-                    model.geom_contype[geom] & model.geom_conaffinity[plate]
-                    or model.geom_contype[plate] & model.geom_conaffinity[geom]
-                )
-            ]
-            self._parts[body] = [(geom, solid(model, geom, self._edge)) for geom in touches]
-        return self._parts[body]
+            types, affinities = model.geom_contype, model.geom_conaffinity
+            touches = (types & affinities[plate]) | (affinities & types[plate])
+            geoms = ((self._group == body) & (touches != 0) & (np.arange(model.ngeom) != plate)).nonzero()[0]
+            solids = tuple(solid(model, int(geom), self._edge) for geom in geoms)
+            self._shapes[body] = (geoms, Shape(solids=solids, edge=self._edge))
+        return self._shapes[body]
 
 
 def grid_of(array: TexelArray, per_texel: int, plate: Plate) -> CellGrid:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.lower_surface import Solid
+from fastmodel.native import Kernel, choose_kernel
+from fastmodel.sampling_native import sample_loops
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -32,6 +35,75 @@ class Placed:
     def lower(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height of the underside over the array's plane at points of shape (m,), inf where there is none [m]."""
         return self.solid.lower(x, y, self.rotation, self.position)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shape:
+    """The solids of one body as arrays, made once.
+
+    Attributes:
+        solids: The solids.
+        edge: Distance by which sharp edges stand out [m].
+    """
+
+    solids: tuple[Solid, ...]
+    edge: float = 0.0
+
+    @cached_property
+    def kinds(self) -> IntArray:
+        """Kind of each solid, shape (p,)."""
+        return np.array([each.kind for each in self.solids], dtype=np.int64)
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """Size of each, shape (p, 3) [m]."""
+        return np.array([each.size for each in self.solids])
+
+    @cached_property
+    def planes(self) -> FloatArray:
+        """Faces of all polytopes, shape (f, 4) [-, m]."""
+        return np.concatenate([each.planes for each in self.solids])
+
+    @cached_property
+    def first_plane(self) -> IntArray:
+        """First face of each, and the number of all, shape (p + 1,)."""
+        return np.asarray(np.cumsum([0, *(len(each.planes) for each in self.solids)]), dtype=np.int64)
+
+    @cached_property
+    def centres(self) -> FloatArray:
+        """Centre of each one's bounding box in its own frame, shape (p, 3) [m]."""
+        return np.array([each.centre for each in self.solids])
+
+    @cached_property
+    def halves(self) -> FloatArray:
+        """Half edges of those boxes, shape (p, 3) [m]."""
+        return np.array([each.half for each in self.solids])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Standing:
+    """A body where it stands: the rotations (p, 3, 3) and origins (p, 3) of its solids in the array's frame [m]."""
+
+    shape: Shape
+    rotation: FloatArray
+    position: FloatArray
+
+    def parts(self) -> list[Placed]:
+        """Its solids one by one."""
+        return [
+            Placed(solid=solid, rotation=rotation, position=position)
+            for solid, rotation, position in zip(self.shape.solids, self.rotation, self.position, strict=True)
+        ]
+
+    def windows(self, grid: CellGrid) -> IntArray:
+        """First column and row, one past the last column and row of cells under each solid, shape (p, 4)."""
+        middle = self.position + np.einsum("pij,pj->pi", self.rotation, self.shape.centres)
+        half = np.einsum("pij,pj->pi", np.abs(self.rotation), self.shape.halves)
+        low = (middle[:, :2] - half[:, :2] - grid.low) / grid.edge
+        high = (middle[:, :2] + half[:, :2] - grid.low) / grid.edge
+        bounds = np.concatenate([np.floor(low), np.ceil(high)], axis=1)
+        size = (grid.columns, grid.rows, grid.columns, grid.rows)
+        return np.minimum(np.maximum(bounds, 0), size).astype(np.int64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +160,16 @@ class CellGrid:
             texel_columns=array.columns,
         )
 
+    @property
+    def texels(self) -> int:
+        """Number of texels [-]."""
+        return (self.rows - 2 * self.margin) * (self.columns - 2 * self.margin) // self.per_texel**2
+
+    def on_texels(self, samples: Samples, forces: FloatArray) -> FloatArray:
+        """Sums of cell forces (m,) over texels, those in the margin left out, shape (n,) [N]."""
+        texel = self.texel(samples.row, samples.column)
+        return np.bincount(texel + 1, forces, self.texels + 1)[1:].astype(np.float64)
+
     def texel(self, row: IntArray, column: IntArray) -> IntArray:
         """Texel of each cell, -1 in the margin, same shape."""
         i, j = row - self.margin, column - self.margin
@@ -122,37 +204,91 @@ class Samples:
         """Number of cells over all bodies."""
         return len(self.body)
 
+    @cached_property
+    def bodies(self) -> int:
+        """Number of bodies."""
+        return int(self.body.max()) + 1
 
-def sample(grid: CellGrid, bodies: Sequence[Sequence[Placed]], reach: Sequence[float]) -> Samples:
+    @cached_property
+    def lowest(self) -> FloatArray:
+        """Height of each body's lowest cell, shape (bodies,) [m]."""
+        lowest = np.full(self.bodies, np.inf)
+        np.minimum.at(lowest, self.body, self.gap)
+        return lowest
+
+    def highest(self, forces: FloatArray) -> FloatArray:
+        """Height of each body's highest cell that presses over its lowest, shape (bodies,) [m]."""
+        highest = np.full(self.bodies, -np.inf)
+        pressed = forces > 0
+        np.maximum.at(highest, self.body[pressed], self.gap[pressed])
+        return np.asarray(np.maximum(highest - self.lowest, 0.0))
+
+
+def sample(
+    grid: CellGrid, bodies: Sequence[Standing], reach: Sequence[float], *, native: bool | None = False
+) -> Samples:
     """Look at every body from below.
 
     Args:
         grid: The cells.
-        bodies: The solids of each body.
+        bodies: The bodies.
         reach: Height over each body's lowest point up to which it is looked at [m].
+        native: True for the numba kernel, False for numpy, None for whichever is there.
     """
-    found = [_sample_body(grid, parts, height) for parts, height in zip(bodies, reach, strict=True)]
-    body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
-    row, column, coverage, x, y, gap = (np.concatenate(each) for each in zip(*found, strict=True))
+    kernel = choose_kernel(sample_loops, _no_kernel, native=native)
+    if kernel is _no_kernel:
+        found = [_sample_body(grid, body) for body in bodies]
+    else:
+        found = [_sample_native(kernel, grid, body) for body in bodies]
+    found = [
+        each[:, each[5] <= each[5].min(initial=np.inf) + height] for each, height in zip(found, reach, strict=True)
+    ]
+    body = np.repeat(np.arange(len(found)), [each.shape[1] for each in found])
+    row, column, coverage, x, y, gap = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
     return Samples(
         body=body, row=row.astype(np.int64), column=column.astype(np.int64), coverage=coverage, x=x, y=y, gap=gap
     )
 
 
-def _sample_body(grid: CellGrid, parts: Sequence[Placed], reach: float) -> tuple[FloatArray, ...]:
-    """Row, column, coverage, x, y, gap of the cells under one body.
+def _no_kernel() -> None:
+    """Stands for numpy."""
+
+
+def _sample_native(kernel: Kernel, grid: CellGrid, body: Standing) -> FloatArray:
+    """Row, column, coverage, x, y, gap of the cells under one body, shape (6, m)."""
+    shape, windows = body.shape, body.windows(grid)
+    width, height = (windows[:, 2:].max(axis=0) - windows[:, :2].min(axis=0)).tolist()
+    found = np.empty((6, max(width, 0) * max(height, 0)))
+    count = kernel(
+        shape.kinds,
+        shape.sizes,
+        shape.edge,
+        shape.planes,
+        shape.first_plane,
+        body.rotation,
+        body.position,
+        windows,
+        grid.low,
+        np.array(grid.edge),
+        POINTS,
+        found,
+    )
+    return found[:, :count]
+
+
+def _sample_body(grid: CellGrid, body: Standing) -> FloatArray:
+    """Row, column, coverage, x, y, gap of the cells under one body, shape (6, m).
 
     A cell whose corners all lie under one part lies under it altogether, because parts are convex.  Only cells around
     an outline are looked at in more points.  Where parts overlap or share an edge the lowest one counts, once.
     """
-    nothing = (np.zeros(0),) * 6
-    windows = [_window(grid, part) for part in parts]
-    low = np.min([first for first, _ in windows], axis=0)
-    columns, rows = np.max([last for _, last in windows], axis=0) - low
+    parts, windows = body.parts(), body.windows(grid)
+    low = windows[:, :2].min(axis=0)
+    columns, rows = windows[:, 2:].max(axis=0) - low
     if rows <= 0 or columns <= 0:
-        return nothing
+        return np.zeros((6, 0))
     height, outline = np.full((rows, columns), np.inf), np.zeros((rows, columns), dtype=bool)
-    for part, (first, last) in zip(parts, windows, strict=True):
+    for part, first, last in zip(parts, windows[:, :2], windows[:, 2:], strict=True):
         if (first < last).all():
             place = (slice(first[1] - low[1], last[1] - low[1]), slice(first[0] - low[0], last[0] - low[0]))
             whole, around = _look_at_corners(grid, part, first, last)
@@ -163,14 +299,10 @@ def _sample_body(grid: CellGrid, parts: Sequence[Placed], reach: float) -> tuple
     found = [(row, column, np.ones(len(row)), *middle, height[row, column])]
     found.append(_look_closely(grid, parts, low, *np.nonzero(outline & ~np.isfinite(height))))
     row, column, share, right, up, gap = (np.concatenate(each) for each in zip(*found, strict=True))
-    if not len(gap):
-        return nothing
-    near = gap <= gap.min() + reach
-    row, column, share, right, up, gap = (each[near] for each in (row, column, share, right, up, gap))
     row, column = row + low[1], column + low[0]
     x = grid.low[0] + (column + 0.5 + right) * grid.edge[0]
     y = grid.low[1] + (row + 0.5 + up) * grid.edge[1]
-    return row, column, share, x, y, gap
+    return np.stack([row, column, share, x, y, gap])
 
 
 def _look_at_corners(
@@ -212,12 +344,3 @@ def _look_closely(
     hit, gap, count = hit[some], gap[some], count[some]
     mean = np.where(hit, gap, 0.0).sum(axis=1) / count
     return row[some], column[some], count / POINTS**2, hit @ right / count, hit @ up / count, mean
-
-
-def _window(grid: CellGrid, part: Placed) -> tuple[IntArray, IntArray]:
-    """First and one past the last column and row of cells under a part, both (2,)."""
-    low, high = part.solid.bounds(part.rotation, part.position)
-    size = np.array([grid.columns, grid.rows])
-    first = np.floor(np.clip((low[:2] - grid.low) / grid.edge, 0, size)).astype(np.int64)
-    last = np.ceil(np.clip((high[:2] - grid.low) / grid.edge, 0, size)).astype(np.int64)
-    return first, last

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -20,17 +20,21 @@ from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_solver import CoverSolver, Settings
 from fastmodel.errors import ParametersError
 from fastmodel.foundation import foundation_forces
-from fastmodel.plate import Plate, PlateReader, grid_of
+from fastmodel.plate import Plate, PlateReader, Touching, grid_of
 from fastmodel.pose import Pose
-from fastmodel.sampling import Samples, sample
+from fastmodel.sampling import CellGrid, Load, Samples, sample
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Share of the height up to which a body is looked at that its contact may fill; beyond it is looked at higher up.
 _FILLED = 0.7
-#: Heights over a body's lowest point up to which it is looked at, first and at most, over the cover's thickness [-].
-_FIRST, _MOST = 0.1, 2.0
+#: Height over a body's lowest point up to which it is looked at first, over the cover's thickness, and at most, over
+#: the first [-].
+_FIRST, _MOST = 0.1, 20.0
+#: Share of a cell that a body may have moved along the array, and of its force that may have changed, for its contact
+#: to count as unchanged; and change of its axes [-].
+_STILL, _TURNED = 1e-4, 1e-5
 #: Share of a cell by which sharp edges stand out, see `lower_surface` [-].
 _EDGE = 0.125
 
@@ -63,7 +67,7 @@ class Foundation:
         name: str,
         *,
         cells: CoverCells | None = None,
-        native: bool | None = None,  # noqa: ARG002 -- numpy throughout
+        native: bool | None = None,
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -78,7 +82,10 @@ class Foundation:
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
         count = self.per_texel or (cells.per_texel if cells else 4)
-        return _FoundationReader(self.plate, model, array, name, modulus=modulus, per_texel=count)
+        grid = grid_of(array, count, self.plate)
+        first = _FIRST * min(array.pitch)
+        layer = _FoundationLayer(grid, modulus)
+        return _reader(self.plate, model, array, name, grid, layer, first=first, native=native)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +116,7 @@ class CoverContact:
         name: str,
         *,
         cells: CoverCells | None = None,
-        native: bool | None = None,  # noqa: ARG002 -- numpy throughout
+        native: bool | None = None,
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -122,101 +129,133 @@ class CoverContact:
                 f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
-        return _CoverReader(self, model, array, name, cells)
+        cells.check_pitch(array)
+        grid = grid_of(array, cells.per_texel, self.plate)
+        layer = _CoverLayer(grid, array, cells, Settings(tolerance=self.tolerance, steps=self.steps))
+        first = _FIRST * cells.thickness
+        return _reader(self.plate, model, array, name, grid, layer, first=first, native=native)
+
+
+class _Layer(Protocol):
+    """How the force of each body is laid out over cells."""
+
+    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[FloatArray, Reading]:
+        """Force on each sampled cell, shape (m,) [N], and the reading that follows."""
+
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """The reading of forces that spread evenly over texels, shape (n,) [N]; forgets what was laid out before."""
 
 
 class _SurfaceReader:
-    """Samples what touches, at a height that follows the contact."""
+    """Samples what touches, up to a height that follows the contact; what stands still is not sampled again."""
 
-    def __init__(self, plate: Plate, model: Any, array: TexelArray, name: str, *, per_texel: int, first: float) -> None:  # noqa: ANN401
-        self.grid = grid_of(array, per_texel, plate)
-        edge = _EDGE * float(np.sqrt(self.grid.edge[0] * self.grid.edge[1]))
-        self._touching = PlateReader(plate, model, array, name, edge)
-        self._count = array.count
-        self._first, self._reach = first, dict[int, float]()
+    def __init__(
+        self, touching: PlateReader, layer: _Layer, grid: CellGrid, *, first: float, native: bool | None
+    ) -> None:
+        self._touching, self._layer, self._grid, self._native = touching, layer, grid, native
+        self._first = first
+        self._reach: dict[int, float] = {}
+        self._last: tuple[Touching, Reading] | None = None
+        self._samples: Samples | None = None
+        self._nothing = layer.at_rest(np.zeros(grid.texels))
+
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        self._reach.clear()
+        self._last = self._samples = None
+        return self._layer.at_rest(contact_forces)
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401
         touching = self._touching.touching(data)
         if touching is None:
-            return self.at_rest(np.zeros(self._count))
+            self._last = self._samples = None
+            return self._nothing
+        if self._last is not None and _stands_still(self._last[0], touching, self._still):
+            if _presses_alike(self._last[0], touching, self._still):
+                return _scaled(self._last[1], touching.force / self._last[0].force)
+        else:
+            self._samples = None
+        reading = self._lay_out(touching)
+        self._last = (touching, reading) if reading is not self._nothing else None
+        return reading
+
+    @property
+    def _still(self) -> float:
+        return _STILL * min(self._grid.edge)
+
+    def _lay_out(self, touching: Touching) -> Reading:
         reach = [self._reach.get(body, self._first) for body in touching.bodies]
         while True:
-            samples = sample(self.grid, touching.parts, reach)
-            kept = [body for body in range(len(reach)) if (samples.body == body).any()]
+            if self._samples is None:
+                self._samples = sample(self._grid, touching.standing, reach, native=self._native)
+            kept = np.unique(self._samples.body).tolist()
             if len(kept) < len(reach):
                 # beside the cells: nothing of it is felt here
-                touching = touching.only(kept)
-                reach = [reach[body] for body in kept]
+                touching, reach, self._samples = touching.only(kept), [reach[body] for body in kept], None
                 if not kept:
-                    return self.at_rest(np.zeros(self._count))
+                    return self._nothing
                 continue
-            forces, reading = self._lay_out(samples, touching.loads)
-            highest = _highest(samples, forces, len(reach))
+            forces, reading = self._layer.lay_out(self._samples, touching.loads)
+            highest = self._samples.highest(forces)
             higher = [
-                2 * have if have < _MOST * self._first / _FIRST and top > _FILLED * have else have
+                2 * have if have < _MOST * self._first and top > _FILLED * have else have
                 for have, top in zip(reach, highest, strict=True)
             ]
             if higher == reach:
                 break
-            reach = higher
-        for body, top in zip(touching.bodies, highest, strict=True):
-            self._reach[body] = max(1.6 * float(top), self._first / 4)
+            reach, self._samples = higher, None
+        for body, top, have in zip(touching.bodies, highest, reach, strict=True):
+            self._reach[body] = max(min(have, 1.6 * float(top)), self._first / 4)
         return reading
 
+
+def _stands_still(before: Touching, now: Touching, distance: float) -> bool:
+    """Whether the same bodies touch and none of them moved along the array; approach and tilt follow from the loads."""
+    return before.bodies == now.bodies and all(
+        np.abs(a.position[:, :2] - b.position[:, :2]).max() <= distance
+        and np.abs(a.rotation - b.rotation).max() <= _TURNED
+        for a, b in zip(before.standing, now.standing, strict=True)
+    )
+
+
+def _presses_alike(before: Touching, now: Touching, distance: float) -> bool:
+    """Whether every body presses as before, with the same point of pressure where that counts."""
+    return all(
+        abs(a.force - b.force) <= _STILL * a.force
+        and (not b.tilts or np.abs(a.moment / a.force - b.moment / b.force).max() <= distance)
+        for a, b in zip(before.loads, now.loads, strict=True)
+    )
+
+
+def _scaled(reading: Reading, factor: float) -> Reading:
+    spread = reading.texel_forces
+    return Reading(
+        contact_forces=reading.contact_forces * factor,
+        texel_forces=None if spread is None else spread * factor,
+        carried=reading.carried * factor,
+        approach=reading.approach,
+    )
+
+
+class _FoundationLayer:
+    def __init__(self, grid: CellGrid, modulus: float) -> None:
+        self._grid, self._stiffness = grid, modulus * grid.edge[0] * grid.edge[1]
+
     def at_rest(self, contact_forces: FloatArray) -> Reading:
-        raise NotImplementedError
-
-    def _lay_out(self, samples: Samples, loads: Sequence[Any]) -> tuple[FloatArray, Reading]:
-        raise NotImplementedError
-
-    def _on_texels(self, samples: Samples, forces: FloatArray) -> FloatArray:
-        texel = self.grid.texel(samples.row, samples.column)
-        return np.bincount(texel + 1, forces, self._count + 1)[1:].astype(np.float64)
-
-
-def _highest(samples: Samples, forces: FloatArray, bodies: int) -> FloatArray:
-    """Height of the highest touching cell over each body's lowest, shape (bodies,) [m]."""
-    lowest, highest = np.full(bodies, np.inf), np.full(bodies, -np.inf)
-    np.minimum.at(lowest, samples.body, samples.gap)
-    pressed = forces > 0
-    np.maximum.at(highest, samples.body[pressed], samples.gap[pressed])
-    return np.asarray(np.maximum(highest - lowest, 0.0))
-
-
-class _FoundationReader(_SurfaceReader):
-    def __init__(
-        self,
-        plate: Plate,
-        model: Any,  # noqa: ANN401 -- MjModel
-        array: TexelArray,
-        name: str,
-        *,
-        modulus: float,
-        per_texel: int,
-    ) -> None:
-        super().__init__(plate, model, array, name, per_texel=per_texel, first=_FIRST * min(array.pitch))
-        self._stiffness = modulus * self.grid.edge[0] * self.grid.edge[1]
-
-    def at_rest(self, contact_forces: FloatArray) -> Reading:
-        self._reach.clear()
         return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
 
-    def _lay_out(self, samples: Samples, loads: Sequence[Any]) -> tuple[FloatArray, Reading]:
+    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[FloatArray, Reading]:
         forces = foundation_forces(samples, loads, self._stiffness * samples.coverage)
-        contact = self._on_texels(samples, forces)
+        contact = self._grid.on_texels(samples, forces)
         return forces, Reading(contact_forces=contact, texel_forces=None, carried=float(forces.sum()))
 
 
-class _CoverReader(_SurfaceReader):
-    def __init__(self, method: CoverContact, model: Any, array: TexelArray, name: str, cells: CoverCells) -> None:  # noqa: ANN401
-        cells.check_pitch(array)
-        super().__init__(method.plate, model, array, name, per_texel=cells.per_texel, first=_FIRST * cells.thickness)
-        settings = Settings(tolerance=method.tolerance, steps=method.steps)
-        self._solver = CoverSolver(cells, self.grid, settings)
-        self._base = BaseForces(cells, self.grid, array)
+class _CoverLayer:
+    def __init__(self, grid: CellGrid, array: TexelArray, cells: CoverCells, settings: Settings) -> None:
+        self._grid = grid
+        self._solver = CoverSolver(cells, grid, settings)
+        self._base = BaseForces(cells, grid, array)
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
-        self._reach.clear()
         self._solver.reset()
         return Reading(
             contact_forces=contact_forces,
@@ -224,11 +263,27 @@ class _CoverReader(_SurfaceReader):
             carried=float(contact_forces.sum()),
         )
 
-    def _lay_out(self, samples: Samples, loads: Sequence[Any]) -> tuple[FloatArray, Reading]:
+    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[FloatArray, Reading]:
         solution = self._solver.solve(samples, loads)
         return solution.forces, Reading(
-            contact_forces=self._on_texels(samples, solution.forces),
+            contact_forces=self._grid.on_texels(samples, solution.forces),
             texel_forces=self._base.of_window(solution.on_cells, solution.origin),
             carried=float(solution.forces.sum()),
             approach=solution.approach,
         )
+
+
+def _reader(  # noqa: PLR0917 -- what attach and bind were given
+    plate: Plate,
+    model: Any,  # noqa: ANN401 -- MjModel
+    array: TexelArray,
+    name: str,
+    grid: CellGrid,
+    layer: _Layer,
+    *,
+    first: float,
+    native: bool | None,
+) -> ContactReader:
+    edge = _EDGE * float(np.sqrt(grid.edge[0] * grid.edge[1]))
+    touching = PlateReader(plate, model, array, name, edge=edge, native=native)
+    return _SurfaceReader(touching, layer, grid, first=first, native=native)
