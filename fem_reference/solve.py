@@ -292,4 +292,5 @@ def _node_order(matrix: sp.csr_matrix) -> IntArray:
     order = np.asarray(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    return np.asarray(np.lexsort((np.arange(n), rank[group])), dtype=np.int64)
+    unknowns: IntArray = np.lexsort((np.arange(n), rank[group]))
+    return unknowns
