@@ -273,10 +273,10 @@ def _renewed(factors: SymmetricFactors, upper: sp.csr_matrix) -> SymmetricFactor
 
 def _keys(pointer: npt.NDArray[Any], index: npt.NDArray[Any]) -> IntArray:
     n = len(pointer) - 1
-    return np.repeat(np.arange(n, dtype=np.int64), np.diff(pointer)) * n + index
+    return np.asarray(np.repeat(np.arange(n, dtype=np.int64), np.diff(pointer)) * n + index, dtype=np.int64)
 
 
-def _node_order(matrix: sp.csr_matrix) -> IntArray:
+def _node_order(matrix: sp.csr_matrix) -> npt.NDArray[np.int64]:
     """Nested dissection by METIS of groups of unknowns with the same neighbours (Karypis and Kumar 1998)."""
     import pymetis
 
@@ -292,5 +292,4 @@ def _node_order(matrix: sp.csr_matrix) -> IntArray:
     order = np.asarray(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    unknowns: IntArray = np.lexsort((np.arange(n), rank[group]))
-    return unknowns
+    return np.lexsort((np.arange(n), rank[group]))
