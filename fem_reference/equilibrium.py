@@ -24,11 +24,16 @@ from fem_reference.surface_contact import SurfaceContact, Touch
 FloatArray = npt.NDArray[np.float64]
 
 _LOG = logging.getLogger(__name__)
+
+#: What a step that was too long ends in.
+_FAILURES = (InvertedError, ConvergenceError, np.linalg.LinAlgError)
 _ITERATIONS = 14
 _SMALLEST = 1 / 256
 #: Residuals relative to the largest contact force and to a pressure unknown's share of the volume: at a target, and
 #: on the way to it.
 _TIGHT, _LOOSE = 1e-6, 1e-3
+#: Iterations of each step in which the obstacle's curvature is left out of the tangent.
+_STRAIGHT = 2
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
 _AUGMENTATIONS = 6
@@ -142,7 +147,7 @@ class Problem:
         load, depth = (target, guess.depth) if control == "load" else (None, target)
         try:
             return self._newton(guess.state, depth, load, used, tight=_LOOSE)
-        except (InvertedError, ConvergenceError) as error:
+        except _FAILURES as error:
             _LOG.info("guess for %s %.4g failed: %s", control, target, error)
             return None
 
@@ -164,7 +169,7 @@ class Problem:
                 state, depth = _predicted(before, here, aim, control)
                 load = aim if control == "load" else None
                 before, here = here, self._newton(state, depth, load, used, tight=_LOOSE)
-            except (InvertedError, ConvergenceError) as error:
+            except _FAILURES as error:
                 step = abs(aim - done) / 2
                 before = None
                 _LOG.info("step to %s %.4g halved: %s", control, aim, error)
@@ -184,7 +189,7 @@ class Problem:
         for halving in range(8):
             try:
                 return self._newton(rest, depth / 2**halving, None, 0, tight=_LOOSE)
-            except (InvertedError, ConvergenceError) as error:
+            except _FAILURES as error:
                 _LOG.info("first step halved: %s", error)
         raise PathError(f"no convergence even at a depth of {depth / 128:.3g} m", None)
 
@@ -195,7 +200,7 @@ class Problem:
             load = here.load if control == "load" else None
             try:
                 here = self._newton(here.state, here.depth, load, here.iterations, tight=_TIGHT)
-            except (InvertedError, ConvergenceError) as error:
+            except _FAILURES as error:
                 _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
                 break
             if here.touch.overlap < _OVERLAP * here.depth:
@@ -207,7 +212,7 @@ class Problem:
         state = state.copy()
         for iteration in range(_ITERATIONS):
             internal, stiffness = self.solid.linearise(state)
-            touch = self.contact.at(state, depth)
+            touch = self.contact.at(state, depth, curved=iteration >= _STRAIGHT)
             if iteration and self._balanced(internal + touch.force, touch, load, tight):
                 return Equilibrium(
                     state=state,

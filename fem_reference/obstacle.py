@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshes import Indenter
+from meshes import Box, Indenter
 from meshes.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Slope at which a fillet or a ball goes on as a plane (80 degrees) [-].
-STEEPEST = float(np.tan(np.radians(80)))
+#: Slope at which a fillet or a ball goes on as a plane (60 degrees): a cover that leaves an edge is less steep [-].
+STEEPEST = float(np.tan(np.radians(60)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +51,7 @@ class Obstacle:
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape [m]."""
         if isinstance(self.indenter, Flat):
-            return _rounded_edge(self.indenter.inside(x, y), self.fillet)
+            return _rounded_edge(self._beyond_flat(self.indenter, x, y), self.fillet)
         return self._extended(x, y)
 
     def at(self, x: FloatArray, y: FloatArray) -> Height:
@@ -74,6 +74,13 @@ class Obstacle:
         ]
         return Height(value=value, slope=slope, curvature=np.stack(rows, axis=-2))
 
+    def _beyond_flat(self, shape: Flat, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside the part of the face that stays flat; at a box's corners the rounding is a ball [m]."""
+        if isinstance(shape, Box):
+            dx, dy = (np.abs(v) - h + self.fillet for v, h in zip((x, y), shape.footprint, strict=True))
+            return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
+        return np.asarray(np.maximum(self.fillet - shape.inside(x, y), 0.0))
+
     def _extended(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """A curved shape, continued outside its footprint by a steep cone."""
         half = np.array(self.indenter.footprint)
@@ -82,12 +89,11 @@ class Obstacle:
         return np.asarray(self.indenter.gap(x * shrink, y * shrink) + STEEPEST * beyond)
 
 
-#: A ball is 80 degrees steep at this fraction of its radius.
-_RIM = float(np.sin(np.radians(80)))
+#: A ball is that steep at this fraction of its radius.
+_RIM = float(np.sin(np.arctan(STEEPEST)))
 
 
-def _rounded_edge(inside: FloatArray, radius: float) -> FloatArray:
-    """Height of a face with a quarter-round edge, from the distance to the outline."""
-    into = radius - inside  # 0 where the rounding begins
-    arc = np.clip(into, 0, radius * _RIM)
-    return radius - np.sqrt(radius**2 - arc**2) + STEEPEST * np.maximum(into - radius * _RIM, 0)
+def _rounded_edge(beyond: FloatArray, radius: float) -> FloatArray:
+    """Height of a face with a rounded edge, from the distance outside its flat part."""
+    arc = np.minimum(beyond, radius * _RIM)
+    return np.asarray(radius - np.sqrt(radius**2 - arc**2) + STEEPEST * np.maximum(beyond - radius * _RIM, 0))

@@ -164,7 +164,7 @@ def press_path(
         out.append(
             _indentation(
                 levels=levels,
-                sizes=solver.SIZES,
+                sizes=solver.sizes(indenter),
                 array=array,
                 pose=(at, yaw),
                 sharp=sharp,

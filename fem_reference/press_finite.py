@@ -8,18 +8,20 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import RectBivariateSpline
 
 from fem_reference import press_linear, store
 from fem_reference.contact import is_flat
 from fem_reference.point_spread import PointSpread, closed, decay_length
 from fem_reference.press_axisymmetric import press_axisymmetric
+from fem_reference.press_solid import press_solid
 from meshes import Cover, Indenter, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Elements through the cover on the three grids; the last one is the answer.
 GRIDS = (6, 9, 13)
-SIZES = tuple(1 / n for n in GRIDS)
+SOLID_GRIDS = (2, 3, 4)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,24 +52,81 @@ class RadialLevel:
         return self.total_force * np.asarray(self.spread.texel_influence(array, at)[0])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlaneLevel:
+    """One grid's answer for a shape without an axis.
+
+    Attributes:
+        total_force: Force on the indenter [N].
+        depth: Approach from first touch [m].
+        area: Reference area that touches [m2].
+        half: Half widths of the shape's footprint [m].
+        x: Where the base pressure is known in the indenter's frame, shape (m,) [m].
+        y: Shape (n,) [m].
+        pressure: Base pressure, shape (m, n) [Pa].
+    """
+
+    total_force: float
+    depth: float
+    area: float
+    half: tuple[float, float]
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+
+    @property
+    def surface(self) -> FloatArray:
+        """The base pressure's points under the shape, as a stand-in for where it touches, shape (m, 3)."""
+        x, y = np.meshgrid(self.x, self.y, indexing="ij")
+        weight = np.outer(np.gradient(self.x), np.gradient(self.y)) * np.maximum(self.pressure, 0)
+        under = (np.abs(x) < self.half[0]) & (np.abs(y) < self.half[1])
+        force = weight[under] * self.total_force / weight[under].sum()
+        return np.column_stack([x[under], y[under], force])
+
+    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
+        """Integrate the base pressure over each texel, turned into the indenter's frame."""
+        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+        half = np.array(array.texel_size) / 2
+        offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
+        place = array.centres[:, None, :2] + offset - np.array(at)
+        c, s = np.cos(yaw), np.sin(yaw)
+        x, y = c * place[..., 0] + s * place[..., 1], -s * place[..., 0] + c * place[..., 1]
+        inside = (x > self.x[0]) & (x < self.x[-1]) & (y > self.y[0]) & (y < self.y[-1])
+        value = np.where(inside, RectBivariateSpline(self.x, self.y, self.pressure).ev(x, y), 0.0)
+        force = value @ np.outer(weights, weights).ravel() * half[0] * half[1]
+        return np.where(array.active, force, 0.0)
+
+
+#: Gauss points along a texel's edge.
+_POINTS = 16
+
+
 def levels(
     cover: Cover,
     indenter: Indenter,
     targets: Sequence[float],
     control: Literal["load", "depth"],
     progress: Callable[[str], None] | None,
-) -> list[list[RadialLevel]]:
+) -> list[list[RadialLevel]] | list[list[PlaneLevel]]:
     """The path on three grids, from the store where it is known; a list of grids for every target."""
     inputs = {
         "cover": cover,
         "indenter": indenter,
         "targets": list(targets),
         "control": control,
-        "grids": GRIDS,
+        "grids": GRIDS if indenter.axisymmetric else SOLID_GRIDS,
         "fillet": fillet(cover, indenter),
     }
-    data = store.fetch("finite-press", inputs, lambda: _compute(cover, indenter, targets, control, progress))
-    return [[_level(data, cover, n, i) for n in GRIDS] for i in range(len(targets))]
+    compute = _around_axis if indenter.axisymmetric else _in_space
+    data = store.fetch("finite-press", inputs, lambda: compute(cover, indenter, targets, control, progress))
+    if indenter.axisymmetric:
+        return [[_radial(data, cover, n, i) for n in GRIDS] for i in range(len(targets))]
+    return [[_plane(data, indenter, n, i) for n in SOLID_GRIDS] for i in range(len(targets))]
+
+
+def sizes(indenter: Indenter) -> list[float]:
+    """Element sizes of the three grids, relative to the thickness [-]."""
+    return [1 / n for n in (GRIDS if indenter.axisymmetric else SOLID_GRIDS)]
 
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
@@ -83,11 +142,11 @@ def base_error(cover: Cover) -> float:  # noqa: ARG001 -- one interface for both
 
 
 def fillet(cover: Cover, indenter: Indenter) -> float:
-    """Radius of the rounding of sharp edges: a twentieth of the thickness or of the half width [m]."""
-    return min(cover.thickness, *indenter.footprint) / 20
+    """Radius of the rounding of sharp edges, as small as the mesh around it can resolve [m]."""
+    return min(cover.thickness, *indenter.footprint) / (20 if indenter.axisymmetric else 10)
 
 
-def _compute(
+def _around_axis(
     cover: Cover,
     indenter: Indenter,
     targets: Sequence[float],
@@ -120,6 +179,44 @@ def _compute(
     return out
 
 
+def _in_space(
+    cover: Cover,
+    indenter: Indenter,
+    targets: Sequence[float],
+    control: Literal["load", "depth"],
+    progress: Callable[[str], None] | None,
+) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    coarse = None
+    for n in SOLID_GRIDS:
+        path, coarse = press_solid(
+            cover,
+            indenter,
+            targets,
+            control=control,
+            elements_per_thickness=n,
+            contact_half=_contact_half(cover, indenter, targets[-1], control),
+            fillet=fillet(cover, indenter),
+            reach=7 * decay_length(cover),
+            coarse=coarse,
+            progress=None if progress is None else _with_grid(progress, n),
+        )
+        for i, state in enumerate(path):
+            out |= {f"x_{n}_{i}": state.x, f"y_{n}_{i}": state.y, f"pressure_{n}_{i}": state.pressure}
+            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
+    return out
+
+
+def _contact_half(
+    cover: Cover, indenter: Indenter, target: float, control: Literal["load", "depth"]
+) -> tuple[float, float]:
+    """Half widths of the small-strain contact, or of a flat shape, which a mesh is laid out for [m]."""
+    if is_flat(indenter):
+        return indenter.footprint
+    surface = press_linear.levels(cover, indenter, [target], control, None)[0][0].surface
+    return (float(np.abs(surface[:, 0]).max()), float(np.abs(surface[:, 1]).max()))
+
+
 def _with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
     return lambda text: progress(f"{n} elements through the cover: {text}")
 
@@ -132,7 +229,7 @@ def _contact_radius(cover: Cover, indenter: Indenter, target: float, control: Li
     return float(np.hypot(surface[:, 0], surface[:, 1]).max())
 
 
-def _level(data: dict[str, Any], cover: Cover, n: int, i: int) -> RadialLevel:
+def _radial(data: dict[str, Any], cover: Cover, n: int, i: int) -> RadialLevel:
     load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
     spread = PointSpread(
         radius=data[f"radius_{n}_{i}"],
@@ -141,3 +238,16 @@ def _level(data: dict[str, Any], cover: Cover, n: int, i: int) -> RadialLevel:
         thickness=cover.thickness,
     )
     return RadialLevel(total_force=load, depth=depth, area=area, spread=spread)
+
+
+def _plane(data: dict[str, Any], indenter: Indenter, n: int, i: int) -> PlaneLevel:
+    load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
+    return PlaneLevel(
+        total_force=load,
+        depth=depth,
+        area=area,
+        half=indenter.footprint,
+        x=data[f"x_{n}_{i}"],
+        y=data[f"y_{n}_{i}"],
+        pressure=data[f"pressure_{n}_{i}"],
+    )

@@ -19,7 +19,6 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Cells across the contact on the three grids; the last one is the answer.
 CELLS = (56, 84, 126)
-SIZES = tuple(1 / cells for cells in CELLS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,6 +72,11 @@ def levels(
         [LinearLevel(patch=patch, spread=spread) for patch in _patches(cover, indenter, target, control, progress)]
         for target in targets
     ]
+
+
+def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for both solvers
+    """Cell sizes of the three grids, relative to the contact [-]."""
+    return [1 / cells for cells in CELLS]
 
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:  # noqa: ARG001 -- one interface for both solvers

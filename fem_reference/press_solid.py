@@ -24,6 +24,7 @@ from fem_reference.press_axisymmetric import PENALTY
 from fem_reference.surface_contact import SurfaceContact
 from fem_reference.transfer import Coarse
 from meshes import Cover, Indenter
+from meshes.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -94,7 +95,8 @@ def press_solid(
     """
     mirrored = mirrors(indenter)
     size = min(cover.thickness, 2 * min(contact_half)) / elements_per_thickness
-    sides = [_side(half, size, reach, mirror=m) for half, m in zip(contact_half, mirrored, strict=True)]
+    fine = 2.4 * fillet / elements_per_thickness if isinstance(indenter, Flat) else 0.5 * size
+    sides = [_side(half, (fine, size), reach, mirror=m) for half, m in zip(contact_half, mirrored, strict=True)]
     counts = [max(2, round(layer.thickness / cover.thickness * elements_per_thickness)) for layer in cover.layers]
     heights = _heights(cover, counts)
     mesh = skfem.MeshHex.init_tensor(*sides, heights)
@@ -121,18 +123,19 @@ def press_solid(
     return states, Coarse(elements=elements, path=path)
 
 
-def _side(half: float, size: float, reach: float, *, mirror: bool) -> FloatArray:
+def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
     """Nodes along one side: coarser in the middle of the contact, fine at its edge, growing outside [m]."""
-    inner, step = [half], 0.5 * size
+    fine, coarse = steps
+    inner, step = [half], fine
     while inner[-1] > 0.6 * step:
         inner.append(inner[-1] - step)
-        step = min(step * 1.35, 1.2 * size)
+        step = min(step * 1.5, 1.2 * coarse)
     inside = np.array(inner[::-1])
     inside = (inside - inside[0]) / (half - inside[0]) * half  # the last node falls on the axis
-    outer, step = [half], 0.5 * size
+    outer, step = [half], fine
     while outer[-1] < half + reach:
         outer.append(outer[-1] + step)
-        step *= 1.45
+        step *= 1.5
     positive = np.concatenate([inside, outer[1:]])
     return positive if mirror else np.concatenate([-positive[:0:-1], positive])
 

@@ -75,8 +75,12 @@ class SurfaceContact:
         self._multiplier = np.zeros_like(self._weight)
         self._unknowns = (self._d * self._nodes[:, :, None] + np.arange(self._d)).reshape(len(self._nodes), -1)
 
-    def at(self, state: FloatArray, depth: float) -> Touch:
-        """Evaluate contact for displacements `state` [m] and an approach `depth` [m]."""
+    def at(self, state: FloatArray, depth: float, *, curved: bool = True) -> Touch:
+        """Evaluate contact for displacements `state` [m] and an approach `depth` [m].
+
+        Without `curved` the tangent leaves out the obstacle's curvature: far from equilibrium, false overlaps times the
+        curvature of an edge would throw Newton's method off.
+        """
         d = self._d
         moved = self._place + np.einsum(
             "fqa,fai->fqi", self._shape, state[self._unknowns].reshape(*self._nodes.shape, d)
@@ -90,7 +94,8 @@ class SurfaceContact:
         active = self._penalty * touching * self._weight
         normal = np.concatenate([-height.slope[..., : d - 1], np.ones((*overlap.shape, 1))], axis=-1)
         curve = active[..., None, None] * normal[..., :, None] * normal[..., None, :]
-        curve[..., : d - 1, : d - 1] -= pressure[..., None, None] * height.curvature[..., : d - 1, : d - 1]
+        if curved:
+            curve[..., : d - 1, : d - 1] -= pressure[..., None, None] * height.curvature[..., : d - 1, : d - 1]
         return Touch(
             force=self._scatter(pressure[..., None] * normal, len(state)),
             tangent=self._matrix(curve, len(state)),
