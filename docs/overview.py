@@ -14,29 +14,32 @@ from matplotlib.axes import Axes
 import fastmodel
 import fem_reference
 from fem_reference import closed_form
-from meshes import Sphere
+from meshes import Box
 from validation.derive import Derivation, derive
 from validation.sensor_file import load
 
 LOAD = 4.903325  # 500 g [N]
 PLACE = (1.0e-3, 0.6e-3)
-INDENTER = Sphere(radius=5e-3)
+YAW = np.radians(30)
+INDENTER = Box(size=(9e-3, 9e-3, 5e-3))
+#: The difference is drawn so much stronger.
+MAGNIFIED = 10
 
 
 def main() -> None:
     """Solve, press, and write the picture beside this file."""
     derivation = derive(load("wts-0614-34"))
     array = derivation.parameters.array
-    reference = fem_reference.press(derivation.sensor.cover, array, INDENTER, load=LOAD, at=PLACE)
-    fast = fastmodel.indent(derivation.parameters, INDENTER, load=LOAD, at=PLACE)
+    reference = fem_reference.press(derivation.sensor.cover, array, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
+    fast = fastmodel.indent(derivation.parameters, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
     figure, axes = plt.subplots(
         1, 4, figsize=(10, 3.6), layout="constrained", gridspec_kw={"width_ratios": [1.9, 1, 1, 1]}
     )
     draw_spread(axes[0], derivation)
     images = [array.image(reference.texel_forces), array.image(fast.texel_forces)]
     peak = max(float(image.max()) for image in images)
-    titles = ("finite elements", "fast model", "difference")
-    for axis, title, image in zip(axes[1:], titles, [*images, images[1] - images[0]], strict=True):
+    titles = ("finite elements", "fast model", f"difference x {MAGNIFIED}")
+    for axis, title, image in zip(axes[1:], titles, [*images, MAGNIFIED * (images[1] - images[0])], strict=True):
         drawn = draw_image(axis, title, image, peak)
     figure.colorbar(drawn, ax=axes[1:], label="force on the texel [N]", shrink=0.8)
     figure.savefig(Path(__file__).with_suffix(".png"), dpi=120)
