@@ -20,6 +20,7 @@ from fem_reference.contact import ConvergenceError
 from fem_reference.finite_strain import InvertedError, Solid
 from fem_reference.solve import ConstrainedSystem
 from fem_reference.surface_contact import SurfaceContact, Touch
+from fem_reference.units import Units
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,7 +39,7 @@ _STRAIGHT = 2
 _EASY = 8
 _AUGMENTATIONS = 6
 #: Overlap that counts as none, relative to the depth.
-_OVERLAP = 5e-4
+_OVERLAP = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,10 +86,6 @@ class Guess:
     depth: float
 
 
-def _where(here: Equilibrium) -> str:
-    return f"{here.load:.3g} N at {here.depth * 1e3:.3g} mm"
-
-
 class PathError(ConvergenceError):
     """The loading path stopped early.
 
@@ -103,11 +100,19 @@ class PathError(ConvergenceError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """A solid, its held unknowns and the obstacle over it."""
+    """A solid, its held unknowns and the obstacle over it.
+
+    Attributes:
+        solid: Elements and materials, in `units`.
+        contact: The top and the obstacle, in `units`.
+        fixed: Held unknowns.
+        units: What one stands for in lengths and stresses here; messages are in SI.
+    """
 
     solid: Solid
     contact: SurfaceContact
     fixed: npt.NDArray[np.int64]
+    units: Units
 
     def follow(
         self,
@@ -138,8 +143,11 @@ class Problem:
                 reached = self._walk(start, target, control, first, progress)
             out.append(self._tightened(reached, control))
             if progress is not None:
-                progress(_where(out[-1]))
+                progress(self._where(out[-1]))
         return out
+
+    def _where(self, here: Equilibrium) -> str:
+        return f"{here.load * self.units.force:.3g} N at {here.depth * self.units.length * 1e3:.3g} mm"
 
     def _from_guess(self, guess: Guess, target: float, control: str, before: Equilibrium | None) -> Equilibrium | None:
         """Straight to the target from a good guess; None where that fails."""
@@ -174,13 +182,12 @@ class Problem:
                 before = None
                 _LOG.info("step to %s %.4g halved: %s", control, aim, error)
                 if step < abs(target) * _SMALLEST:
-                    unit = "N" if control == "load" else "m"
-                    message = f"no convergence beyond {control} {done:.4g} {unit} (wanted {target:.4g}): {error}"
+                    message = f"no convergence beyond {self._where(here)}: {error}"
                     raise PathError(message, here) from error
                 continue
             step *= 1.8 if here.iterations - used < _EASY else 1.0
             if progress is not None:
-                progress(_where(here))
+                progress(self._where(here))
         return here
 
     def _first(self, depth: float) -> Equilibrium:
@@ -191,7 +198,7 @@ class Problem:
                 return self._newton(rest, depth / 2**halving, None, 0, tight=_LOOSE)
             except _FAILURES as error:
                 _LOG.info("first step halved: %s", error)
-        raise PathError(f"no convergence even at a depth of {depth / 128:.3g} m", None)
+        raise PathError(f"no convergence even at a depth of {depth / 128 * self.units.length:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""
@@ -210,6 +217,7 @@ class Problem:
     def _newton(self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float) -> Equilibrium:
         """Solve at a depth, or, where a load is given, for the depth as well."""
         state = state.copy()
+        system = None
         for iteration in range(_ITERATIONS):
             internal, stiffness = self.solid.linearise(state)
             touch = self.contact.at(state, depth, curved=iteration >= _STRAIGHT)
@@ -222,7 +230,7 @@ class Problem:
                     reaction=internal,
                     iterations=used + iteration,
                 )
-            system = ConstrainedSystem(stiffness + touch.tangent, self.fixed)
+            system = ConstrainedSystem(stiffness + touch.tangent, self.fixed, like=system)
             if load is None:
                 state += system.solve(-internal - touch.force)
                 continue

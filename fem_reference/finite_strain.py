@@ -14,9 +14,11 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements import MixedElements, Pattern
-from fem_reference.materials import Energy
-from fem_reference.materials.energy import Response
+from fem_reference.materials import Energy, bulk_compliance, finite_strain_energy
+from fem_reference.materials.energy import Response, Scaled
 from fem_reference.materials.invariants import Invariant, volume_ratio
+from fem_reference.units import Units
+from meshes import Cover
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,6 +38,17 @@ class Solid:
     energies: Sequence[Energy]
     bulk_compliance: FloatArray
     pattern: Pattern
+
+    @classmethod
+    def of_cover(cls, elements: MixedElements, cover: Cover, units: Units) -> Solid:
+        """The cover's materials on elements whose regions are its layers, bottom first, in the given units."""
+        materials = [layer.material for layer in cover.layers]
+        return cls(
+            elements=elements,
+            energies=[Scaled(energy=finite_strain_energy(m), factor=1 / units.stress) for m in materials],
+            bulk_compliance=np.array([bulk_compliance(m) * units.stress for m in materials]),
+            pattern=Pattern(elements),
+        )
 
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
         """Residual and tangent.

@@ -42,11 +42,13 @@ class Obstacle:
 
     Attributes:
         indenter: The shape.
-        fillet: Radius of the rounding of sharp edges [m].
+        fillet: Radius of the rounding of sharp edges, in `unit`.
+        unit: Length that positions and heights are counted in [m].
     """
 
     indenter: Indenter
     fillet: float
+    unit: float = 1.0
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape [m]."""
@@ -74,19 +76,25 @@ class Obstacle:
         ]
         return Height(value=value, slope=slope, curvature=np.stack(rows, axis=-2))
 
+    @property
+    def _footprint(self) -> FloatArray:
+        return np.array(self.indenter.footprint) / self.unit
+
     def _beyond_flat(self, shape: Flat, x: FloatArray, y: FloatArray) -> FloatArray:
         """Distance outside the part of the face that stays flat; at a box's corners the rounding is a ball [m]."""
         if isinstance(shape, Box):
-            dx, dy = (np.abs(v) - h + self.fillet for v, h in zip((x, y), shape.footprint, strict=True))
+            dx, dy = (np.abs(v) - h + self.fillet for v, h in zip((x, y), self._footprint, strict=True))
             return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
-        return np.asarray(np.maximum(self.fillet - shape.inside(x, y), 0.0))
+        return np.asarray(np.maximum(self.fillet - shape.inside(x * self.unit, y * self.unit) / self.unit, 0.0))
 
     def _extended(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """A curved shape, continued outside its footprint by a steep cone."""
-        half = np.array(self.indenter.footprint)
+        half = self._footprint
         shrink = 1 / np.maximum(1.0, np.hypot(x / half[0], y / half[1]) / _RIM)
         beyond = np.hypot(x - x * shrink, y - y * shrink)
-        return np.asarray(self.indenter.gap(x * shrink, y * shrink) + STEEPEST * beyond)
+        return np.asarray(
+            self.indenter.gap(x * shrink * self.unit, y * shrink * self.unit) / self.unit + STEEPEST * beyond
+        )
 
 
 #: A ball is that steep at this fraction of its radius.

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.axisymmetric import BaseResponse, base_response, graded, held, tensor_mesh, toward_edge
-from fem_reference.elements import MixedElements, Pattern, mixed_elements
+from fem_reference.elements import MixedElements, mixed_elements
 from fem_reference.equilibrium import Equilibrium, Problem
 from fem_reference.finite_strain import Solid
-from fem_reference.materials import bulk_compliance, finite_strain_energy
 from fem_reference.obstacle import Obstacle
 from fem_reference.surface_contact import SurfaceContact
 from fem_reference.transfer import Coarse
+from fem_reference.units import Units
 from meshes import Cover, Indenter
 from meshes.indenter import Flat
 
@@ -24,6 +24,8 @@ FloatArray = npt.NDArray[np.float64]
 #: Pressure per overlap, in shear moduli per element size.  It must outweigh what the contact pressure itself takes from
 #: the stiffness of an element; below about 30 surfaces under high pressure wrinkle.
 PENALTY = 150.0
+#: A node this close to a boundary lies on it, in thicknesses [-].
+_TOUCH = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,40 +79,46 @@ def press_axisymmetric(
     Raises:
         PathError: If the path stops early.
     """
-    size = min(cover.thickness / elements_per_thickness, contact_radius / elements_per_thickness)
+    units = Units.of(cover)
+    thin = units.thin(cover)
+    fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
+    size = min(1.0, radius) / elements_per_thickness
     growth = 1 + 1.2 / elements_per_thickness
     if isinstance(indenter, Flat):
-        radii = toward_edge(fillet * 6 / elements_per_thickness, size, contact_radius, reach, growth)
+        radii = toward_edge(fillet * 6 / elements_per_thickness, size, radius, reach, growth)
     else:
-        radii = graded(size, 1.25 * contact_radius, reach, growth)
-    mesh, region = tensor_mesh(cover, elements_per_thickness, radii)
+        radii = graded(size, 1.25 * radius, reach, growth)
+    mesh, region = tensor_mesh(thin, elements_per_thickness, radii)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
-    r, z = elements.nodes.T
-    solid = Solid(
-        elements=elements,
-        energies=[finite_strain_energy(layer.material) for layer in cover.layers],
-        bulk_compliance=np.array([bulk_compliance(layer.material) for layer in cover.layers]),
-        pattern=Pattern(elements),
+    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length)
+    problem = Problem(
+        solid=Solid.of_cover(elements, cover, units),
+        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size),
+        fixed=held(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
+        units=units,
     )
-    penalty = PENALTY * cover.layers[-1].material.shear_modulus / size
-    contact = SurfaceContact(elements, cover.thickness, Obstacle(indenter=indenter, fillet=fillet), penalty=penalty)
-    problem = Problem(solid=solid, contact=contact, fixed=held(cover, r, z, reach))
+    aims = [units.target(value, control) for value in targets]
     guesses = () if coarse is None else coarse.guesses(elements)
-    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, guesses=guesses, progress=progress)
-    return [_state(elements, cover, reached) for reached in path], Coarse(elements=elements, path=path)
+    path = problem.follow(aims, control=control, first=0.02, guesses=guesses, progress=progress)
+    return [_state(elements, units, reached) for reached in path], Coarse(elements=elements, path=path)
 
 
-def _state(elements: MixedElements, cover: Cover, reached: Equilibrium) -> PressedState:
+def _state(elements: MixedElements, units: Units, reached: Equilibrium) -> PressedState:
     r, z = elements.nodes.T
-    tolerance = 1e-9 * cover.thickness
-    base, top = np.flatnonzero(z < tolerance), np.flatnonzero(z > cover.thickness - tolerance)
+    base, top = np.flatnonzero(z < _TOUCH), np.flatnonzero(z > 1 - _TOUCH)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
+    below = base_response(r[base], reached.reaction[2 * base + 1], len(reached.state))
     return PressedState(
-        depth=reached.depth,
-        load=reached.load,
-        area=reached.touch.area,
-        overlap=reached.touch.overlap,
-        base=base_response(r[base], reached.reaction[2 * base + 1], len(reached.state)),
-        top=moved[top],
+        depth=reached.depth * units.length,
+        load=reached.load * units.force,
+        area=reached.touch.area * units.length**2,
+        overlap=reached.touch.overlap * units.length,
+        base=BaseResponse(
+            radius=below.radius * units.length,
+            pressure=below.pressure * units.stress,
+            reaction=below.reaction * units.force,
+            unknowns=below.unknowns,
+        ),
+        top=moved[top] * units.length,
     )

@@ -15,14 +15,14 @@ import scipy.linalg
 import skfem
 
 from fem_reference.axisymmetric import edge_shape
-from fem_reference.elements import MixedElements, Pattern, mixed_elements
+from fem_reference.elements import MixedElements, mixed_elements
 from fem_reference.equilibrium import Equilibrium, Problem
 from fem_reference.finite_strain import Solid
-from fem_reference.materials import bulk_compliance, finite_strain_energy
 from fem_reference.obstacle import Obstacle
 from fem_reference.press_axisymmetric import PENALTY
 from fem_reference.surface_contact import SurfaceContact
 from fem_reference.transfer import Coarse
+from fem_reference.units import Units
 from meshes import Cover, Indenter
 from meshes.indenter import Flat
 
@@ -94,32 +94,29 @@ def press_solid(
         PathError: If the path stops early.
     """
     mirrored = mirrors(indenter)
-    size = min(cover.thickness, 2 * min(contact_half)) / elements_per_thickness
+    units = Units.of(cover)
+    thin = units.thin(cover)
+    fillet, reach, *halves = (value / units.length for value in (fillet, reach, *contact_half))
+    size = min(1.0, 2 * min(halves)) / elements_per_thickness
     fine = 2.4 * fillet / elements_per_thickness if isinstance(indenter, Flat) else 0.5 * size
-    sides = [_side(half, (fine, size), reach, mirror=m) for half, m in zip(contact_half, mirrored, strict=True)]
-    counts = [max(2, round(layer.thickness / cover.thickness * elements_per_thickness)) for layer in cover.layers]
-    heights = _heights(cover, counts)
+    sides = [_side(half, (fine, size), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)]
+    counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in thin.layers]
+    heights = _heights(thin, counts)
     mesh = skfem.MeshHex.init_tensor(*sides, heights)
     row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
     elements = mixed_elements(mesh, region=np.repeat(np.arange(len(counts)), counts)[row])
     multiple = float((1 + mirrored[0]) * (1 + mirrored[1]))
-    contact = SurfaceContact(
-        elements,
-        cover.thickness,
-        Obstacle(indenter=indenter, fillet=fillet),
-        penalty=PENALTY * cover.layers[-1].material.shear_modulus / size,
-        multiple=multiple,
+    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length)
+    problem = Problem(
+        solid=Solid.of_cover(elements, cover, units),
+        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, multiple=multiple),
+        fixed=_held(thin, elements, sides, mirrored),
+        units=units,
     )
-    solid = Solid(
-        elements=elements,
-        energies=[finite_strain_energy(layer.material) for layer in cover.layers],
-        bulk_compliance=np.array([bulk_compliance(layer.material) for layer in cover.layers]),
-        pattern=Pattern(elements),
-    )
-    problem = Problem(solid=solid, contact=contact, fixed=_held(cover, elements, sides, mirrored))
+    aims = [units.target(value, control) for value in targets]
     guesses = () if coarse is None else coarse.guesses(elements)
-    path = problem.follow(targets, control=control, first=0.02 * cover.thickness, guesses=guesses, progress=progress)
-    states = [_state(elements, reached, mirrored, multiple) for reached in path]
+    path = problem.follow(aims, control=control, first=0.02, guesses=guesses, progress=progress)
+    states = [_state(elements, units, reached, mirrored, multiple) for reached in path]
     return states, Coarse(elements=elements, path=path)
 
 
@@ -153,7 +150,7 @@ def _held(
 ) -> npt.NDArray[np.int64]:
     """The base, the outer boundary, and the planes of symmetry along their normals."""
     x, y, z = elements.nodes.T
-    tolerance = 1e-9 * cover.thickness
+    tolerance = 1e-9
     base = z < tolerance
     outer = np.zeros_like(base)
     for place, side, mirror in zip((x, y), sides, mirrored, strict=True):
@@ -166,7 +163,9 @@ def _held(
     return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
 
 
-def _state(elements: MixedElements, reached: Equilibrium, mirrored: tuple[bool, bool], multiple: float) -> SolidState:
+def _state(
+    elements: MixedElements, units: Units, reached: Equilibrium, mirrored: tuple[bool, bool], multiple: float
+) -> SolidState:
     x, y, z = elements.nodes.T
     base = np.flatnonzero(z < 1e-9 * z.max())
     base = base[np.lexsort((y[base], x[base]))]
@@ -178,14 +177,14 @@ def _state(elements: MixedElements, reached: Equilibrium, mirrored: tuple[bool, 
             points[axis] = np.concatenate([-points[axis][::-1], points[axis]])
             pressure = np.concatenate([np.flip(pressure, axis), pressure], axis)
     return SolidState(
-        depth=reached.depth,
-        load=reached.load,
-        area=reached.touch.area,
-        overlap=reached.touch.overlap,
-        x=points[0],
-        y=points[1],
-        pressure=pressure,
-        reaction=float(forces.sum()) * multiple,
+        depth=reached.depth * units.length,
+        load=reached.load * units.force,
+        area=reached.touch.area * units.length**2,
+        overlap=reached.touch.overlap * units.length,
+        x=points[0] * units.length,
+        y=points[1] * units.length,
+        pressure=pressure * units.stress,
+        reaction=float(forces.sum()) * multiple * units.force,
     )
 
 

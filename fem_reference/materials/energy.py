@@ -45,6 +45,26 @@ class Energy(Protocol):
         """
 
 
+@dataclass(frozen=True, kw_only=True)
+class Scaled:
+    """Another energy times a number, as a change of units needs it.
+
+    Attributes:
+        energy: The other energy.
+        factor: The number [-].
+    """
+
+    energy: Energy
+    factor: float
+
+    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
+        """Energy, stress and tangent, all scaled."""
+        plain = self.energy.isochoric(F, J)
+        return Response(
+            energy=plain.energy * self.factor, stress=plain.stress * self.factor, tangent=plain.tangent * self.factor
+        )
+
+
 def of_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, curve: FloatArray) -> Response:
     """Response of w(I): stress w' dI, tangent w'' dI x dI + w' d2I.
 
