@@ -83,12 +83,8 @@ def _angle() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sphere:
-    """A ball.
-
-    Attributes:
-        radius: Radius [m].
-    """
+class _Round:
+    """What shapes of revolution that are as wide as their radius share."""
 
     radius: float = _length()
 
@@ -103,6 +99,15 @@ class Sphere:
         """Half widths along x and y [m]."""
         return (self.radius, self.radius)
 
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere(_Round):
+    """A ball.
+
+    Attributes:
+        radius: Radius [m].
+    """
+
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """R - sqrt(R^2 - r^2) inside the radius [m]."""
         return _ball_gap(self.radius, x, y)
@@ -113,7 +118,7 @@ class Sphere:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoundedTip:
+class RoundedTip(_Round):
     """A rod with a hemispherical end (the 1 mm calibration tool of the 2015 report).
 
     Attributes:
@@ -121,17 +126,6 @@ class RoundedTip:
     """
 
     radius: float = field(default=1e-3, metadata={"quantity": "length"})
-
-    def __post_init__(self) -> None:
-        """Check the radius."""
-        _positive(self, self.radius)
-
-    axisymmetric = True
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.radius, self.radius)
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """R - sqrt(R^2 - r^2) inside the radius [m]."""
@@ -144,25 +138,12 @@ class RoundedTip:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cylinder:
+class Cylinder(_Round):
     """An upright cylinder with a flat, sharp-edged end.
 
     Attributes:
         radius: Radius [m].
     """
-
-    radius: float = _length()
-
-    def __post_init__(self) -> None:
-        """Check the radius."""
-        _positive(self, self.radius)
-
-    axisymmetric = True
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.radius, self.radius)
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Zero inside the radius [m]."""

@@ -10,27 +10,11 @@ import pytest
 
 import fastmodel
 import fem_reference
-from validation.cli import main
 from validation.cli.entry import _COMMANDS
 from validation.recordings.series import recordings_folder
 
 FOUND = recordings_folder()
 RECORDINGS = None if FOUND is None else FOUND.absolute()
-
-
-@pytest.fixture
-def softcover(capsys, tmp_path, monkeypatch):
-    """Run one command in an empty folder: (exit status, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return left.value.code, captured.out, captured.err
-
-    return run
 
 
 @pytest.fixture

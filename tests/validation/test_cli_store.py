@@ -6,25 +6,14 @@ import pytest
 
 from fem_reference import store
 from meshes.catalogue import ASSUMED_COVER
-from validation.cli import main
 
 CODES = ("other-code", None, "other-code", None, None)
 DAY = 86_400
 
 
-@pytest.fixture
-def softcover(capsys, tmp_path, monkeypatch):
-    """Run one command on a store of its own: (exit status, standard output, standard error)."""
+@pytest.fixture(autouse=True)
+def _empty_store(tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "store"))
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        return left.value.code, captured.out, captured.err
-
-    return run
 
 
 @pytest.fixture
