@@ -7,11 +7,13 @@ every pitch evenly; cell `[i, j]` lies i rows and j columns from the texel's low
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
+from fastmodel.separable import SymmetricConvolution, factors
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -69,6 +71,16 @@ class CoverCells:
     def reach(self) -> int:
         """Cells beside a texel from which force arrives on it [-]."""
         return (len(self.influence) - self.per_texel) // 2
+
+    @cached_property
+    def convolution(self) -> SymmetricConvolution:
+        """Forces on cells to displacements of their centres."""
+        return SymmetricConvolution(self.compliance / (self.cell[0] * self.cell[1]))
+
+    @cached_property
+    def influence_factors(self) -> tuple[FloatArray, FloatArray]:
+        """The influence as products of row and column factors."""
+        return factors(self.influence, 1e-7)
 
     def check_pitch(self, array: TexelArray) -> None:
         """Check that the cells divide an array's pitch.

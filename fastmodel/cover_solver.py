@@ -3,8 +3,7 @@
 Minimise f A f / 2 + gap f over cell forces f >= 0, with the force of every body (and its moments, where it is free to
 tilt) prescribed: pressure only where surfaces touch, no overlap elsewhere.  The multipliers are the approach and the
 two tilts of each body.  Conjugate gradients on the touching cells (Polonsky and Keer, Wear 231, 1999) with the
-constraints projected out; A is a convolution on the cells and goes by fast Fourier transforms on a window around the
-contact.
+constraints projected out; A is a convolution on the cells of a window around the contact.
 
 A cell that a body covers in part carries its force at the middle of the covered part: it acts on the four cells around
 as their bilinear share, both ways, so A stays symmetric; and being smaller it yields more under its own force.
@@ -17,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 from fastmodel.cover_cells import CoverCells
+from fastmodel.cover_iteration import iterate
 from fastmodel.foundation import foundation_forces
+from fastmodel.native import choose_kernel
 from fastmodel.sampling import CellGrid, Load, Samples
 
 FloatArray = npt.NDArray[np.float64]
@@ -30,7 +30,6 @@ IntArray = npt.NDArray[np.int64]
 _BLOCK = 4
 #: Displacement at the middle of a square under unit force over half_space / edge: 4 asinh(1).
 _SQUARE = 4 * float(np.arcsinh(1.0))
-_SPECTRA = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,6 +52,8 @@ class Solution:
     Attributes:
         forces: On each sampled cell, shape (m,) [N].
         approach: Of each body from its first touch of the undeformed cover, shape (bodies,) [m].
+        level: Height over each body's lowest point up to which its cells, moved with it, lie under the undeformed top,
+            shape (bodies,) [m].
         steps: Steps taken.
         converged: Whether the tolerance was met.
         on_cells: The same forces on a window of whole cells, shape (rows, columns) [N].
@@ -61,6 +62,7 @@ class Solution:
 
     forces: FloatArray
     approach: FloatArray
+    level: FloatArray
     steps: int
     converged: bool
     on_cells: FloatArray
@@ -70,14 +72,22 @@ class Solution:
 class CoverSolver:
     """Solves contacts on one grid of cells, remembering the last one as a start for the next."""
 
-    def __init__(self, cells: CoverCells, grid: CellGrid, settings: Settings) -> None:
-        """Prepare the kernel."""
+    def __init__(self, cells: CoverCells, grid: CellGrid, settings: Settings, *, native: bool | None = False) -> None:
+        """Prepare the kernel.
+
+        Args:
+            cells: The cover.
+            grid: The cells of the array.
+            settings: When to stop.
+            native: True for compiled loops, False for numpy, None for whichever is there.
+        """
         self._cells, self._grid, self._settings = cells, grid, settings
         self._kernel = cells.compliance / (cells.cell[0] * cells.cell[1])
         edge = float(np.sqrt(cells.cell[0] * cells.cell[1]))
         self._square = _SQUARE * cells.top_compliance / edge
         self._modulus = cells.foundation_modulus()
-        self._spectra: dict[tuple[int, int], FloatArray] = {}
+        self.convolution = cells.convolution
+        self._iterate = choose_kernel(iterate, iterate, native=native)
         self._last: FloatArray | None = None
         self._operator: _Operator | None = None
 
@@ -97,30 +107,37 @@ class CoverSolver:
         operator = self._operator
         constraints = _Constraints(samples, loads)
         start = self._start(samples, loads)
-        found = _conjugate_gradients(operator, constraints, samples.gap, start, self._settings)
+        found = self._find(operator, constraints, start)
         if not found.converged and any(load.tilts for load in loads):
             # moments that no pressure on these cells can carry: the pose that the engine gives stands for the tilt
             upright = [Load(force=load.force, moment=load.moment, tilts=False) for load in loads]
             constraints = _Constraints(samples, upright)
-            found = _conjugate_gradients(operator, constraints, samples.gap, start, self._settings)
+            found = self._find(operator, constraints, start)
         self._keep(samples, found.forces)
         return Solution(
             forces=found.forces,
             approach=found.motion[constraints.approach] - samples.lowest,
+            level=samples.largest(constraints.columns @ found.motion) - samples.lowest,
             steps=found.steps,
             converged=found.converged,
             on_cells=operator.on_cells(found.forces),
             origin=operator.origin,
         )
 
-    def spectrum(self, rows: int, columns: int) -> tuple[tuple[int, int], FloatArray]:
-        """Padded shape and transform of the kernel for a window of cells."""
-        padded = (fft.next_fast_len(2 * rows - 1, real=True), fft.next_fast_len(2 * columns - 1, real=True))
-        if padded not in self._spectra:
-            if len(self._spectra) >= _SPECTRA:
-                self._spectra.clear()
-            self._spectra[padded] = _kernel_spectrum(self._kernel, padded)
-        return padded, self._spectra[padded]
+    def _find(self, operator: _Operator, constraints: _Constraints, start: FloatArray) -> _Found:
+        forces, motion, steps, converged = self._iterate(
+            operator.target,
+            operator.weight,
+            operator.soft,
+            *operator.matrices,
+            operator.samples.gap,
+            constraints.columns,
+            constraints.target,
+            start,
+            self._settings.tolerance * constraints.total,
+            self._settings.steps,
+        )
+        return _Found(forces=forces, motion=motion, steps=int(steps), converged=bool(converged))
 
     def softening(self, coverage: FloatArray) -> FloatArray:
         """Displacement under own force that a partly covered cell adds to that of a whole one [m/N]."""
@@ -135,7 +152,7 @@ class CoverSolver:
             want = np.array([load.force for load in loads])
             if (sums > 0.5 * want).all():
                 return np.asarray(start * (want / sums)[samples.body])
-        return foundation_forces(samples, loads, self._modulus * area * samples.coverage)
+        return foundation_forces(samples, loads, self._modulus * area * samples.coverage)[0]
 
     def _keep(self, samples: Samples, forces: FloatArray) -> None:
         if self._last is None:
@@ -143,17 +160,6 @@ class CoverSolver:
         else:
             self._last[:] = 0.0
         self._last[samples.row, samples.column] = forces / samples.coverage
-
-
-def _kernel_spectrum(kernel: FloatArray, padded: tuple[int, int]) -> FloatArray:
-    """Transform of the symmetric kernel, wrapped around, zero beyond its table (real, because it is symmetric)."""
-    wrapped = np.zeros(padded)
-    rows, columns = (min(n // 2 + 1, size) for n, size in zip(padded, kernel.shape, strict=True))
-    quarter = kernel[:rows, :columns]
-    wrapped[:rows, :columns] = quarter
-    wrapped[-rows + 1 or padded[0] :, :columns] = quarter[:0:-1]
-    wrapped[:, -columns + 1 or padded[1] :] = wrapped[:, columns - 1 : 0 : -1]
-    return np.ascontiguousarray(fft.rfft2(wrapped).real)
 
 
 class _Operator:
@@ -167,7 +173,7 @@ class _Operator:
         columns = -(-(int(samples.column.max()) + 2 - first_column) // _BLOCK) * _BLOCK
         self._shape = (rows, columns)
         self.origin = (first_row, first_column)
-        self._padded, self._spectrum = solver.spectrum(rows, columns)
+        self.matrices = solver.convolution.matrices(rows, columns)
         u = (samples.x - grid.low[0]) / grid.edge[0] - 0.5 - first_column
         v = (samples.y - grid.low[1]) / grid.edge[1] - 0.5 - first_row
         # whole cells sit exactly on the lattice: rounding must not share them with a neighbour
@@ -175,10 +181,11 @@ class _Operator:
         column, row = np.floor(u), np.floor(v)
         a, b = u - column, v - row
         corner = (row * columns + column).astype(np.int64)
-        self._target = np.stack([corner, corner + 1, corner + columns, corner + columns + 1])
-        self._weight = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b])
-        self._soft = solver.softening(samples.coverage) + self._spread_out(solver._kernel)  # noqa: SLF001
-        self._whole = bool((self._weight[0] == 1).all())
+        self.target = np.stack([corner, corner + 1, corner + columns, corner + columns + 1])
+        self.weight = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b])
+        if (self.weight[0] == 1).all():
+            self.target, self.weight = self.target[:1], self.weight[:1]
+        self.soft = solver.softening(samples.coverage) + self._spread_out(solver._kernel)  # noqa: SLF001
 
     def _spread_out(self, kernel: FloatArray) -> FloatArray:
         """What sharing a force among four cells takes from its own displacement [m/N]."""
@@ -189,24 +196,15 @@ class _Operator:
             ]
         )
         near = np.array([[k[abs(p // 2 - q // 2), abs(p % 2 - q % 2)] for q in range(4)] for p in range(4)])
-        own = np.einsum("pm,pq,qm->m", self._weight, near, self._weight)
+        shares = len(self.weight)
+        own = np.einsum("pm,pq,qm->m", self.weight, near[:shares, :shares], self.weight)
         return np.asarray(k[0, 0] - own)
 
     def on_cells(self, forces: FloatArray) -> FloatArray:
         """Forces shared among the window's cells, shape (rows, columns) [N]."""
         size = self._shape[0] * self._shape[1]
-        if self._whole:
-            return np.bincount(self._target[0], forces, size).reshape(self._shape).astype(np.float64)
-        shared = np.bincount(self._target.ravel(), (self._weight * forces).ravel(), size)
+        shared = np.bincount(self.target.ravel(), (self.weight * forces).ravel(), size)
         return shared.reshape(self._shape).astype(np.float64)
-
-    def __call__(self, forces: FloatArray) -> FloatArray:
-        """Displacements, shape (m,) [m]."""
-        spread = fft.irfft2(fft.rfft2(self.on_cells(forces), self._padded) * self._spectrum, self._padded)
-        flat = spread[: self._shape[0], : self._shape[1]].ravel()
-        if self._whole:
-            return np.asarray(flat[self._target[0]] + self._soft * forces)
-        return np.asarray(np.einsum("pm,pm->m", self._weight, flat[self._target]) + self._soft * forces)
 
 
 class _Constraints:
@@ -230,82 +228,13 @@ class _Constraints:
                 target += [0.0, 0.0]
         self.columns = np.column_stack(columns)
         self.target = np.array(target)
-        self._plain = len(loads) == 1 and len(target) == 1
-
-    def motion(self, overlap: FloatArray, active: npt.NDArray[np.bool_]) -> FloatArray:
-        """Approach and tilts that fit the displacements of the touching cells best, shape (k,)."""
-        if self._plain:
-            return np.array([overlap[active].mean()])
-        mine = self.columns[active]
-        return np.asarray(np.linalg.solve(_ridged(mine.T @ mine), mine.T @ overlap[active]))
-
-    def settle(self, forces: FloatArray) -> FloatArray | None:
-        """Forces scaled, by a factor linear in place, so that they carry the loads; None where they cannot."""
-        if self._plain:
-            total = forces.sum()
-            return forces * (self.target[0] / total) if total > 0 else None
-        for _ in range(8):
-            miss = self.target - forces @ self.columns
-            if np.abs(miss).max() <= 1e-9 * self.total:
-                return forces
-            weighted = self.columns * forces[:, None]
-            try:
-                factor = 1 + self.columns @ np.linalg.solve(_ridged(self.columns.T @ weighted), miss)
-            except np.linalg.LinAlgError:
-                return None
-            forces = forces * np.maximum(factor, 0.2)
-        return forces if np.abs(self.target - forces @ self.columns).max() <= 1e-3 * self.total else None
-
-
-def _ridged(matrix: FloatArray) -> FloatArray:
-    matrix[np.diag_indices_from(matrix)] += 1e-12 * np.trace(matrix) + 1e-300
-    return matrix
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Iterate:
-    """Where the iteration stands: cell forces and the bodies' motions."""
+class _Found:
+    """Where the iteration ended: cell forces and the bodies' motions."""
 
     forces: FloatArray
     motion: FloatArray
     steps: int
     converged: bool
-
-
-def _conjugate_gradients(
-    yields: _Operator, constraints: _Constraints, gap: FloatArray, start: FloatArray, settings: Settings
-) -> _Iterate:
-    """Polonsky and Keer's iteration with linear constraints; the columns' multipliers are the bodies' motions."""
-    motion = np.zeros(len(constraints.target))
-    settled = constraints.settle(start)
-    if settled is None:
-        return _Iterate(forces=start, motion=motion, steps=0, converged=False)
-    forces, direction, previous, conjugate = settled, np.zeros_like(gap), 1.0, 0.0
-    level = constraints.total * settings.tolerance
-    for step in range(1, settings.steps + 1):
-        active = forces > 0
-        overlap = yields(forces) + gap
-        motion = constraints.motion(overlap, active)
-        overlap -= constraints.columns @ motion
-        energy = float(overlap[active] @ overlap[active])
-        direction = np.where(active, overlap + conjugate * energy / previous * direction, 0.0)
-        image = yields(direction)
-        image -= constraints.columns @ constraints.motion(image, active)
-        curvature = float(image @ direction)
-        if not curvature > 0:
-            return _Iterate(forces=forces, motion=motion, steps=step, converged=True)
-        previous, conjugate = energy, 1.0
-        length = float(overlap @ direction) / curvature
-        moved = np.maximum(forces - length * direction, 0.0)
-        fresh = ~active & (overlap < 0)
-        if fresh.any():
-            conjugate = 0.0
-            moved[fresh] = -length * overlap[fresh]
-        settled = constraints.settle(moved)
-        if settled is None:
-            return _Iterate(forces=forces, motion=motion, steps=step, converged=False)
-        change = float(np.abs(settled - forces).sum())
-        forces = settled
-        if change < level:
-            return _Iterate(forces=forces, motion=motion, steps=step, converged=True)
-    return _Iterate(forces=forces, motion=motion, steps=settings.steps, converged=False)

@@ -19,23 +19,25 @@ FloatArray = npt.NDArray[np.float64]
 _STEPS = 60
 
 
-def foundation_forces(samples: Samples, loads: Sequence[Load], stiffness: FloatArray) -> FloatArray:
-    """Force on each cell, shape (m,) [N].
+def foundation_forces(samples: Samples, loads: Sequence[Load], stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Force on each cell, shape (m,) [N], and height of each over which its spring would stand free, shape (m,) [m].
 
     Args:
         samples: Cells under each body.
         loads: What each body presses with.
         stiffness: Force per depth of each cell, shape (m,) [N/m].
     """
-    forces = np.zeros(samples.count)
+    forces, levels = np.zeros(samples.count), np.zeros(samples.count)
     for body, load in enumerate(loads):
         mine = (samples.body == body).nonzero()[0]
         if len(mine):
-            forces[mine] = _one_body(samples, mine, load, stiffness[mine])
-    return forces
+            forces[mine], levels[mine] = _one_body(samples, mine, load, stiffness[mine])
+    return forces, levels
 
 
-def _one_body(samples: Samples, mine: npt.NDArray[np.int64], load: Load, stiffness: FloatArray) -> FloatArray:
+def _one_body(
+    samples: Samples, mine: npt.NDArray[np.int64], load: Load, stiffness: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     gap = samples.gap[mine]
     if load.tilts and len(mine) >= 3:  # noqa: PLR2004 -- a plane takes three points
         # about the point of pressure and in units of the contact's size, so that the unknowns are alike
@@ -43,15 +45,17 @@ def _one_body(samples: Samples, mine: npt.NDArray[np.int64], load: Load, stiffne
         place = np.column_stack([samples.x[mine], samples.y[mine]]) - middle
         size = max(float(np.abs(place).max()), 1e-9)
         columns = np.column_stack([np.ones(len(mine)), place / size])
-        forces = _matched(columns, gap, stiffness, np.array([load.force, 0.0, 0.0]))
-        if forces is not None:
-            return forces
-    forces = _matched(np.ones((len(mine), 1)), gap, stiffness, np.array([load.force]))
-    return np.full(len(mine), load.force / len(mine)) if forces is None else forces
+        found = _matched(columns, gap, stiffness, np.array([load.force, 0.0, 0.0]))
+        if found is not None:
+            return found
+    found = _matched(np.ones((len(mine), 1)), gap, stiffness, np.array([load.force]))
+    return (np.full(len(mine), load.force / len(mine)), gap) if found is None else found
 
 
-def _matched(columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray) -> FloatArray | None:
-    """Forces whose products with the columns are the target; None where no pressure gives them."""
+def _matched(
+    columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Forces whose products with the columns are the target, and levels; None where no pressure gives them."""
     motion = np.zeros(len(target))
     motion[0] = gap.min() + target[0] / stiffness.sum()
 
@@ -64,7 +68,7 @@ def _matched(columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target
         forces = stiffness * depth
         miss = target - forces @ columns
         if np.abs(miss).max() <= 1e-9 * target[0]:
-            return np.asarray(forces * (target[0] / forces.sum()))
+            return forces * (target[0] / forces.sum()), columns @ motion
         touching = depth > 0
         weighted = columns[touching] * stiffness[touching, None]
         tangent = columns[touching].T @ weighted

@@ -103,7 +103,7 @@ class Standing:
         high = (middle[:, :2] + half[:, :2] - grid.low) / grid.edge
         bounds = np.concatenate([np.floor(low), np.ceil(high)], axis=1)
         size = (grid.columns, grid.rows, grid.columns, grid.rows)
-        return np.minimum(np.maximum(bounds, 0), size).astype(np.int64)
+        return np.asarray(np.minimum(np.maximum(bounds, 0), size), dtype=np.int64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,7 +174,7 @@ class CellGrid:
         """Texel of each cell, -1 in the margin, same shape."""
         i, j = row - self.margin, column - self.margin
         inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin) & (j < self.columns - 2 * self.margin)
-        return np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1)
+        return np.asarray(np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,16 +212,15 @@ class Samples:
     @cached_property
     def lowest(self) -> FloatArray:
         """Height of each body's lowest cell, shape (bodies,) [m]."""
-        lowest = np.full(self.bodies, np.inf)
-        np.minimum.at(lowest, self.body, self.gap)
-        return lowest
+        return -self.largest(-self.gap)
 
-    def highest(self, forces: FloatArray) -> FloatArray:
-        """Height of each body's highest cell that presses over its lowest, shape (bodies,) [m]."""
-        highest = np.full(self.bodies, -np.inf)
-        pressed = forces > 0
-        np.maximum.at(highest, self.body[pressed], self.gap[pressed])
-        return np.asarray(np.maximum(highest - self.lowest, 0.0))
+    def largest(self, values: FloatArray) -> FloatArray:
+        """Largest of some values (m,) on the cells of each body, shape (bodies,)."""
+        if self.bodies == 1:
+            return np.array([values.max()])
+        largest = np.full(self.bodies, -np.inf)
+        np.maximum.at(largest, self.body, values)
+        return largest
 
 
 def sample(

@@ -27,8 +27,9 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Share of the height up to which a body is looked at that its contact may fill; beyond it is looked at higher up.
-_FILLED = 0.7
+#: Height up to which a body is looked at, over the level it has come down to: at least (the cover may bulge up beside a
+#: contact), and as taken for the next step [-].
+_LEAST, _SPARE = 1.2, 1.6
 #: Height over a body's lowest point up to which it is looked at first, over the cover's thickness, and at most, over
 #: the first [-].
 _FIRST, _MOST = 0.1, 20.0
@@ -131,7 +132,7 @@ class CoverContact:
             )
         cells.check_pitch(array)
         grid = grid_of(array, cells.per_texel, self.plate)
-        layer = _CoverLayer(grid, array, cells, Settings(tolerance=self.tolerance, steps=self.steps))
+        layer = _CoverLayer(grid, array, cells, Settings(tolerance=self.tolerance, steps=self.steps), native=native)
         first = _FIRST * cells.thickness
         return _reader(self.plate, model, array, name, grid, layer, first=first, native=native)
 
@@ -139,8 +140,8 @@ class CoverContact:
 class _Layer(Protocol):
     """How the force of each body is laid out over cells."""
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[FloatArray, Reading]:
-        """Force on each sampled cell, shape (m,) [N], and the reading that follows."""
+    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
+        """The reading, and the height over each body's lowest point up to which its cells go under the top [m]."""
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """The reading of forces that spread evenly over texels, shape (n,) [N]; forgets what was laid out before."""
@@ -153,7 +154,7 @@ class _SurfaceReader:
         self, touching: PlateReader, layer: _Layer, grid: CellGrid, *, first: float, native: bool | None
     ) -> None:
         self._touching, self._layer, self._grid, self._native = touching, layer, grid, native
-        self._first = first
+        self._first, self._most = first, _MOST * first
         self._reach: dict[int, float] = {}
         self._last: tuple[Touching, Reading] | None = None
         self._samples: Samples | None = None
@@ -194,17 +195,16 @@ class _SurfaceReader:
                 if not kept:
                     return self._nothing
                 continue
-            forces, reading = self._layer.lay_out(self._samples, touching.loads)
-            highest = self._samples.highest(forces)
+            reading, level = self._layer.lay_out(self._samples, touching.loads)
             higher = [
-                2 * have if have < _MOST * self._first and top > _FILLED * have else have
-                for have, top in zip(reach, highest, strict=True)
+                min(_SPARE * top, self._most) if have < min(top * _LEAST, self._most) else have
+                for have, top in zip(reach, level.tolist(), strict=True)
             ]
             if higher == reach:
                 break
             reach, self._samples = higher, None
-        for body, top, have in zip(touching.bodies, highest, reach, strict=True):
-            self._reach[body] = max(min(have, 1.6 * float(top)), self._first / 4)
+        for body, top in zip(touching.bodies, level.tolist(), strict=True):
+            self._reach[body] = min(max(_SPARE * top, self._first / 4), self._most)
         return reading
 
 
@@ -243,16 +243,19 @@ class _FoundationLayer:
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[FloatArray, Reading]:
-        forces = foundation_forces(samples, loads, self._stiffness * samples.coverage)
+    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
+        forces, levels = foundation_forces(samples, loads, self._stiffness * samples.coverage)
         contact = self._grid.on_texels(samples, forces)
-        return forces, Reading(contact_forces=contact, texel_forces=None, carried=float(forces.sum()))
+        reading = Reading(contact_forces=contact, texel_forces=None, carried=float(forces.sum()))
+        return reading, samples.largest(levels) - samples.lowest
 
 
 class _CoverLayer:
-    def __init__(self, grid: CellGrid, array: TexelArray, cells: CoverCells, settings: Settings) -> None:
+    def __init__(
+        self, grid: CellGrid, array: TexelArray, cells: CoverCells, settings: Settings, *, native: bool | None
+    ) -> None:
         self._grid = grid
-        self._solver = CoverSolver(cells, grid, settings)
+        self._solver = CoverSolver(cells, grid, settings, native=native)
         self._base = BaseForces(cells, grid, array)
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -263,14 +266,15 @@ class _CoverLayer:
             carried=float(contact_forces.sum()),
         )
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[FloatArray, Reading]:
+    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
         solution = self._solver.solve(samples, loads)
-        return solution.forces, Reading(
+        reading = Reading(
             contact_forces=self._grid.on_texels(samples, solution.forces),
             texel_forces=self._base.of_window(solution.on_cells, solution.origin),
             carried=float(solution.forces.sum()),
             approach=solution.approach,
         )
+        return reading, solution.level
 
 
 def _reader(  # noqa: PLR0917 -- what attach and bind were given
