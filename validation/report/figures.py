@@ -77,7 +77,7 @@ def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
     bars = [
         {
             "type": "bar",
-            "name": MODELS[model],
+            "name": model,
             "x": names,
             "y": [100 * result.predictions[model].score.misplaced_force for result in campaign.cases],
             "marker": {"color": _COLOURS[model]},
@@ -86,7 +86,7 @@ def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
     ]
     layout = _layout("", "misplaced force [% of the load]")
     layout["xaxis"]["tickangle"] = -35
-    return {"data": bars, "layout": layout | {"barmode": "group", "margin": {"l": 60, "r": 10, "t": 10, "b": 130}}}
+    return {"data": bars, "layout": layout | {"barmode": "group", "margin": {"l": 60, "r": 10, "t": 40, "b": 130}}}
 
 
 def _layout(x: str, y: str) -> dict[str, Any]:
@@ -95,8 +95,8 @@ def _layout(x: str, y: str) -> dict[str, Any]:
         "font": {"family": "system-ui, sans-serif", "size": 12, "color": _INK},
         "xaxis": axis | {"title": {"text": x}},
         "yaxis": axis | {"title": {"text": y}},
-        "margin": {"l": 60, "r": 10, "t": 10, "b": 50},
-        "legend": {"orientation": "h", "y": 1.12, "x": 0},
+        "margin": {"l": 60, "r": 10, "t": 60, "b": 50},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         "plot_bgcolor": "white",
         "paper_bgcolor": "rgba(0,0,0,0)",
         "height": 360,
