@@ -37,9 +37,9 @@ _TIGHT, _LOOSE = 1e-6, 1e-3
 _STRAIGHT = 2
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
-_AUGMENTATIONS = 6
+_AUGMENTATIONS = 4
 #: Overlap that counts as none, relative to the depth.
-_OVERLAP = 1e-3
+_OVERLAP = 5e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -210,6 +210,7 @@ class Problem:
             except _FAILURES as error:
                 _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
                 break
+            _LOG.info("overlap %.2g of the depth, %d iterations", here.touch.overlap / here.depth, here.iterations)
             if here.touch.overlap < _OVERLAP * here.depth:
                 break
         return here

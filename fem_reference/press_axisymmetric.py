@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Pressure per overlap, in shear moduli per element size.  It must outweigh what the contact pressure itself takes from
 #: the stiffness of an element; below about 30 surfaces under high pressure wrinkle.
-PENALTY = 150.0
+PENALTY = 300.0
 #: A node this close to a boundary lies on it, in thicknesses [-].
 _TOUCH = 1e-9
 
@@ -36,7 +36,7 @@ class PressedState:
         depth: Approach from first touch [m].
         load: Force [N].
         area: Reference area that touches [m2].
-        overlap: Largest distance that the penalty left between surfaces [m].
+        overlap: Mean distance that the penalty left between the surfaces [m].
         base: Base pressure, for the whole load.
         top: Radius and height of the deformed top, shape (m, 2) [m].
     """

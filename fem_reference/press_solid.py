@@ -37,7 +37,7 @@ class SolidState:
         depth: Approach from first touch [m].
         load: Force of the whole indenter [N].
         area: Reference area that touches, of the whole [m2].
-        overlap: Largest distance that the penalty left between surfaces [m].
+        overlap: Mean distance that the penalty left between the surfaces [m].
         x: Positions of the base pressure along x, ascending, mirrored halves included, shape (m,) [m].
         y: Positions along y, shape (n,) [m].
         pressure: Base pressure, shape (m, n) [Pa].

@@ -33,7 +33,7 @@ class Touch:
         total: Force on the indenter along z [N].
         stiffness: Derivative of the total by depth at fixed displacements [N/m].
         area: Reference area that touches [m2].
-        overlap: Largest distance between touching point and obstacle [m].
+        overlap: Mean distance between touching surface and obstacle, weighted by pressure [m].
         pressure: Contact pressure at the points, per reference area [Pa].
     """
 
@@ -103,7 +103,7 @@ class SurfaceContact:
             total=float(pressure.sum()) * self.multiple,
             stiffness=float(active.sum()) * self.multiple,
             area=float(self._weight[touching].sum()) * self.multiple,
-            overlap=float(np.abs(overlap[touching]).max(initial=0.0)),
+            overlap=float((pressure * np.abs(overlap)).sum() / max(pressure.sum(), 1e-300)),
             pressure=pressure / self._weight,
         )
 
