@@ -52,7 +52,7 @@ class FastIndentation:
         chatter: Standard deviation of the total force over time where contacts flickered and forces are means,
             over the load; zero where the indenter came to rest [-].
         depth: Approach of the indenter from first touch of the undeformed cover; None where the method has none that
-            means anything [m].
+            means anything, or for several or tilting indenters [m].
         method: Name of the contact method, or its settings.
         seconds: Wall time [s].
     """
@@ -154,7 +154,7 @@ def indent_together(
         outside=float(reading.carried - texel_forces.sum()),
         total_force=reading.carried,
         chatter=chatter,
-        depth=float(approach[0]) if approach is not None and len(approach) == 1 else None,
+        depth=float(approach[0]) if approach is not None and len(placements) == 1 and placements[0].guided else None,
         method=name,
         seconds=time.perf_counter() - started,
     )
