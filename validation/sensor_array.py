@@ -25,34 +25,51 @@ def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
         source: The sensor file; `positions` is relative to its folder.
 
     Raises:
-        InputError: If the mask or the positions do not fit rows x columns.
+        InputError: If the mask or the positions do not fit rows x columns, or texels overlap.
     """
     try:
-        active = _mask(table)
-        if table.positions is None:
-            return TexelArray.grid(
-                table.rows,
-                table.columns,
-                table.pitch,
-                texel_size=table.texel_size,
-                active=active,
-                name=table.name or name,
-            )
-        centres, normals = _read_positions(source.parent / table.positions, table.rows * table.columns)
-        return TexelArray(
-            centres=centres,
-            normals=normals,
-            texel_size=table.texel_size or table.pitch,
-            pitch=table.pitch,
-            rows=table.rows,
-            columns=table.columns,
-            active=np.ones(len(centres), dtype=bool) if active is None else active.ravel(),
-            name=table.name or name,
-        )
+        array = _texels(table, name=table.name or name, folder=source.parent)
+        if array.planar:
+            _refuse_overlap(array)
     except InputError as error:
         raise InputError(*(f"{source}: {fault}" for fault in error.faults)) from None
     except ValueError as error:
         raise InputError(f"{source}: array: {error}") from None
+    return array
+
+
+def _texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
+    active = _mask(table)
+    if table.positions is None:
+        return TexelArray.grid(
+            table.rows, table.columns, table.pitch, texel_size=table.texel_size, active=active, name=name
+        )
+    centres, normals = _read_positions(folder / table.positions, table.rows * table.columns)
+    return TexelArray(
+        centres=centres,
+        normals=normals,
+        texel_size=table.texel_size or table.pitch,
+        pitch=table.pitch,
+        rows=table.rows,
+        columns=table.columns,
+        active=np.ones(len(centres), dtype=bool) if active is None else active.ravel(),
+        name=name,
+    )
+
+
+def _refuse_overlap(array: TexelArray) -> None:
+    """Refuse texels that share a place: what presses there would be counted twice."""
+    from scipy.spatial import cKDTree
+
+    places = array.centres[array.active, :2] / np.array(array.texel_size)
+    pairs = cKDTree(places).query_pairs(1 - 1e-6, p=np.inf)
+    if pairs:
+        first, second = (int(np.flatnonzero(array.active)[k]) for k in min(pairs))
+        x, y = (f"{1e3 * edge:.4g} mm" for edge in array.texel_size)
+        raise InputError(
+            f"array: texels {first} and {second} overlap, each {x} by {y}; "
+            "write a smaller array.texel_size, or put them further apart"
+        )
 
 
 def _mask(table: ArrayTable) -> npt.NDArray[np.bool_] | None:

@@ -110,6 +110,7 @@ friction = 0.3
         ("rows = 3", 'rows = "3"', "array.rows: "),
         ("rows = 3", "rows = 3\nmask = ['01']", "array.mask: must have 3 rows of 2 entries"),
         ("rows = 3", "rows = 3\npositions = 'no.csv'", "array.positions: no such file"),
+        ("rows = 3", "rows = 3\ntexel_size = '9 mm'", "array: texels 0 and 1 overlap"),
         ('sensitivity = "2665.7 1/N"', "", "give either sensitivity"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\noutput_max = 5000', "does not fit 12 bits; accepted: 1..4095"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
@@ -132,7 +133,7 @@ def test_fault_says_what_is_wrong(sensor, old, new, expected):
 
 
 def test_texels_anywhere_from_a_table(sensor, tmp_path):
-    (tmp_path / "texels.csv").write_text("x,y,z\n" + "".join(f"{i * 1e-3},{i * 2e-3},0\n" for i in range(6)))
+    (tmp_path / "texels.csv").write_text("x,y,z\n" + "".join(f"{i * 1e-2},{i * 2e-3},0\n" for i in range(6)))
     description = load(sensor(GOOD.replace("rows = 3", "rows = 3\npositions = 'texels.csv'")))
     np.testing.assert_allclose(description.array.centres[:, 1], np.arange(6) * 2e-3)
     np.testing.assert_allclose(description.array.normals, np.tile([0, 0, 1], (6, 1)))
