@@ -15,7 +15,10 @@ Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files;
 MaterialName = Annotated[
     str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
 ]
-Thickness = Annotated[str | None, Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.")]
+Thickness = Annotated[
+    str | None,
+    Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.", allow_leading_hyphen=True),
+]
 Recordings = Annotated[
     Path | None, Parameter(name="--recordings", help="Folder with recordings of a real sensor under known weights.")
 ]

@@ -21,8 +21,10 @@ from validation.sensor_file import load as load_sensor
 T = TypeVar("T")
 
 _Shape = Annotated[str, Parameter(help="Shape, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
-_Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.")]
-_Depth = Annotated[str | None, Parameter(help="Approach from first touch, instead of a load: 0.3mm.")]
+_Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
+_Depth = Annotated[
+    str | None, Parameter(help="Approach from first touch, instead of a load: 0.3mm.", allow_leading_hyphen=True)
+]
 _At = Annotated[str, Parameter(help="Indenter's axis in the array's frame.", allow_leading_hyphen=True)]
 _Yaw = Annotated[str, Parameter(help="Rotation about that axis.", allow_leading_hyphen=True)]
 _Model = Annotated[str, Parameter(help="Which models: fem, fast, or both.")]
