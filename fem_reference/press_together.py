@@ -57,7 +57,8 @@ class Body:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         half = np.array(self.indenter.footprint)
         signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        return np.asarray(self.at) + np.asarray((signs * half) @ np.array([[c, s], [-s, c]]))
+        turned: FloatArray = (signs * half) @ np.array([[c, s], [-s, c]])
+        return np.asarray(turned + np.array(self.at))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,7 +148,8 @@ def _solve(
 
 def _weight_point(body: Body) -> FloatArray:
     c, s = np.cos(body.yaw), np.sin(body.yaw)
-    return np.array([body.at[0], body.at[1]]) + np.array([[c, -s], [s, c]]) @ np.array(body.centre)
+    turned: FloatArray = np.array([[c, -s], [s, c]]) @ np.array(body.centre)
+    return np.asarray(turned + np.array(body.at))
 
 
 def _constraints(
