@@ -167,7 +167,7 @@ def campaign_table(campaign: CampaignResult) -> Table:
     )
     table.add_column("model", no_wrap=True)
     for heading, *_ in columns:
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", overflow="fold")
     for model, metrics in campaign.pooled.items():
         table.add_row(model, *(_pooled(metrics[name], factor, unit) for _, name, factor, unit in columns))
     return table
@@ -194,4 +194,4 @@ def recordings_table(scores: StampScores) -> Table:
 def _pooled(value: Pooled, factor: float, unit: str) -> str:
     if not value.cases:
         return "none"
-    return f"{factor * value.mean:.3g}{unit}\n[dim]{factor * value.low:.3g}..{factor * value.high:.3g}[/dim]"
+    return f"{factor * value.mean:.3g}{unit}\n[dim]{factor * value.low:.2g}..{factor * value.high:.2g}[/dim]"

@@ -65,8 +65,9 @@ def test_what_was_recorded_comes_back(recorded):
     recording = mcap_reader.read(path)
     assert recording.complete
     assert recording.gaps == ()
-    assert done.frames == len(recording.times) == len(readings) > 260
-    assert done.rate == pytest.approx(271, rel=0.02)
+    assert done.frames == len(recording.times) == len(readings) > 100  # 271 where nothing else runs
+    assert 100 < done.rate < 280
+    assert done.rate == pytest.approx((done.frames - 1) / np.ptp(recording.times), rel=0.02)
     (array,) = recording.arrays
     assert (array.counts == [reading.counts for reading in readings]).all()
     assert recording.ticks.tolist() == [reading.ticks for reading in readings]
@@ -146,7 +147,7 @@ def test_unplugged_while_recording(tmp_path):
     recording = mcap_reader.read(path)
     assert recording.complete
     assert f"{len(recording.times)} frames are kept in {path}" in str(caught.value)
-    assert len(recording.times) > 100
+    assert len(recording.times) > 20
 
 
 _RECORD = (
