@@ -25,6 +25,7 @@ from fastmodel.frame import Frame
 from fastmodel.methods import DEFAULT, choose
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
+from fastmodel.spread import running_operator
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -211,8 +212,9 @@ class _Running:
     ) -> None:
         self._electronics = parameters.electronics
         self._array = parameters.array
-        self._operator = parameters.spread.operator(parameters.array)
         self._reader = reader
+        self._spread = parameters.spread
+        self._operator: Any = None
         self._model = model
         self._every = every
         self._timestep = float(model.opt.timestep)
@@ -228,6 +230,8 @@ class _Running:
         if not np.isfinite(settled).all():
             raise StateError("contact forces to start from must be finite")
         self.reading = self._reader.at_rest(settled)
+        if self._operator is None and self.reading.texel_forces is None:
+            self._operator = running_operator(self._spread, self._array)
         signals = self._signals(self.reading)
         if self._filter is not None:
             self._filter.settle(signals)

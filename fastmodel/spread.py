@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
 from fastmodel.errors import ShapeError
 from meshes import TexelArray
@@ -20,6 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Share of the Gaussian's own mass that the kernel has to hold [-].
 KERNEL_MASS = 0.999
+#: Texels up to which a dense operator is the fastest one.
+DENSE_MOST = 500
 
 
 class Spread(Protocol):
@@ -138,6 +141,41 @@ class Tabulated:
                 f"{array.count} texels; it must have shape {(array.count, array.count)}"
             )
         return np.where(array.active[:, None], self.matrix, 0.0)
+
+
+def running_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_array:
+    """The operator in the form that is cheapest to apply: dense for small arrays, sparse for large ones.
+
+    Args:
+        spread: The spread.
+        array: The array.
+    """
+    if array.count <= DENSE_MOST:
+        return spread.operator(array)
+    if isinstance(spread, Gaussian) and _is_even_grid(array):
+        return _banded(spread, array)
+    return sp.csr_array(spread.operator(array))
+
+
+def _is_even_grid(array: TexelArray) -> bool:
+    grid = TexelArray.grid(array.rows, array.columns, array.pitch)
+    offset = array.centres - grid.centres
+    return array.planar and bool(np.ptp(offset, axis=0).max() <= 1e-6 * min(array.pitch))
+
+
+def _banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:
+    """A Gaussian on an even grid, made without the dense matrix."""
+    axes = []
+    for count, sigma, ksize in (
+        (array.rows, spread.sigma_y, spread.ksize_y),
+        (array.columns, spread.sigma_x, spread.ksize_x),
+    ):
+        reach = min(ksize // 2, count - 1)
+        offsets = np.arange(-reach, reach + 1)
+        values = sampled_gaussian(offsets, sigma, ksize)
+        axes.append(sp.diags_array(values, offsets=offsets, shape=(count, count)))
+    whole = sp.csr_array(sp.kron(axes[0], axes[1]))
+    return sp.csr_array(sp.diags_array(array.active.astype(np.float64)) @ whole)
 
 
 def smallest_kernel(sigma: float, mass: float = KERNEL_MASS) -> int:

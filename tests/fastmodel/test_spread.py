@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastmodel.errors import ShapeError
-from fastmodel.spread import Gaussian, Tabulated, outside_share, smallest_kernel
+from fastmodel.spread import Gaussian, Tabulated, outside_share, running_operator, smallest_kernel
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 
@@ -106,3 +106,17 @@ def test_any_linear_operator_serves():
 def test_impossible_kernels_are_refused(bad):
     with pytest.raises(ValueError, match=r"sigma|ksize"):
         Gaussian(**{"sigma_x": 1.0, "sigma_y": 1.0, "ksize_x": 5, "ksize_y": 5, **bad})
+
+
+def test_large_arrays_run_on_a_sparse_operator_that_does_the_same():
+    mask = np.ones((30, 25), dtype=bool)
+    mask[3:5, 7:20] = False
+    array = TexelArray.grid(30, 25, (2e-3, 3e-3), active=mask)
+    spread = Gaussian(sigma_x=0.7, sigma_y=1.1, ksize_x=5, ksize_y=7)
+    sparse = running_operator(spread, array)
+    assert sparse.nnz < 0.06 * array.count**2
+    np.testing.assert_allclose(sparse.toarray(), spread.operator(array), atol=1e-15)
+    table = Tabulated(matrix=spread.operator(array))
+    np.testing.assert_allclose(running_operator(table, array).toarray(), table.operator(array))
+    small = TexelArray.grid(3, 3, 2e-3)
+    np.testing.assert_array_equal(running_operator(spread, small), spread.operator(small))

@@ -1,0 +1,173 @@
+"""What the fast model costs: every contact method against a bare plate, and the signal chain, in one run.
+
+Ratios of medians of interleaved runs, so that a busy machine hits all alike.  1 kHz physics, 271 Hz frames.
+
+    python benchmarks/fastmodel_costs.py [--numpy] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+import tracemalloc
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import fastmodel
+from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters, Plate
+from fastmodel.pose import Pose
+from fem_reference import point_spread
+from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, Sphere, TexelArray
+from meshes.catalogue import ARRAYS
+from validation.cover_cells import cover_cells
+
+SHAPES: dict[str, Indenter] = {
+    "20 mm face": Box(size=(20e-3, 20e-3, 10e-3)),
+    "big square": Box(size=(12e-3, 12e-3, 8e-3)),
+    "small square": Box(size=(6e-3, 6e-3, 8e-3)),
+    "circle": Cylinder(radius=5e-3),
+    "big rectangle": Box(size=(6e-3, 18e-3, 8e-3)),
+    "nut": Nut(across=13e-3, bore=8e-3),
+    "H": LetterH(size=(12e-3, 16e-3), bar=4e-3),
+    "sphere": Sphere(radius=5e-3),
+}
+METHODS = ("boxes", "area", "foundation", "cover")
+RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+COVER = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),))
+STEPS = 60
+ROUNDS = 25
+#: Speed of what slides, to and fro [m/s].
+SPEED = 20e-3
+
+
+def parameters(array: TexelArray) -> Parameters:
+    """An array under 2 mm of rubber."""
+    cells = cover_cells(COVER, array, point_spread(COVER))
+    return Parameters(array=array, spread=Gaussian.from_sigma(0.7), electronics=WTS_0614_34, cells=cells)
+
+
+class Scene:
+    """A free 500 g body on an array; the time of one step of it."""
+
+    def __init__(self, settings: Parameters, shape: Indenter, method: str | None, *, native: bool | None) -> None:
+        """Build it, with a sensor or, without a method, with a bare plate."""
+        spec = mujoco.MjSpec()
+        fastmodel.recommend_options(spec)
+        spec.option.timestep = 1e-3
+        here = Pose.of((0, 0, 0), (1, 0, 0, 0))
+        self.sensor = None
+        if method is None:
+            Plate().attach(spec.worldbody, settings.array, here, "plate")
+        else:
+            self.sensor = fastmodel.attach(spec, "world", settings, contact=method, native=native)
+        body = spec.worldbody.add_body(pos=[0.7e-3, -1.1e-3, 0])
+        body.add_freejoint()
+        body.mass, body.explicitinertial, body.inertia = 0.5, True, [2e-5] * 3
+        body.ipos = [0, 0, 5e-3]
+        fastmodel.add_geoms(spec, body, shape)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        if self.sensor is not None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                self.sensor.bind(self.model)
+        self.run(200)
+
+    def run(self, steps: int, *, sliding: bool = False) -> float:
+        """Seconds per step of a short run."""
+        start = time.perf_counter()
+        for _ in range(steps):
+            if sliding:
+                self.data.qvel[0] = SPEED if self.data.time % 0.4 < 0.2 else -SPEED
+            mujoco.mj_step(self.model, self.data)
+            if self.sensor is not None:
+                self.sensor.step(self.data)
+        return (time.perf_counter() - start) / steps
+
+
+def interleaved(runs: dict[str, Callable[[], float]]) -> dict[str, float]:
+    """Median seconds of each, taken in turns."""
+    taken: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(ROUNDS):
+        for name, run in runs.items():
+            taken[name].append(run())
+    return {name: float(np.median(values)) for name, values in taken.items()}
+
+
+def methods(settings: Parameters, *, native: bool | None) -> list[dict[str, Any]]:
+    """Every method on every shape, resting and sliding."""
+    rows = []
+    for name, shape in SHAPES.items():
+        scenes = {method or "bare": Scene(settings, shape, method, native=native) for method in (None, *METHODS)}
+        for sliding in (False, True):
+            seconds = interleaved(
+                {key: lambda scene=scene, s=sliding: scene.run(STEPS, sliding=s) for key, scene in scenes.items()}
+            )
+            rows.append({"shape": name, "sliding": sliding, "seconds": seconds})
+            ratios = "  ".join(
+                f"{method} x{seconds[method] / seconds['bare']:.1f} ({1e-3 / seconds[method]:.0f} x real time)"
+                for method in METHODS
+            )
+            what = "sliding" if sliding else "resting"
+            print(f"{name:<14}{what:<9}bare {1e6 * seconds['bare']:.1f} us  {ratios}", flush=True)
+    return rows
+
+
+def chain(settings: Parameters, *, native: bool | None) -> dict[str, float]:
+    """Boxes with and without everything after the physics, on the 20 mm face."""
+    filtered = Parameters(
+        array=settings.array,
+        spread=settings.spread,
+        electronics=settings.electronics,
+        filter=Butterworth(cutoff_hz=40.0, order=4),
+    )
+    with_chain = Scene(filtered, SHAPES["20 mm face"], "boxes", native=native)
+    without = Scene(filtered, SHAPES["20 mm face"], "boxes", native=native)
+    without.sensor = None
+    seconds = interleaved({"chain": lambda: with_chain.run(STEPS), "boxes": lambda: without.run(STEPS)})
+    print(
+        f"signal chain on boxes: x{seconds['chain'] / seconds['boxes']:.2f} ({1e6 * seconds['boxes']:.0f} us without)"
+    )
+    return seconds
+
+
+def texel_counts(*, native: bool | None) -> list[dict[str, float]]:
+    """Cost and memory of the default against the number of texels, a 12 mm square sliding."""
+    rows = []
+    for rows_, columns in ((4, 3), (14, 6), (20, 20), (32, 32), (60, 60), (100, 100)):
+        settings = parameters(TexelArray.grid(rows_, columns, 3.4e-3))
+        tracemalloc.start()
+        scene = Scene(settings, SHAPES["big square"], "cover", native=native)
+        memory = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        seconds = float(np.median([scene.run(STEPS, sliding=True) for _ in range(ROUNDS)]))
+        rows.append({"texels": rows_ * columns, "seconds": seconds, "memory": memory})
+        print(f"{rows_ * columns:>6} texels: {1e6 * seconds:.0f} us a step, {memory / 1e6:.1f} MB", flush=True)
+    return rows
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description="what the fast model costs")
+    parser.add_argument("--numpy", action="store_true", help="without the native kernels")
+    parser.add_argument("--json", type=Path, help="where to write every figure")
+    arguments = parser.parse_args()
+    native = False if arguments.numpy else None
+    settings = parameters(ARRAYS["wts-0614-34"])
+    result = {
+        "chain": chain(settings, native=native),
+        "methods": methods(settings, native=native),
+        "texel_counts": texel_counts(native=native),
+    }
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()
