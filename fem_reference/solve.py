@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import copy
 import os
+import sys
 import weakref
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -238,6 +240,9 @@ def _chosen(backend: str | None, unknowns: int) -> str:
 @cache
 def _loadable() -> bool:
     """Whether pypardiso is installed and finds MKL."""
+    library = next(Path(sys.prefix).glob("lib/libmkl_rt*"), None)
+    if library is not None:
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))  # its own search walks the whole environment: 0.5 s
     try:
         import pypardiso  # noqa: F401
     except (ImportError, OSError):
