@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.cell_shares import shares_loops, shares_numpy
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_iteration import iterate
 from fastmodel.foundation import foundation_forces
@@ -82,18 +83,23 @@ class CoverSolver:
             native: True for compiled loops, False for numpy, None for whichever is there.
         """
         self._cells, self._grid, self._settings = cells, grid, settings
-        self._kernel = cells.compliance / (cells.cell[0] * cells.cell[1])
+        kernel = cells.compliance / (cells.cell[0] * cells.cell[1])
         edge = float(np.sqrt(cells.cell[0] * cells.cell[1]))
-        self._square = _SQUARE * cells.top_compliance / edge
+        self.square = _SQUARE * cells.top_compliance / edge
+        self.near = np.zeros((2, 2))
+        known = kernel[:2, :2]
+        self.near[: known.shape[0], : known.shape[1]] = known
+        self.shares = choose_kernel(shares_loops, shares_numpy, native=native)
         self._modulus = cells.foundation_modulus()
         self.convolution = cells.convolution
         self._iterate = choose_kernel(iterate, iterate, native=native)
         self._last: FloatArray | None = None
+        self._pressed: tuple[IntArray, IntArray] | None = None
         self._operator: _Operator | None = None
 
     def reset(self) -> None:
         """Forget the last contact."""
-        self._last = self._operator = None
+        self._last = self._pressed = self._operator = None
 
     def solve(self, samples: Samples, loads: Sequence[Load]) -> Solution:
         """Find the cell forces of one contact.
@@ -139,10 +145,6 @@ class CoverSolver:
         )
         return _Found(forces=forces, motion=motion, steps=int(steps), converged=bool(converged))
 
-    def softening(self, coverage: FloatArray) -> FloatArray:
-        """Displacement under own force that a partly covered cell adds to that of a whole one [m/N]."""
-        return np.asarray(self._square * (1 / np.sqrt(coverage) - 1))
-
     def _start(self, samples: Samples, loads: Sequence[Load]) -> FloatArray:
         """The last solution on the cells that are still there, else the elastic foundation's."""
         area = self._cells.cell[0] * self._cells.cell[1]
@@ -157,9 +159,10 @@ class CoverSolver:
     def _keep(self, samples: Samples, forces: FloatArray) -> None:
         if self._last is None:
             self._last = np.zeros((self._grid.rows, self._grid.columns))
-        else:
-            self._last[:] = 0.0
-        self._last[samples.row, samples.column] = forces / samples.coverage
+        elif self._pressed is not None:
+            self._last[self._pressed] = 0.0
+        self._pressed = (samples.row, samples.column)
+        self._last[self._pressed] = forces / samples.coverage
 
 
 class _Operator:
@@ -174,31 +177,23 @@ class _Operator:
         self._shape = (rows, columns)
         self.origin = (first_row, first_column)
         self.matrices = solver.convolution.matrices(rows, columns)
-        u = (samples.x - grid.low[0]) / grid.edge[0] - 0.5 - first_column
-        v = (samples.y - grid.low[1]) / grid.edge[1] - 0.5 - first_row
-        # whole cells sit exactly on the lattice: rounding must not share them with a neighbour
-        u, v = np.round(u, 9), np.round(v, 9)
-        column, row = np.floor(u), np.floor(v)
-        a, b = u - column, v - row
-        corner = (row * columns + column).astype(np.int64)
-        self.target = np.stack([corner, corner + 1, corner + columns, corner + columns + 1])
-        self.weight = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b])
-        if (self.weight[0] == 1).all():
-            self.target, self.weight = self.target[:1], self.weight[:1]
-        self.soft = solver.softening(samples.coverage) + self._spread_out(solver._kernel)  # noqa: SLF001
-
-    def _spread_out(self, kernel: FloatArray) -> FloatArray:
-        """What sharing a force among four cells takes from its own displacement [m/N]."""
-        k = np.array(
-            [
-                [kernel[abs(i), abs(j)] if i < kernel.shape[0] and j < kernel.shape[1] else 0.0 for j in (0, 1)]
-                for i in (0, 1)
-            ]
+        self.target = np.empty((4, samples.count), dtype=np.int64)
+        self.weight, self.soft = np.empty((4, samples.count)), np.empty(samples.count)
+        solver.shares(
+            samples.coverage,
+            samples.x,
+            samples.y,
+            grid.low,
+            *grid.edge,
+            first_row,
+            first_column,
+            columns,
+            solver.near,
+            solver.square,
+            self.target,
+            self.weight,
+            self.soft,
         )
-        near = np.array([[k[abs(p // 2 - q // 2), abs(p % 2 - q % 2)] for q in range(4)] for p in range(4)])
-        shares = len(self.weight)
-        own = np.einsum("pm,pq,qm->m", self.weight, near[:shares, :shares], self.weight)
-        return np.asarray(k[0, 0] - own)
 
     def on_cells(self, forces: FloatArray) -> FloatArray:
         """Forces shared among the window's cells, shape (rows, columns) [N]."""

@@ -210,6 +210,13 @@ class Samples:
         return int(self.body.max()) + 1
 
     @cached_property
+    def seen(self) -> list[int]:
+        """The bodies that stand over any cell."""
+        if not self.count:
+            return []
+        return [0] if not self.body[-1] else np.unique(self.body).tolist()
+
+    @cached_property
     def lowest(self) -> FloatArray:
         """Height of each body's lowest cell, shape (bodies,) [m]."""
         return -self.largest(-self.gap)

@@ -188,7 +188,7 @@ class _SurfaceReader:
         while True:
             if self._samples is None:
                 self._samples = sample(self._grid, touching.standing, reach, native=self._native)
-            kept = np.unique(self._samples.body).tolist()
+            kept = self._samples.seen
             if len(kept) < len(reach):
                 # beside the cells: nothing of it is felt here
                 touching, reach, self._samples = touching.only(kept), [reach[body] for body in kept], None
