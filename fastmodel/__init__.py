@@ -31,6 +31,7 @@ installed, speeds the filter up.
 """
 
 from fastmodel.area import AreaTexels
+from fastmodel.batch import Batch
 from fastmodel.butterworth import Butterworth, FilterBank
 from fastmodel.contact import BoxTexels, TexelContact
 from fastmodel.cover_cells import CoverCells
@@ -40,6 +41,7 @@ from fastmodel.errors import (
     FilterError,
     LifeCycleError,
     MissedArrayError,
+    OverlapError,
     ParametersError,
     ShapeError,
     StateError,
@@ -59,6 +61,7 @@ __all__ = [
     "METHODS",
     "WTS_0614_34",
     "AreaTexels",
+    "Batch",
     "BoxTexels",
     "Butterworth",
     "CoverCells",
@@ -75,6 +78,7 @@ __all__ = [
     "LifeCycleError",
     "MissedArrayError",
     "OptionWarning",
+    "OverlapError",
     "Parameters",
     "ParametersError",
     "Placement",

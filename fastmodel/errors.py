@@ -39,6 +39,10 @@ class LifeCycleError(FastModelError):
     """A sensor used out of order: not bound, bound to another model, or stepped off its time grid."""
 
 
+class OverlapError(FastModelError):
+    """Texels that lie on top of one another, so that a force would be felt twice."""
+
+
 class StateError(FastModelError):
     """The simulation's state is not finite."""
 

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FastModelError, LifeCycleError
+from fastmodel.errors import FastModelError, LifeCycleError, StateError
 from fastmodel.joints import Joints
 from fastmodel.lower_surface import solid
 from fastmodel.native import choose_kernel
@@ -152,7 +152,7 @@ class PlateReader:
                 f"geom {plate_name(name)!r} is not in this model; bind a model compiled from the spec that sensor "
                 f"{name!r} was attached to"
             )
-        self._model, self._edge = model, edge
+        self._model, self._edge, self._name = model, edge, plate_name(name)
         self._middle = array.centres.mean(axis=0) - [0, 0, plate.height / 2]
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
         self._group = model.body_weldid[model.geom_bodyid].astype(np.int64)
@@ -184,6 +184,8 @@ class PlateReader:
             bodies,
             sums,
         )
+        if not np.isfinite(sums[:count]).all():
+            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
         pressing = [k for k in range(count) if sums[k, 0] > 0]
         if not pressing:
             return None

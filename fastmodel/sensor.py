@@ -23,6 +23,7 @@ from fastmodel.contact import ContactReader, Reading, TexelContact
 from fastmodel.errors import FastModelError, LifeCycleError, StateError, UnknownNameError
 from fastmodel.frame import Frame
 from fastmodel.methods import DEFAULT, choose
+from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
 from fastmodel.spread import running_operator
@@ -68,6 +69,7 @@ def attach(
 
     Raises:
         UnknownNameError: If the body or the contact method does not exist.
+        OverlapError: If texels lie on top of one another.
         FastModelError: If the name is taken, `every` is not a positive whole number, or the pose is not one.
     """
     _, method = choose(contact, parameters)
@@ -75,6 +77,7 @@ def attach(
         raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
+    refuse_overlaps(parameters.array)
     method.attach(_find_body(spec, body), parameters.array, _pose(position, quaternion), name)
     return Sensor(name=name, parameters=parameters, contact=method, every=every, native=native)
 
@@ -111,6 +114,12 @@ class Sensor:
         self._every = every
         self._native = native
         self._running: _Running | None = None
+
+    def twin(self) -> Sensor:
+        """The same array once more, not bound: for another copy of the world, see `Batch`."""
+        return Sensor(
+            name=self.name, parameters=self.parameters, contact=self._contact, every=self._every, native=self._native
+        )
 
     def bind(self, model: Any) -> Sensor:  # noqa: ANN401 -- MjModel
         """Find the array in the compiled model and start at rest.

@@ -16,11 +16,13 @@ from fastmodel import (
     Foundation,
     LifeCycleError,
     OptionWarning,
+    OverlapError,
     Parameters,
     ParametersError,
     Placement,
     Plate,
     ShapeError,
+    StateError,
     UnknownNameError,
     indent,
     indent_together,
@@ -318,3 +320,22 @@ def test_tumbling_bodies_never_break(seed):
         assert sensor.frame().counts.min() >= 0
         felt += sensor.carried() > 0
     assert felt > 50
+
+
+def test_texels_on_top_of_one_another_are_refused():
+    wide = TexelArray.grid(4, 4, 3e-3, texel_size=3.5e-3, name="wide")
+    spread = fastmodel.Gaussian.from_sigma(0.5)
+    overlapping = Parameters(array=wide, spread=spread, electronics=PARAMETERS.electronics)
+    with pytest.raises(OverlapError, match=r"'wide': texels 0 and \d overlap \(42 pairs"):
+        fastmodel.attach(mujoco.MjSpec(), "world", overlapping)
+    bent = Parameters(array=curved(), spread=spread, electronics=PARAMETERS.electronics)
+    fastmodel.attach(mujoco.MjSpec(), "world", bent)
+
+
+def test_forces_that_are_not_numbers_are_told():
+    sensor, model, data = scene(np.array([1.0, 0, 0, 0]))
+    run(sensor, model, data, 20)
+    mujoco.mj_step(model, data)
+    data.efc_force[:] = np.nan
+    with pytest.raises(StateError, match="not finite"):
+        sensor._running._reader.read(data)
