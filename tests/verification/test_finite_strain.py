@@ -1,0 +1,167 @@
+"""Finite strain: derivatives, the small-load limit, deep indentations, and what happens where a path ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem
+
+from fem_reference import press, press_path
+from fem_reference.axisymmetric import graded, held, tensor_mesh
+from fem_reference.elements import linear_system, mixed_elements
+from fem_reference.equilibrium import PathError, Problem
+from fem_reference.finite_strain import InvertedError, Solid
+from fem_reference.obstacle import Obstacle
+from fem_reference.press_axisymmetric import PENALTY
+from fem_reference.press_solid import mirrors
+from fem_reference.surface_contact import SurfaceContact
+from fem_reference.transfer import transferred
+from fem_reference.units import Units
+from meshes import Box, Cover, Cylinder, Layer, Material, Sphere
+
+
+def rubber(nu, thickness=2e-3):
+    """A bonded neo-Hookean cover with a Young's modulus of 1 MPa."""
+    material = Material(
+        name="rubber", model="neo-hookean", parameters={"shear_modulus": 1e6 / (2 * (1 + nu))}, poisson_ratio=nu
+    )
+    return Cover(layers=(Layer(thickness=thickness, material=material),))
+
+
+def solid(kind, nu=0.45):
+    """A small block or ring of elements, in units of one."""
+    ring = skfem.MeshQuad().refined(2).translated((0.5, 0.0))
+    mesh = ring if kind == "ring" else skfem.MeshHex().refined(1)
+    elements = mixed_elements(mesh, axisymmetric=kind == "ring")
+    return Solid.of_cover(elements, rubber(nu), Units.of(rubber(nu)))
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("kind", ["ring", "block"])
+def test_force_and_tangent_are_derivatives_of_the_energy(kind, nu):
+    body = solid(kind, nu)
+    rng = np.random.default_rng(0)
+    size = body.elements.displacements + body.elements.pressures
+    state, way = 0.02 * rng.standard_normal(size), rng.standard_normal(size)
+    force, tangent = body.linearise(state)
+    step = 1e-6
+    ahead, behind = state + step * way, state - step * way
+    assert (body.energy(ahead) - body.energy(behind)) / (2 * step) == pytest.approx(force @ way, rel=1e-6)
+    change = (body.linearise(ahead)[0] - body.linearise(behind)[0]) / (2 * step)
+    assert change == pytest.approx(tangent @ way, abs=1e-6 * np.abs(change).max())
+    assert abs(tangent - tangent.T).max() < 1e-12 * abs(tangent).max()
+
+
+def test_a_planted_defect_in_the_tangent_is_seen():
+    body = solid("ring")
+    rng = np.random.default_rng(0)
+    size = body.elements.displacements + body.elements.pressures
+    state, way = 0.02 * rng.standard_normal(size), rng.standard_normal(size)
+    frozen = body.linearise(np.zeros(size))[1]  # the tangent at rest in place of the one at the state
+    change = (body.linearise(state + 1e-6 * way)[0] - body.linearise(state - 1e-6 * way)[0]) / 2e-6
+    assert np.abs(change - frozen @ way).max() > 1e-3 * np.abs(change).max()
+
+
+@pytest.mark.parametrize("kind", ["ring", "block"])
+def test_at_rest_it_is_linear_elasticity(kind):
+    body = solid(kind, 0.4)
+    units = Units.of(rubber(0.4))
+    rest, tangent = body.linearise(np.zeros(body.elements.displacements + body.elements.pressures))
+    linear = linear_system(body.elements, np.array([1.0]), body.bulk_compliance)
+    assert np.abs(rest).max() == 0
+    assert abs(tangent - linear).max() < 1e-12
+    assert units.force == pytest.approx(units.stress * units.length**2)
+
+
+def test_a_body_turned_inside_out_is_refused():
+    body = solid("block")
+    state = np.zeros(body.elements.displacements + body.elements.pressures)
+    state[2 : body.elements.displacements : 3] = -3 * body.elements.nodes[:, 2]
+    with pytest.raises(InvertedError):
+        body.linearise(state)
+
+
+def test_transfer_keeps_linear_fields():
+    coarse = mixed_elements(skfem.MeshQuad().refined(1).translated((0.5, 0.0)), axisymmetric=True)
+    fine = mixed_elements(skfem.MeshQuad().refined(3).translated((0.5, 0.0)), axisymmetric=True)
+
+    def field(elements):
+        moved = np.stack([2 * elements.nodes[:, 0] + 1, elements.nodes[:, 1] - 3], axis=1).ravel()
+        return np.concatenate([moved, np.full(elements.pressures, 7.0)])
+
+    assert transferred(coarse, fine, field(coarse)) == pytest.approx(field(fine), abs=1e-9)
+
+
+@pytest.mark.parametrize("nu", [0.45, 0.5])
+def test_small_loads_reach_the_linear_solution(bonded, wts, nu):
+    """The limit to 0.2 %, from 2 mN on a sphere that sinks in by less than 1 % of the thickness."""
+    linear = press(bonded(nu), wts, Sphere(radius=4e-3), load=2e-3)
+    finite = press(rubber(nu), wts, Sphere(radius=4e-3), load=2e-3)
+    assert finite.assumptions["strain"] == "finite"
+    assert finite.texel_forces == pytest.approx(linear.texel_forces, abs=2e-3 * 2e-3)
+    assert finite.depth == pytest.approx(linear.depth, rel=5e-3)
+
+
+def test_loads_of_one_path_are_those_pressed_alone(wts):
+    both = press_path(rubber(0.45), wts, Sphere(radius=4e-3), loads=[0.3, 0.9])
+    alone = press(rubber(0.45), wts, Sphere(radius=4e-3), load=0.9)
+    assert both[1].depth == pytest.approx(alone.depth, rel=2e-3)
+    assert both[1].texel_forces == pytest.approx(alone.texel_forces, abs=1e-3 * 0.9)
+
+
+def test_edges_are_rounded_and_the_result_says_so(wts):
+    found = press(rubber(0.4), wts, Cylinder(radius=3e-3), load=0.2)
+    assert "rounded" in found.assumptions["edge"]
+    assert found.texel_forces.sum() + found.outside == pytest.approx(0.2, rel=1e-9)
+
+
+def test_mirror_planes_are_found():
+    assert mirrors(Box(size=(4e-3, 6e-3, 5e-3))) == (True, True)
+    assert mirrors(Sphere(radius=2e-3)) == (True, True)
+
+
+def path_problem(nu=0.45, count=4):
+    cover = rubber(nu)
+    units = Units.of(cover)
+    mesh, _ = tensor_mesh(units.thin(cover), count, graded(1 / count, 1.5, 8.0, 1.3))
+    elements = mixed_elements(mesh, axisymmetric=True)
+    obstacle = Obstacle(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
+    return Problem(
+        solid=Solid.of_cover(elements, cover, units),
+        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY * count),
+        fixed=held(units.thin(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
+        units=units,
+    )
+
+
+def test_a_path_that_ends_returns_what_it_reached():
+    """Nothing can be pressed through its own base."""
+    with pytest.raises(PathError, match="no convergence beyond") as ended:
+        path_problem().follow([1.05], control="depth", first=0.02)
+    assert ended.value.reached is not None
+    assert 0.3 < ended.value.reached.depth < 1.0
+
+
+def test_contact_keeps_the_balance_and_leaves_little_overlap():
+    problem = path_problem()
+    reached = problem.follow([0.2], control="depth", first=0.02)[0]
+    base = problem.solid.elements.nodes[:, 1] < 1e-9
+    vertical = reached.reaction[1 : problem.solid.elements.displacements : 2]
+    assert vertical[base].sum() == pytest.approx(reached.load, rel=2e-3)
+    assert reached.touch.overlap < 1e-3 * reached.depth
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.45, 0.5])
+def test_a_sphere_of_twice_the_thickness_sinks_in_by_two_fifths(wts, nu):
+    found = press(rubber(nu), wts, Sphere(radius=4e-3), depth=0.8e-3)
+    assert found.error_estimate["total_force"] <= 0.01
+    assert found.error_estimate["peak_texel"] <= 0.02
+
+
+@pytest.mark.slow
+def test_a_box_in_space_spreads_like_the_linear_one_at_small_load(bonded, wts):
+    shape = Box(size=(6e-3, 6e-3, 5e-3))
+    linear = press(bonded(0.45), wts, shape, load=0.05)
+    finite = press(rubber(0.45), wts, shape, load=0.05)
+    assert np.abs(finite.texel_forces - linear.texel_forces).sum() / 2 < 0.04 * 0.05
