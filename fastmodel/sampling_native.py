@@ -138,7 +138,9 @@ def sample_loops(  # noqa: PLR0917 -- numba kernels take positions
                         y = low[1] + (first_y + i + 0.5 + v) * cell[1]
                         lowest = np.inf
                         for p in range(len(kinds)):
-                            lowest = min(lowest, under(p, x, y))
+                            c, r = first_x + j, first_y + i
+                            if windows[p, 0] <= c < windows[p, 2] and windows[p, 1] <= r < windows[p, 3]:
+                                lowest = min(lowest, under(p, x, y))
                         if np.isfinite(lowest):
                             hits += 1
                             sum_x += u

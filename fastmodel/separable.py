@@ -28,7 +28,7 @@ def factors(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArra
 class SymmetricConvolution:
     """A kernel that depends on distances along rows and columns, over windows of any size."""
 
-    def __init__(self, quarter: FloatArray, tolerance: float = 1e-5) -> None:
+    def __init__(self, quarter: FloatArray, tolerance: float = 3e-5) -> None:
         """Factorise.
 
         Args:
