@@ -1,0 +1,57 @@
+"""The contact methods against the finite elements: a part of `benchmarks/fastmodel_scores.py` with its bounds."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PATH = Path(__file__).parents[2] / "benchmarks" / "fastmodel_scores.py"
+
+
+@pytest.fixture(scope="module")
+def scores():
+    spec = importlib.util.spec_from_file_location("fastmodel_scores", PATH)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def column(rows, method, name="misplaced"):
+    return np.array([row[name] for row in rows if row["method"] == method])
+
+
+def within_bounds(rows, method):
+    """The bounds that the default has to keep."""
+    misplaced = column(rows, method)
+    images = column(rows, method, "image_changed")
+    return np.median(misplaced) <= 2 and misplaced.max() <= 5 and images.mean() <= 0.5
+
+
+def test_default_keeps_its_bounds_on_two_shapes_and_the_reports_method_does_not(scores):
+    rows = list(scores.single(0.49, ("small square", "nut"), scores.LOADS[1:], (np.pi / 4,), scores.PLACES[2:]))
+    assert within_bounds(rows, "cover")
+    assert not within_bounds(rows, "boxes")
+    assert column(rows, "cover", "balance").max() < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.49, 0.3])
+def test_default_keeps_its_bounds_on_every_shape(scores, ratio):
+    rows = list(scores.single(ratio, loads=scores.LOADS[1:], places=scores.PLACES[1:]))
+    assert len(rows) == 7 * 3 * 3 * len(scores.METHODS)
+    assert within_bounds(rows, "cover")
+    for method in ("foundation", "area", "boxes"):
+        assert not within_bounds(rows, method)
+    order = [np.median(column(rows, method)) for method in ("cover", "foundation", "boxes")]
+    assert order == sorted(order)
+    assert column(rows, "cover", "balance").max() < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.49, 0.3])
+def test_two_squares_at_once_and_a_tilting_block(scores, ratio):
+    for cases in (scores.two_squares, scores.tilting_block):
+        rows = list(cases(ratio))
+        assert column(rows, "cover").max() < 5
+        assert column(rows, "boxes").max() > 5
