@@ -1,0 +1,316 @@
+"""Response of all 64 texels under a pad with free sides: softcover against NGSolve, each as fast as 0.5 % allows.
+
+The pad: 27.2 x 27.2 x 2 mm, E = 1 MPa, clamped base, 8 x 8 texels of 3.4 mm, a unit load on a disk of 0.5 mm radius
+over every texel's centre.  Both sides solve a quarter with the same parities and right-hand sides (`pad_ngsolve.py`),
+each run in a process and on a thread of its own; imports and, for NGSolve, meshing with structured hexahedra cost
+nothing here.  First every configuration is run once and held against a converged reference; then the cheapest of each
+side within 0.5 % of the peak texel are run in turn and their medians compared.  NGSolve is installed into a temporary
+environment.
+
+    python benchmarks/pad.py [--poisson-ratio 0.49] [--peer PYTHON] [--scaling] [--plot FILE] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import venv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Task = dict[str, Any]
+
+PITCH, THICKNESS, TEXELS, DISK = 3.4e-3, 2e-3, 4, 0.5e-3
+TARGET = 0.005
+REPEATS = 7
+LIMIT = 120
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+
+#: Elements per texel, through the cover, and the order of the displacement.
+GRIDS = [(1, 1, 2), (2, 1, 2), (2, 2, 2), (3, 1, 2), (3, 2, 2), (4, 2, 2), (5, 2, 2), (5, 3, 2), (1, 1, 3), (2, 2, 3)]
+DISPLACEMENT = [(1, 1, 3), (1, 2, 3), (2, 1, 3), (2, 2, 3), (3, 2, 3), (1, 2, 4), (4, 2, 2)]
+#: The same mixed elements on the same grids as the peer's, up to where one run takes a minute.
+SCALING = [(1, 1, 2), (2, 1, 2), (2, 2, 2), (3, 2, 2), (4, 2, 2), (5, 3, 2), (6, 3, 2), (8, 4, 2)]
+FINEST: Task = {"per_texel": 4, "through": 3, "order": 3}
+
+
+def ours(grids: list[tuple[int, int, int]]) -> list[Task]:
+    """Tasks of softcover."""
+    return [{"per_texel": n, "through": m, "order": order} for n, m, order in grids]
+
+
+def peers(grids: list[tuple[int, int, int]], *, mixed: bool, solver: str = "sparsecholesky") -> list[Task]:
+    """Tasks of NGSolve on hexahedra."""
+    return [{"mesh": "hex", **task, "mixed": mixed, "solver": solver} for task in ours(grids)]
+
+
+def tetrahedra() -> list[Task]:
+    """Tasks of NGSolve on its own tetrahedra."""
+    usual = {"mesh": "tet", "mixed": False, "solver": "sparsecholesky"}
+    return [{**usual, "size": size, "order": order} for size, order in ((1.7, 3), (1.1, 3), (1.7, 4))]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """One process: what it was told, its costs and the forces, shape (16 loads, 8, 8)."""
+
+    task: Task
+    cost: dict[str, float]
+    forces: FloatArray
+
+    def error(self, reference: FloatArray) -> float:
+        """Largest error of any texel under any load, in parts of the peak texel [-]."""
+        return float(np.abs(self.forces - reference).max() / reference.max())
+
+
+def loads() -> FloatArray:
+    """Twenty-four equal forces on each disk, disks over the texel centres of the quarter, shape (16, 24, 2) [m]."""
+    centres = np.array([(x, y) for x in (np.arange(TEXELS) + 0.5) for y in (np.arange(TEXELS) + 0.5)]) * PITCH
+    angle = (np.arange(8) + 0.5) * np.pi / 4
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    disk = np.concatenate([DISK * np.sqrt((k + 0.5) / 3) * ring for k in range(3)])
+    return np.asarray(centres[:, None] + disk)
+
+
+def forces(value: FloatArray) -> FloatArray:
+    """All texels from the parities, shape (2, 2, 4, 4, 16) to (16, 8, 8)."""
+    square = value.reshape(2, 2, TEXELS, TEXELS, TEXELS, TEXELS).copy()
+    for p in (0, 1):
+        lower = np.tril_indices(TEXELS, -1)
+        square[p, p][lower] = square[p, p].transpose(1, 0, 3, 2)[lower]
+    square[1, 0] = square[0, 1].transpose(1, 0, 3, 2)
+    out = np.zeros((TEXELS * TEXELS, 2 * TEXELS, 2 * TEXELS))
+    high, low = np.arange(TEXELS, 2 * TEXELS), np.arange(TEXELS - 1, -1, -1)
+    for p in (0, 1):
+        for q in (0, 1):
+            part = square[p, q].transpose(2, 3, 0, 1).reshape(-1, TEXELS, TEXELS)
+            for x, sign_x in ((high, 1), (low, (-1) ** p)):
+                for y, sign_y in ((high, 1), (low, (-1) ** q)):
+                    out[:, x[:, None], y] += sign_x * sign_y * part
+    return out
+
+
+def worker(task: Task) -> None:
+    """Our side of one run: solve, evaluate, write."""
+    import pypardiso  # noqa: F401 -- imports are not measured on either side
+
+    from fem_reference.point_spread import closed, point_load_response  # noqa: F401
+    from fem_reference.quarter import Resolution
+    from fem_reference.solid import texel_lifts
+    from meshes import Cover, Layer, Material, TexelArray
+
+    rubber = Material(
+        name="pad", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=task["poisson_ratio"]
+    )
+    cover = Cover(layers=(Layer(thickness=THICKNESS, material=rubber),), size=(8 * PITCH, 8 * PITCH))
+    array = TexelArray.grid(8, 8, PITCH)
+    places = np.load(task["loads"])
+    started, clock = time.process_time(), time.perf_counter()
+    across = task["per_texel"] * THICKNESS / PITCH
+    found = texel_lifts(cover, array, Resolution(across=across, through=task["through"], order=task["order"]))
+    x, y = (line.at(places[..., axis].ravel() / THICKNESS) for axis, line in enumerate((found.x, found.y)))
+    value = np.einsum("kx,ky,cpxy->cpk", x, y, found.lift, optimize=["einsum_path", (0, 2), (0, 1)])
+    value = value.reshape(2, 2, TEXELS, TEXELS, *places.shape[:2]).mean(axis=-1)
+    cost = {"cpu": time.process_time() - started, "wall": time.perf_counter() - clock, "unknowns": found.unknowns}
+    np.save(task["result"], value)
+    print(json.dumps(cost))
+
+
+def wide(poisson_ratio: float) -> dict[str, float]:
+    """The axisymmetric route on a wide cover: cost and error of the coarsest grid that holds the target."""
+    from fem_reference.point_spread import PointSpread, point_load_response
+    from fem_reference.point_spread import closed as extended
+    from meshes import Cover, Layer, Material, TexelArray
+
+    rubber = Material(
+        name="pad", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=poisson_ratio
+    )
+    cover = Cover(layers=(Layer(thickness=THICKNESS, material=rubber),))
+    array, reach = TexelArray.grid(8, 8, PITCH), 16 * THICKNESS
+    places = loads()
+
+    def answer(elements: int) -> FloatArray:
+        data = extended(point_load_response(cover, elements_per_thickness=elements, reach=reach), reach)
+        spread = PointSpread(
+            radius=data["radius"], pressure_per_force=data["pressure"], reaction=1.0, thickness=THICKNESS
+        )
+        felt = spread.texel_influence(array, places.reshape(-1, 2))
+        return np.asarray(felt.reshape(*places.shape[:2], -1).mean(axis=1))
+
+    reference = answer(24)
+    for elements in (2, 3, 4, 6, 8):
+        seconds = []
+        for _ in range(REPEATS):
+            started = time.process_time()
+            found = answer(elements)
+            seconds.append(time.process_time() - started)
+        error = float(np.abs(found - reference).max() / reference.max())
+        if error <= TARGET:
+            return {"cpu": float(np.median(seconds)), "error": error, "elements": elements}
+    raise RuntimeError("no axisymmetric grid holds the target")
+
+
+class Bench:
+    """Runs both sides in processes of their own."""
+
+    def __init__(self, folder: Path, peer: Path, poisson_ratio: float) -> None:
+        self.folder, self.peer, self.poisson_ratio = folder, peer, poisson_ratio
+        np.save(folder / "loads.npy", loads())
+        np.save(folder / "loads_mm.npy", loads() * 1e3)
+        self.environment = {**os.environ, **THREADS, "SOFTCOVER_STORE": str(folder / "store")}
+
+    def run(self, task: Task) -> Run | None:
+        """One process; None where it fails or takes too long."""
+        mine = "mesh" not in task
+        result = self.folder / "result.npy"
+        places = self.folder / ("loads.npy" if mine else "loads_mm.npy")
+        told = {**task, "poisson_ratio": self.poisson_ratio, "nu": self.poisson_ratio}
+        told |= {"loads": str(places), "result": str(result)}
+        script = [__file__, "--worker"] if mine else [str(Path(__file__).with_name("pad_ngsolve.py"))]
+        python = sys.executable if mine else str(self.peer)
+        try:
+            done = subprocess.run(
+                [python, *script, json.dumps(told)],
+                env=self.environment,
+                capture_output=True,
+                text=True,
+                check=True,
+                timeout=LIMIT,
+            )
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            print(f"  {name_of(task)}: {(getattr(error, 'stderr', '') or str(error)).strip().splitlines()[-1]}")
+            return None
+        return Run(task=task, cost=json.loads(done.stdout.splitlines()[-1]), forces=forces(np.load(result)))
+
+    def tune(self, tasks: list[Task], reference: FloatArray) -> Task:
+        """The cheapest task within the target."""
+        found = []
+        for task in tasks:
+            run = self.run(task)
+            if run is None:
+                continue
+            error = run.error(reference)
+            print(
+                f"  {name_of(task):48} {run.cost['unknowns']:8.0f} {run.cost['cpu']:8.2f} {100 * error:8.2f}",
+                flush=True,
+            )
+            if error <= TARGET:
+                found.append((run.cost["cpu"], task))
+        if not found:
+            raise RuntimeError("no configuration holds the target")
+        best = [task for _, task in sorted(found, key=lambda each: each[0])[:3]]
+        return best[int(np.argmin(self.medians(best)))]
+
+    def medians(self, tasks: list[Task]) -> list[float]:
+        """Median CPU seconds of tasks run in turn."""
+        seconds: list[list[float]] = [[] for _ in tasks]
+        for _ in range(REPEATS):
+            for each, task in zip(seconds, tasks, strict=True):
+                run = self.run(task)
+                if run is not None:
+                    each.append(run.cost["cpu"])
+        return [float(np.median(each)) for each in seconds]
+
+    def scaling(self) -> dict[str, list[tuple[float, float]]]:
+        """CPU seconds against unknowns of the quarter over two decades."""
+        out: dict[str, list[tuple[float, float]]] = {}
+        sides = {"softcover, Q2-Q1": ours(SCALING), "NGSolve, Q2-Q1": peers(SCALING[:-1], mixed=True)}
+        for name, tasks in sides.items():
+            runs = [run for task in tasks if (run := self.run(task)) is not None]
+            out[name] = [(run.cost["unknowns"], run.cost["cpu"]) for run in runs]
+        return out
+
+
+def name_of(task: Task) -> str:
+    """A line for a table."""
+    if "mesh" not in task:
+        return f"softcover Q{task['order']}-Q{task['order'] - 1}, {task['per_texel']} x {task['through']}"
+    grid = f"{task['size']:.2g} mm" if task["mesh"] == "tet" else f"{task['per_texel']} x {task['through']}"
+    kind = "mixed" if task["mixed"] else "displacement"
+    return f"NGSolve {task['mesh']} order {task['order']} {kind}, {grid}, {task['solver']}"
+
+
+def installed(folder: Path) -> Path:
+    """An environment with NGSolve."""
+    venv.create(folder / "peer", with_pip=True)
+    python = folder / "peer" / ("Scripts" if sys.platform == "win32" else "bin") / "python"
+    subprocess.run([str(python), "-m", "pip", "install", "--quiet", "ngsolve", "mkl", "numpy"], check=True)
+    return python
+
+
+def plot(lines: dict[str, list[tuple[float, float]]], path: Path) -> None:
+    """Cost against unknowns, both axes logarithmic."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    for name, points in lines.items():
+        axes.loglog(*zip(*points, strict=True), "o-", label=name)
+    axes.set(xlabel="unknowns of the quarter", ylabel="CPU seconds, all texels", title="Pad with free sides")
+    axes.grid(visible=True, which="both", alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Tune, repeat, compare."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worker", help=argparse.SUPPRESS)
+    parser.add_argument("--poisson-ratio", type=float, default=0.49)
+    parser.add_argument("--peer", type=Path, help="a Python that has NGSolve; installed when not given")
+    parser.add_argument("--scaling", action="store_true", help="cost against unknowns as well")
+    parser.add_argument("--plot", type=Path, help="picture of the scaling")
+    parser.add_argument("--json", type=Path, help="all results")
+    given = parser.parse_args()
+    if given.worker:
+        worker(json.loads(given.worker))
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        bench = Bench(folder, given.peer or installed(folder), given.poisson_ratio)
+        summary = compared(bench)
+        if given.scaling or given.plot:
+            summary["scaling"] = bench.scaling()
+            for name, points in summary["scaling"].items():
+                print(name, *(f"\n  {unknowns:8.0f} {cpu:8.3f}" for unknowns, cpu in points))
+        if given.plot:
+            plot(summary["scaling"], given.plot)
+        if given.json:
+            given.json.write_text(json.dumps(summary, indent=1))
+
+
+def compared(bench: Bench) -> dict[str, Any]:
+    """The comparison itself."""
+    finest = bench.run(FINEST)
+    if finest is None:
+        raise RuntimeError("the reference failed")
+    reference = finest.forces
+    print(f"{'':50} unknowns    CPU s  error %")
+    peer_tasks = [*peers(GRIDS, mixed=True), *peers([(3, 2, 2)], mixed=True, solver="pardiso")]
+    if bench.poisson_ratio < 0.5:
+        peer_tasks += [*peers(DISPLACEMENT, mixed=False), *tetrahedra()]
+    us, them = bench.tune(ours(GRIDS), reference), bench.tune(peer_tasks, reference)
+    mine, theirs = bench.medians([us, them])
+    axis = wide(bench.poisson_ratio)
+    print(f"\nmedians of {REPEATS} runs in turn, one thread, CPU seconds, within {100 * TARGET:g} % of the peak texel")
+    print(f"  {name_of(us):48} {mine:8.3f}")
+    print(f"  {name_of(them):48} {theirs:8.3f}   ratio {mine / theirs:.2f}")
+    row = f"wide cover, axisymmetric, {axis['elements']:.0f} elements through"
+    print(f"  {row:48} {axis['cpu']:8.3f}   ratio {axis['cpu'] / theirs:.3f}   error {100 * axis['error']:.2f} %")
+    return {"ours": [name_of(us), mine], "peer": [name_of(them), theirs], "ratio": mine / theirs, "wide": axis}
+
+
+if __name__ == "__main__":
+    main()
