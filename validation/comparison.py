@@ -19,6 +19,8 @@ Progress = Callable[[str], None]
 
 #: Models that can be asked for.
 MODELS = ("fem", "fast")
+#: Contact methods of the fast model that can be asked for.
+METHODS = ("default", "cover", "foundation", "area", "boxes")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,8 +79,9 @@ class Comparison:
             "contact_forces": self.sensor.array.image(fast.contact_forces),
             "outside": fast.outside,
             "total_force": fast.total_force,
-            # How far rigid boxes sink is a setting of the engine, not a depth.
-            "depth": None,
+            "method": fast.method,
+            # None with rigid boxes: how far they let an object sink is a setting of the engine.
+            "depth": fast.depth,
             "seconds": fast.seconds,
         }
 
@@ -89,6 +92,7 @@ def compare(
     *,
     depth: float | None = None,
     models: Sequence[str] = MODELS,
+    method: str = "default",
     progress: Progress | None = None,
 ) -> Comparison:
     """Press one case by the models that are asked for.
@@ -98,10 +102,12 @@ def compare(
         case: Indenter, pose and load.
         depth: Approach that replaces the load; the fast model takes the reference's load there [m].
         models: Some of `MODELS`.
+        method: The fast model's contact method, one of `METHODS`.
         progress: Told what is being done.
 
     Raises:
         ConvergenceError: If the reference did not converge.
+        FastModelError: If the method needs cover data that the sensor's parameters lack.
     """
     tell = progress or (lambda _: None)
     fem, fast = None, None
@@ -114,7 +120,7 @@ def compare(
 
         parameters = derive(sensor, progress=progress).parameters
         tell("indentation by the fast model")
-        fast = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw)
+        fast = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
     both = fast is not None and fem is not None
     return Comparison(
         sensor=sensor,

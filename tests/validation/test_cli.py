@@ -106,7 +106,8 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
         assert entry["total_force"] == pytest.approx(0.5 * 9.80665, rel=1e-3)
         assert entry["seconds"] >= 0
     assert result["models"]["fem"]["depth"] > 0
-    assert result["models"]["fast"]["depth"] is None
+    assert result["models"]["fast"]["method"] == "cover"
+    assert result["models"]["fast"]["depth"] == pytest.approx(result["models"]["fem"]["depth"], rel=0.1)
     assert result["models"]["fem"]["error_estimate"].keys() == {"total_force", "peak_texel", "contact_area"}
     assert result["models"]["fem"]["assumptions"].keys() >= {"strain", "friction", "base"}
     assert result["scores"].keys() >= {
@@ -117,6 +118,13 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
         "image_changed_percent",
         "pixels_changed",
     }
+
+
+def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
+    touch = ("press", "wts-0614-34", "--indenter", "nut:across=13mm,bore=8mm", "--load", "500g", "--json")
+    cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
+    assert boxes["models"]["fast"]["depth"] is None
+    assert boxes["scores"]["misplaced_force"] > 5 * cover["scores"]["misplaced_force"]
 
 
 def test_fast_model_takes_the_load_that_the_reference_has_at_a_depth(softcover):
@@ -163,6 +171,7 @@ BAD = [
     (["press", "wts-0614-34", "--indenter", "shpere:radius=5mm", "--load", "1N"], "did you mean 'sphere'"),
     (["press", "wts-0614-34", "--indenter", "sphere:raduis=5mm", "--load", "1N"], "did you mean 'radius'"),
     (["press", "wts-0614-34", "--indenter", "sphere", "--load", "1N"], "sphere needs radius"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--method", "boxs"], "'boxes'"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=-5mm", "--load", "1N"], "positive"),
     (["press", "wts-0614-34", "--indenter", "box:size=1mmx2mm", "--load", "1N"], "is not 3 values"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm"], "give one of them"),

@@ -13,7 +13,7 @@ from validation.case import Case
 from validation.cli.options import Json, MaterialName, Sensor, Thickness
 from validation.cli.output import print_json
 from validation.cli.progress import Progress
-from validation.comparison import MODELS, Comparison, compare
+from validation.comparison import METHODS, MODELS, Comparison, compare
 from validation.errors import InputError, nearest
 from validation.indenter_text import read_depth, read_indenter, read_load, read_position, read_yaw
 from validation.sensor_file import load as load_sensor
@@ -28,6 +28,7 @@ _Depth = Annotated[
 _At = Annotated[str, Parameter(help="Indenter's axis in the array's frame.", allow_leading_hyphen=True)]
 _Yaw = Annotated[str, Parameter(help="Rotation about that axis.", allow_leading_hyphen=True)]
 _Model = Annotated[str, Parameter(help="Which models: fem, fast, or both.")]
+_Method = Annotated[str, Parameter(help="The fast model's contact: default, cover, foundation, area or boxes.")]
 
 
 def press(
@@ -39,6 +40,7 @@ def press(
     at: _At = "0mm,0mm",
     yaw: _Yaw = "0deg",
     model: _Model = "fem,fast",
+    method: _Method = "default",
     material: MaterialName = None,
     thickness: Thickness = None,
     json: Json = False,
@@ -50,6 +52,8 @@ def press(
     place = _collect(faults, lambda: read_position(at))
     angle = _collect(faults, lambda: read_yaw(yaw))
     models = _collect(faults, lambda: _read_models(model))
+    if method not in METHODS:
+        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
     force, approach = _collect(faults, lambda: _read_force(load, depth)) or (None, None)
     if description and place:
         faults.extend(_beside(description.array, place))
@@ -65,7 +69,7 @@ def press(
         yaw=angle,
     )
     with Progress() as progress:
-        comparison = compare(description, case, depth=approach, models=models, progress=progress)
+        comparison = compare(description, case, depth=approach, models=models, method=method, progress=progress)
     if json:
         print_json(comparison.as_json())
     else:
