@@ -38,3 +38,13 @@ def grid_convergence(
     order = min(max(observed, least), most)
     factor = 1.25 if monotonic and least <= observed <= most + 1 else 3.0
     return float(factor * abs(fine) / (ratio**order - 1))
+
+
+def extrapolated(values: Sequence[float], sizes: Sequence[float]) -> float:
+    """Limit of a first-order sequence from its two finest values (Richardson).
+
+    Args:
+        values: Results, finest grid last.
+        sizes: Element sizes of the grids in the same order, descending.
+    """
+    return float(values[-1] + (values[-1] - values[-2]) / (sizes[-2] / sizes[-1] - 1))

@@ -9,43 +9,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from fem_reference import press_finite, press_linear
 from fem_reference.contact import is_flat
-from fem_reference.error import grid_convergence
+from fem_reference.error import extrapolated, grid_convergence
+from fem_reference.level import Level
 from meshes import Cover, Indenter, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Factor on the change between two extrapolations (ASME V&V 20-2009 uses 1.25 on three grids).
 _SAFETY = 1.25
-
-
-class Level(Protocol):
-    """One grid's answer."""
-
-    @property
-    def total_force(self) -> float:
-        """Force on the indenter [N]."""
-
-    @property
-    def depth(self) -> float:
-        """Approach from first touch [m]."""
-
-    @property
-    def area(self) -> float:
-        """Contact area [m2]."""
-
-    @property
-    def surface(self) -> FloatArray:
-        """Where the touching points are, in the indenter's frame, and their force: x, y [m], force [N], (m, 3)."""
-
-    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
-        """Force on each texel for a pose, shape (n,) [N]."""
+#: Depth over thickness up to which small strain is taken to hold; for balls both agree to 0.3 % there [-].
+_SMALL_STRAIN = 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,6 +141,9 @@ def press_path(
     out = []
     for levels in found:
         _refuse_piercing(cover, levels[-1].depth)
+        share = levels[-1].depth / cover.thickness
+        if linear and share > _SMALL_STRAIN:
+            assumptions["range"] = f"indented to {share:.0%} of the thickness: more than small strain is meant for"
         out.append(
             _indentation(
                 levels=levels,
@@ -168,7 +151,7 @@ def press_path(
                 array=array,
                 pose=(at, yaw),
                 sharp=sharp,
-                assumptions=assumptions,
+                assumptions=dict(assumptions),
                 seconds=seconds,
                 solver_error=base_error,
             )
@@ -254,7 +237,7 @@ def _value(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> f
     """
     if not sharp:
         return float(values[-1])
-    return float(values[-1] + (values[-1] - values[-2]) / (sizes[-2] / sizes[-1] - 1))
+    return extrapolated(values, sizes)
 
 
 def _uncertainty(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> float:
@@ -263,6 +246,5 @@ def _uncertainty(values: Sequence[float], sizes: Sequence[float], *, sharp: bool
     if answer == 0:
         return 0.0
     if sharp:
-        earlier = values[1] + (values[1] - values[0]) / (sizes[0] / sizes[1] - 1)
-        return float(_SAFETY * abs(answer - earlier) / abs(answer))
+        return _SAFETY * abs(answer - extrapolated(values[:2], sizes[:2])) / abs(answer)
     return grid_convergence(values, sizes) / abs(answer)

@@ -12,6 +12,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from fem_reference import press_linear, store
 from fem_reference.contact import is_flat
+from fem_reference.level import CorrectedLevel, ExtrapolatedLevel, Level
 from fem_reference.point_spread import PointSpread, closed, decay_length
 from fem_reference.press_axisymmetric import press_axisymmetric
 from fem_reference.press_solid import press_solid
@@ -107,21 +108,42 @@ def levels(
     targets: Sequence[float],
     control: Literal["load", "depth"],
     progress: Callable[[str], None] | None,
-) -> list[list[RadialLevel]] | list[list[PlaneLevel]]:
-    """The path on three grids, from the store where it is known; a list of grids for every target."""
+) -> list[list[Level]]:
+    """The path on three grids, from the store where it is known; a list of grids for every target.
+
+    Flat faces are answered as corrections of the converged small-strain solution, see `CorrectedLevel`.
+    """
+    sharp = is_flat(indenter)
+    path = [_REST * targets[0], *targets] if sharp else list(targets)
+    grids = GRIDS if indenter.axisymmetric else SOLID_GRIDS
     inputs = {
         "cover": cover,
         "indenter": indenter,
-        "targets": list(targets),
+        "targets": path,
         "control": control,
-        "grids": GRIDS if indenter.axisymmetric else SOLID_GRIDS,
+        "grids": grids,
         "fillet": fillet(cover, indenter),
     }
     compute = _around_axis if indenter.axisymmetric else _in_space
-    data = store.fetch("finite-press", inputs, lambda: compute(cover, indenter, targets, control, progress))
-    if indenter.axisymmetric:
-        return [[_radial(data, cover, n, i) for n in GRIDS] for i in range(len(targets))]
-    return [[_plane(data, indenter, n, i) for n in SOLID_GRIDS] for i in range(len(targets))]
+    data = store.fetch("finite-press", inputs, lambda: compute(cover, indenter, path, control, progress))
+    found: list[list[Level]] = []
+    for i in range(len(path)):
+        if indenter.axisymmetric:
+            found.append([_radial(data, cover, n, i) for n in grids])
+        else:
+            found.append([_plane(data, indenter, n, i) for n in grids])
+    if not sharp:
+        return found
+    linear = press_linear.levels(cover, indenter, [targets[0]], control, progress)[0]
+    exact = ExtrapolatedLevel(levels=linear, sizes=press_linear.sizes(indenter))
+    return [
+        [CorrectedLevel(exact=exact, rest=rest, deep=deep) for rest, deep in zip(found[0], each, strict=True)]
+        for each in found[1:]
+    ]
+
+
+#: Share of the first target that counts as no strain.
+_REST = 0.05
 
 
 def sizes(indenter: Indenter) -> list[float]:
@@ -130,10 +152,11 @@ def sizes(indenter: Indenter) -> list[float]:
 
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
-    """The rounding that sharp edges were given."""
+    """How sharp edges were treated."""
     if not is_flat(indenter):
         return {}
-    return {"edge": f"rounded with {fillet(cover, indenter) * 1e3:.3g} mm"}
+    size = fillet(cover, indenter) * 1e3
+    return {"edge": f"sharp at small strain, rounded with {size:.3g} mm for what finite strain adds"}
 
 
 def base_error(cover: Cover) -> float:  # noqa: ARG001 -- one interface for both solvers
