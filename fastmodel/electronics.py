@@ -1,6 +1,7 @@
 """From texel forces to the sensor's integers and grey levels.
 
-Per texel: noise -> characteristic -> gain -> threshold -> saturation -> whole counts -> 8-bit grey.
+Per texel: hysteresis -> temperature -> noise -> characteristic -> gain -> threshold -> saturation -> whole counts ->
+8-bit grey.  Hysteresis and temperature are off unless asked for.
 """
 
 from __future__ import annotations
@@ -37,6 +38,12 @@ class Electronics:
             [1/N^k]; None for the line.
         gains: One factor per texel on the counts before the threshold, shape (n,) [-]; None for ones.
         seed: Seed of the noise; the same seed gives the same frames [-].
+        hysteresis_share: Share of the force that goes through play, as in a gear: it follows the force only after that
+            has turned by `hysteresis_width`, rises late and falls late; 0 for none, at most 1 [-].
+        hysteresis_width: Half width of the play; the loop between loading and unloading is twice this times the share
+            high [N].
+        temperature_coefficient: Change of the felt force with temperature, over the force; 0 for none [1/K].
+        temperature_excess: Temperature above the one at which the characteristic was taken [K].
     """
 
     rate_hz: float
@@ -50,6 +57,10 @@ class Electronics:
     characteristic: tuple[float, ...] | None = None
     gains: tuple[float, ...] | None = None
     seed: int = 0
+    hysteresis_share: float = 0.0
+    hysteresis_width: float = 0.0
+    temperature_coefficient: float = 0.0
+    temperature_excess: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -73,6 +84,15 @@ class Electronics:
                 f"output_max must lie in 1..{largest} ({self.bits} bits), not {self.output_max}",
             ),
             (not 0 <= self.noise < np.inf, f"noise must not be negative, not {self.noise}"),
+            (not 0 <= self.hysteresis_share <= 1, f"hysteresis_share must lie in 0..1, not {self.hysteresis_share}"),
+            (
+                not 0 <= self.hysteresis_width < np.inf,
+                f"hysteresis_width must not be negative, not {self.hysteresis_width}",
+            ),
+            (
+                not self.temperature_gain > 0,
+                f"temperature_coefficient times temperature_excess must exceed -1; the gain is {self.temperature_gain}",
+            ),
             (not 0 <= self.threshold < np.inf, f"threshold must not be negative, not {self.threshold}"),
             (
                 not 0 <= self.saturation_band < self.output_max,
@@ -88,6 +108,26 @@ class Electronics:
             ),
         ]
 
+    @property
+    def temperature_gain(self) -> float:
+        """Factor of the temperature on the felt force: 1 + coefficient times excess [-]."""
+        return 1.0 + self.temperature_coefficient * self.temperature_excess
+
+    def lag(self, forces: FloatArray, play: FloatArray) -> FloatArray:
+        """Forces as felt after hysteresis, same shape [N].
+
+        One play operator (Prandtl 1928): its output stays until the input comes within the half width from either
+        side.  It has no rate: only the order of loads counts.
+
+        Args:
+            forces: Texel forces of the next frame, shape (n,) [N].
+            play: Where each texel's play stands, shape (n,); moved in place [N].
+        """
+        if self.hysteresis_share == 0:
+            return forces
+        np.clip(play, forces - self.hysteresis_width, forces + self.hysteresis_width, out=play)
+        return np.asarray((1 - self.hysteresis_share) * forces + self.hysteresis_share * play)
+
     def counts(self, forces: npt.ArrayLike, noise: np.random.Generator | None = None) -> IntArray:
         """Counts of texels under given forces, shape (..., n) to (..., n) [-].
 
@@ -98,7 +138,7 @@ class Electronics:
         Raises:
             ShapeError: If there are gains for another number of texels.
         """
-        force = np.asarray(forces, dtype=np.float64)
+        force = np.asarray(forces, dtype=np.float64) * self.temperature_gain
         if noise is not None and self.noise > 0:
             force = force + noise.normal(0.0, self.noise, force.shape)
         signal = self._characteristic(force)

@@ -244,6 +244,7 @@ class _Running:
         signals = self._signals(self.reading)
         if self._filter is not None:
             self._filter.settle(signals)
+        self._play = np.zeros(self._array.count)
         self._noise = np.random.default_rng(self._electronics.seed)
         self._steps = 0
         self._time = self._start = np.nan
@@ -285,7 +286,7 @@ class _Running:
         count = self._array.count
         texel_forces = self._filtered[:count].copy() if self._spreads else self._operator @ self._filtered[:count]
         self.outside = float(self._filtered[count] - texel_forces.sum())
-        counts = self._electronics.counts(texel_forces, noise)
+        counts = self._electronics.counts(self._electronics.lag(texel_forces, self._play), noise)
         counts[~self._array.active] = 0
         image = self._array.image(self._electronics.image(counts))
         return Frame(time=self._sampled_at, counts=counts, texel_forces=texel_forces, image=image.astype(np.uint8))

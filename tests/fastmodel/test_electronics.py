@@ -6,6 +6,8 @@ import pytest
 from fastmodel.electronics import WTS_0614_34, Electronics
 from fastmodel.errors import ShapeError
 
+PLAIN = Electronics(rate_hz=100.0, sensitivity=1000.0)
+
 
 def test_the_reports_line():
     forces = np.array([0.0, 0.18, 0.19, 1.0, 1.64, 1.65, 5.0, -0.3])
@@ -57,3 +59,43 @@ def test_every_fault_is_listed():
         Electronics(rate_hz=0, sensitivity=-1, output_max=5000, threshold=-3)
     with pytest.raises(ValueError, match=r"c0\.\.c5"):
         Electronics(rate_hz=1, sensitivity=1, characteristic=(1.0, 2.0))
+
+
+def test_hysteresis_is_a_loop_of_the_stated_height_that_knows_no_rate():
+    electronics = dataclasses.replace(PLAIN, hysteresis_share=0.4, hysteresis_width=0.05)
+    play = np.zeros(1)
+    loading = [electronics.lag(np.array([f]), play)[0] for f in np.linspace(0, 1, 11)]
+    unloading = [electronics.lag(np.array([f]), play)[0] for f in np.linspace(1, 0, 11)][::-1]
+    height = np.subtract(unloading, loading)[2:-2]
+    np.testing.assert_allclose(height, 2 * 0.4 * 0.05)
+    assert unloading[0] == pytest.approx(0.4 * 0.05)  # what stays when the load has gone
+    slow, quick = np.zeros(1), np.zeros(1)
+    for f in np.linspace(0, 1, 500):
+        electronics.lag(np.array([f]), slow)
+    electronics.lag(np.ones(1), quick)
+    assert slow == pytest.approx(quick)
+
+
+def test_without_hysteresis_forces_pass_as_they_are():
+    forces, play = np.array([0.3, -0.1]), np.zeros(2)
+    assert PLAIN.lag(forces, play) is forces
+
+
+def test_warmth_scales_the_felt_force():
+    warm = dataclasses.replace(PLAIN, temperature_coefficient=0.004, temperature_excess=25.0)
+    forces = np.array([0.5, 1.0])
+    np.testing.assert_array_equal(warm.counts(forces), PLAIN.counts(1.1 * forces))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"hysteresis_share": 1.5},
+        {"hysteresis_width": -0.1},
+        {"temperature_coefficient": -0.1, "temperature_excess": 20.0},
+        {"temperature_excess": float("nan"), "temperature_coefficient": 1.0},
+    ],
+)
+def test_stages_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        dataclasses.replace(PLAIN, **wrong)

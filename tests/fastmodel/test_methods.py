@@ -339,3 +339,32 @@ def test_forces_that_are_not_numbers_are_told():
     data.efc_force[:] = np.nan
     with pytest.raises(StateError, match="not finite"):
         sensor._running._reader.read(data)
+
+
+def test_a_sensor_with_hysteresis_reads_less_on_the_way_up_than_on_the_way_down():
+    lazy = dataclasses.replace(
+        PARAMETERS,
+        filter=None,
+        electronics=dataclasses.replace(
+            PARAMETERS.electronics, offset=0.0, hysteresis_share=0.5, hysteresis_width=0.05
+        ),
+    )
+    spec = mujoco.MjSpec()
+    spec.option.timestep = 1e-3
+    sensor = fastmodel.attach(spec, "world", lazy)
+    body = spec.worldbody.add_body(pos=[0, 0, 0])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, 5e-3], mass=0.1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OptionWarning)
+        sensor.bind(model)
+    readings = {}
+    for name, push in (("up", -1.0), ("top", -4.0), ("down", -1.0)):
+        data.xfrc_applied[1, 2] = push
+        run(sensor, model, data, 600)
+        readings[name] = sensor.frame()
+    np.testing.assert_allclose(readings["up"].texel_forces, readings["down"].texel_forces, atol=2e-3)
+    middle = readings["top"].texel_forces.argmax()
+    assert readings["down"].counts[middle] > readings["up"].counts[middle] + 50
