@@ -38,7 +38,15 @@ def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
     return array
 
 
+#: More texels than this want gigabytes for the cover between their cells.
+_MOST = 10_000
+
+
 def _texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
+    if table.rows * table.columns > _MOST:
+        raise InputError(
+            f"array: {table.rows} rows of {table.columns} texels are too many; at most {_MOST} texels are supported"
+        )
     active = _mask(table)
     if table.positions is None:
         return TexelArray.grid(

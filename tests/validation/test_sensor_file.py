@@ -111,6 +111,7 @@ friction = 0.3
         ("rows = 3", "rows = 3\nmask = ['01']", "array.mask: must have 3 rows of 2 entries"),
         ("rows = 3", "rows = 3\npositions = 'no.csv'", "array.positions: no such file"),
         ("rows = 3", "rows = 3\ntexel_size = '9 mm'", "array: texels 0 and 1 overlap"),
+        ("rows = 3", "rows = 5001", "are too many; at most 10000 texels"),
         ('sensitivity = "2665.7 1/N"', "", "give either sensitivity"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\noutput_max = 5000', "does not fit 12 bits; accepted: 1..4095"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
