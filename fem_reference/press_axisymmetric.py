@@ -35,7 +35,7 @@ class PressedState:
     Attributes:
         depth: Approach from first touch [m].
         load: Force [N].
-        area: Reference area that touches [m2].
+        area: Area that touches, in the deformed state [m2].
         overlap: Mean distance that the penalty left between the surfaces [m].
         base: Base pressure, for the whole load.
         top: Radius and height of the deformed top, shape (m, 2) [m].
@@ -100,10 +100,11 @@ def press_axisymmetric(
     aims = [units.target(value, control) for value in targets]
     guesses = () if coarse is None else coarse.guesses(elements)
     path = problem.follow(aims, control=control, first=0.02, guesses=guesses, progress=progress)
-    return [_state(elements, units, reached) for reached in path], Coarse(elements=elements, path=path)
+    states = [_state(elements, units, obstacle, reached) for reached in path]
+    return states, Coarse(elements=elements, path=path)
 
 
-def _state(elements: MixedElements, units: Units, reached: Equilibrium) -> PressedState:
+def _state(elements: MixedElements, units: Units, obstacle: Obstacle, reached: Equilibrium) -> PressedState:
     r, z = elements.nodes.T
     base, top = np.flatnonzero(z < _TOUCH), np.flatnonzero(z > 1 - _TOUCH)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
@@ -112,7 +113,7 @@ def _state(elements: MixedElements, units: Units, reached: Equilibrium) -> Press
     return PressedState(
         depth=reached.depth * units.length,
         load=reached.load * units.force,
-        area=reached.touch.area * units.length**2,
+        area=_area(obstacle, moved[top], reached) * units.length**2,
         overlap=reached.touch.overlap * units.length,
         base=BaseResponse(
             radius=below.radius * units.length,
@@ -122,3 +123,24 @@ def _state(elements: MixedElements, units: Units, reached: Equilibrium) -> Press
         ),
         top=moved[top] * units.length,
     )
+
+
+def _area(obstacle: Obstacle, top: FloatArray, reached: Equilibrium) -> float:
+    """Contact area from where the gap opens.
+
+    Beyond the edge of a smooth contact the gap grows as the distance to the power 3/2 (Johnson 1985, section 5.1), so
+    its power 2/3, drawn through two open nodes, meets zero at the edge: finer than the mesh tells touching from open.
+    """
+    r, z = top[:, 0], top[:, 1]
+    gap = 1 - reached.depth + obstacle.height(r, np.zeros_like(r)) - z
+    shut = np.flatnonzero(gap < _OPEN * reached.depth)
+    first = int(shut.max()) + 1 if shut.size else 0
+    if isinstance(obstacle.indenter, Flat) or first == 0 or first + 2 > len(r):
+        return reached.touch.area
+    one, two = gap[first : first + 2] ** (2 / 3)
+    edge = r[first] - one * (r[first + 1] - r[first]) / (two - one)
+    return float(np.pi * np.clip(edge, r[first - 1], r[first]) ** 2)
+
+
+#: Gap over depth from which a node counts as open [-].
+_OPEN = 2e-3
