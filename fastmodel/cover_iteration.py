@@ -10,6 +10,8 @@ IntArray = npt.NDArray[np.int64]
 
 #: Least share of a cell's force that one correction of the balance leaves, so that none changes its sign [-].
 _KEPT = 0.2
+#: Most corrections of the balance in one step.
+_CORRECTIONS = 40
 
 
 def iterate(  # noqa: C901, PLR0915, PLR0917 -- one loop as published; numba kernels take positions
@@ -71,7 +73,7 @@ def iterate(  # noqa: C901, PLR0915, PLR0917 -- one loop as published; numba ker
     previous, conjugate, anew = 1.0, 0.0, True
     for step in range(most + 1):
         missed = np.inf
-        for _ in range(8):
+        for _ in range(_CORRECTIONS):
             miss = wanted - np.dot(forces, columns)
             missed = np.abs(miss).max()
             if missed <= 1e-9 * scale:

@@ -196,6 +196,7 @@ class _SurfaceReader:
                     return self._nothing
                 continue
             reading, level = self._layer.lay_out(self._samples, touching.loads)
+            level = np.where(np.isfinite(level), level, self._first)
             higher = [
                 min(_SPARE * top, self._most) if have < min(top * _LEAST, self._most) else have
                 for have, top in zip(reach, level.tolist(), strict=True)

@@ -146,3 +146,17 @@ def test_modulus_is_that_of_the_patch():
 def test_cells_that_do_not_divide_the_pitch_are_refused():
     with pytest.raises(ShapeError, match="pitch"):
         CELLS.check_pitch(TexelArray.grid(4, 4, 3.0e-3))
+
+
+def test_whatever_goes_wrong_inside_the_loads_stay_carried():
+    """Cut off after no step at all, and fed with a start that is no number."""
+    samples = sample(GRID, [standing(SHAPES[3], at=(-0.00795, 0.01658))], [2e-3])
+    load = [Load(force=0.2, moment=np.zeros(2), tilts=False)]
+    for steps in (0, 1, 2):
+        found = CoverSolver(CELLS, GRID, Settings(tolerance=1e-12, steps=steps)).solve(samples, load)
+        assert not found.converged
+        assert found.forces.sum() == pytest.approx(0.2, rel=1e-6)
+        assert found.forces.min() >= 0
+    solver = CoverSolver(CELLS, GRID, Settings())
+    solver._start = lambda *_: np.full(samples.count, np.nan)
+    assert solver.solve(samples, load).forces.sum() == pytest.approx(0.2, rel=1e-6)

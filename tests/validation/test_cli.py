@@ -10,6 +10,7 @@ import pytest
 
 import fastmodel
 import fem_reference
+from fastmodel.gazebo import read_block
 from validation.cli.entry import _COMMANDS
 from validation.recordings.series import recordings_folder
 
@@ -118,6 +119,17 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
         "image_changed_percent",
         "pixels_changed",
     }
+
+
+def test_the_reports_plugin_block_is_written_and_reads_back(softcover):
+    status, _, _ = softcover("export", "wts-0614-34", "--format", "gazebo", "--out", "out")
+    assert status == 0
+    block = read_block(Path("out/wts-0614-34.xml").read_text(), pitch=3.4e-3)
+    assert block.parameters.spread == fastmodel.load("out").spread
+    status, _, err = softcover("export", "sdh2-distal", "--format", "gazebo", "--out", "masked")
+    assert status == 2
+    assert "no texel may be masked" in err
+    assert not Path("masked").exists()
 
 
 def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
