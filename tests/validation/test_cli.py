@@ -196,7 +196,7 @@ BAD = [
         "--yaw: '45' has no unit",
     ),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--model=fen"], "did you mean 'fem'"),
-    (["export", "wts-0614-34", "--format", "gazebo"], "unknown format 'gazebo'; accepted: mjcf"),
+    (["export", "wts-0614-34", "--format", "urdf"], "unknown format 'urdf'; accepted: mjcf, gazebo"),
     (["validate", "wts-0614-34", "--recordings", "nowhere"], "nowhere: no such folder"),
     (["dervie", "wts-0614-34"], "did you mean 'derive'"),
 ]
