@@ -235,6 +235,8 @@ class Problem:
             if load is None:
                 state += system.solve(-internal - touch.force)
                 continue
+            if touch.stiffness == 0:
+                raise ConvergenceError("the indenter lost touch with the cover")
             right = np.column_stack([-internal - touch.force, -touch.depth_force])
             at_rest, per_depth = system.solve(right).T
             lift = touch.depth_force * self.contact.multiple
