@@ -154,6 +154,8 @@ class _Session:
         finally:
             sensor.tap = None
             stream.close()
+        for gap in sensor.last_gaps():
+            self._write(writer, gap)
         self._temperature(sensor, writer)
 
     def _write(self, writer: RecordingWriter, event: Reading | Gap) -> None:

@@ -2,18 +2,21 @@
 
 A lost frame leaves a step of the device's clock that is longer than its neighbours.  How long a step should
 be is learnt from the stream itself, since no one knows the free-running rate beforehand: the first few
-steps are judged together, later ones against the median of those before.  Only ratios of ticks are used, so
-that the unit of the device's clock does not matter.
+steps are judged together, later ones against those before.  The usual step is the median of the short ones, so that
+a stream that loses many frames from its start on is not taken for a slow one.  Only ratios of ticks are used, so that
+the unit of the device's clock does not matter.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass
 from statistics import median
 from typing import Literal
 
-#: Steps that are judged together at the start, and the most that the median is taken of.
+#: Steps that are judged together at the start, and the most that are remembered.
 _LEARNT, _WINDOW = 8, 64
 #: A step longer than this many usual ones hides a frame; clocks that tick in ms step 3 or 4 at 271 frames/s.
 _LONG = 1.5
@@ -99,10 +102,6 @@ class Continuity:
             self._learn(step)
         return self._judge(waiting)
 
-    def restart(self) -> None:
-        """Forget the last frame: the device's clock may have started anew."""
-        self._last = None
-
     def _learn(self, step: _Step) -> None:
         if 0 < step.length < _CLOCK_RANGE // 2:
             self._steps.append(step.length)
@@ -110,13 +109,21 @@ class Continuity:
     def _judge(self, steps: list[_Step]) -> list[Gap]:
         gaps = []
         for step in steps:
-            usual = median(self._steps) if self._steps else 0
+            usual = _usual(self._steps)
             gap = _gap(step, usual)
             if gap is not None:
                 gaps.append(gap)
             elif len(steps) == 1:
                 self._learn(step)
         return gaps
+
+
+def _usual(steps: Collection[int]) -> float:
+    """Median of the steps that hide no frame, as told by the shortest eighth; 0 where there are none [ticks]."""
+    if not steps:
+        return 0.0
+    ordered = sorted(steps)
+    return median(ordered[: bisect_right(ordered, _LONG * ordered[len(ordered) // 8])])
 
 
 def _gap(step: _Step, usual: float) -> Gap | None:
