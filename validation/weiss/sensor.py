@@ -176,7 +176,7 @@ class Sensor:
         """Send any documented command and return what its answer holds after the status.
 
         Raises:
-            SensorError: If the status is not success.
+            SensorError: If the status is not success, or the answer is laid out otherwise than assumed.
             NoAnswerError: If no answer comes.
             LinkLostError: If the port goes away.
         """
@@ -186,9 +186,12 @@ class Sensor:
             found = self._await(command)
             if found is None:
                 continue
-            status, answered = commands.read_answer(found)
+            name = command.name.lower().replace("_", " ")
+            try:
+                status, answered = commands.read_answer(found)
+            except ValueError as error:
+                raise SensorError(f"{self.port}: the answer to `{name}` is not as assumed: {error}") from error
             if status:
-                name = command.name.lower().replace("_", " ")
                 raise SensorError(f"{self.port}: the sensor refused `{name}`: {commands.describe_status(status)}")
             return answered
         raise NoAnswerError(f"{self.port}: no answer to {command.name.lower()} in {_ATTEMPTS * self.timeout:g} s")
@@ -221,6 +224,10 @@ class Sensor:
                     yield self._reconnect(error, reconnect, values)
         finally:
             self._end()
+
+    def last_gaps(self) -> list[Gap]:
+        """Gaps among the first frames of a stream that was left before they could be told."""
+        return self._continuity.finish()
 
     def close(self) -> None:
         """Stop the frames and close the port; safe to call twice."""

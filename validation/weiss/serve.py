@@ -17,7 +17,7 @@ from validation.weiss.link import PortError
 from validation.weiss.virtual import VirtualSensor
 
 #: Bytes that wait for a client that does not read; beyond that whole frames are left out, as a device does.
-_BACKLOG = 4096
+BACKLOG = 4096
 _IDLE = 0.05
 _PIECE = 4096
 
@@ -95,7 +95,8 @@ class PseudoTerminal:
 
     def close(self) -> None:
         """Close it: for a client the port is unplugged."""
-        if self._link is not None and self._link.is_symlink():
+        # another one may have taken the name meanwhile
+        if self._link is not None and self._link.is_symlink() and str(self._link.readlink()) == self.port:
             self._link.unlink()
         self._link = None
         for descriptor in (self._client, self._device):
@@ -139,6 +140,7 @@ def serve(
     *,
     stop: threading.Event | None = None,
     seconds: float | None = None,
+    backlog_bytes: int = BACKLOG,
     on_turn: Callable[[VirtualSensor], None] | None = None,
 ) -> int:
     """Run a virtual sensor on a port in real time.
@@ -148,6 +150,7 @@ def serve(
         end: Its end of the connection.
         stop: Ends the run when set.
         seconds: How long to run; until stopped when not given [s].
+        backlog_bytes: Bytes that wait for a client that does not read, before whole frames are left out.
         on_turn: Called once in every turn of the loop, to show progress.
 
     Returns:
@@ -160,7 +163,7 @@ def serve(
         if seconds is not None and now >= seconds:
             break
         for frame in sensor.due(now):
-            if len(backlog) < _BACKLOG:
+            if len(backlog) < backlog_bytes:
                 backlog += frame
             else:
                 left_out += 1
