@@ -60,7 +60,7 @@ def describe(recording: LabelledRecording) -> dict[str, Any]:
         "serial": recording.serial,
         "started": recording.started.isoformat(),
         "frames": len(recording.times),
-        "seconds": float(recording.times[-1]),
+        "seconds": recording.seconds,
         "rate_hz": recording.frame_rate,
         "complete": recording.complete,
         "gaps": list(recording.gaps),
@@ -72,7 +72,7 @@ def describe(recording: LabelledRecording) -> dict[str, Any]:
                 "columns": array.texels.columns,
                 "active": int(array.texels.active.sum()),
                 "full_scale": array.full_scale,
-                "largest": int(array.counts.max()),
+                "largest": int(array.counts.max(initial=0)),
             }
             for array in recording.arrays
         ],
@@ -87,11 +87,11 @@ def _play(recording: LabelledRecording, array: int, speed: float) -> None:
         for moment, counts in zip(recording.times, recorded.counts, strict=True):
             time.sleep(max(0.0, moment / speed - (time.monotonic() - start)))
             if monitor.due:
-                monitor.show(counts, f"{moment:6.1f} of {recording.times[-1]:.1f} s")
+                monitor.show(counts, f"{moment:6.1f} of {recording.seconds:.1f} s")
 
 
 def _tell(recording: LabelledRecording) -> None:
-    setup, seconds = recording.setup, recording.times[-1]
+    setup, seconds = recording.setup, recording.seconds
     load = "" if setup.load is None else f", {setup.load:.4g} N"
     arrays = ", ".join(f"{array.texels.columns} x {array.texels.rows}" for array in recording.arrays)
     say(f"{recording.path}: {len(recording.times)} frames in {seconds:.1f} s, arrays {arrays}")

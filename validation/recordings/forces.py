@@ -38,9 +38,9 @@ def with_forces(recording: LabelledRecording, path: str | Path, *, delay: float 
     if times[0] > _EPOCH:
         times = times - recording.started.timestamp()
     times = times - delay
-    if times[0] > recording.times[0] + _SLACK or times[-1] < recording.times[-1] - _SLACK:
+    if times[0] > _SLACK or times[-1] < recording.seconds - _SLACK:
         raise RecordingError(
             f"{place}: forces from {times[0]:.2f} s to {times[-1]:.2f} s do not cover the frames, "
-            f"0 s to {recording.times[-1]:.2f} s after the first one"
+            f"0 s to {recording.seconds:.2f} s after the first one"
         )
     return replace(recording, forces=forces, force_times=times)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -129,8 +129,8 @@ def describe_array(array: RecordedArray) -> dict[str, Any]:
     }
 
 
-def array_from(entry: Mapping[str, Any], counts: npt.NDArray[np.int32]) -> RecordedArray:
-    """The array that `describe_array` described, with its frames."""
+def array_from(entry: Mapping[str, Any], frames: Sequence[npt.NDArray[np.uint16]]) -> RecordedArray:
+    """The array that `describe_array` described, with its frames, each of shape (n,)."""
     texels = TexelArray.grid(
         int(entry["rows"]),
         int(entry["columns"]),
@@ -144,7 +144,7 @@ def array_from(entry: Mapping[str, Any], counts: npt.NDArray[np.int32]) -> Recor
     return RecordedArray(
         texels=texels,
         enabled=_bits(entry["enabled"]),
-        counts=counts,
+        counts=np.array(frames, dtype=np.int32).reshape(-1, texels.count),
         full_scale=int(entry["full_scale"]),
         unit=str(entry["unit"]),
         centre=(x, y, z),

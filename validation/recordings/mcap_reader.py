@@ -168,11 +168,11 @@ class _Content:
         series = [self.frames[f"/{name}/frame"] for name in names]
         # a recorder killed between two arrays leaves the last frame of some of them only
         count = min(len(frames) for frames in series)
-        if not count:
-            raise RecordingError(f"{self.path}: no frames; expected at least one")
         stamps = np.array([time for time, _ in series[0][:count]], dtype=np.int64)
+        # killed before the first frame, a recording still tells its set-up
+        start = stamps[0] if count else np.int64(described["clock"]["start_ns"])
         arrays = tuple(
-            labels.array_from(entry, np.array([fields.counts for _, fields in frames[:count]], dtype=np.int32))
+            labels.array_from(entry, [fields.counts for _, fields in frames[:count]])
             for entry, frames in zip(described["arrays"], series, strict=True)
         )
         clocks = [fields for _, fields in series[0][:count]]
@@ -181,20 +181,20 @@ class _Content:
             path=self.path,
             sha256=_sha256(self.path),
             serial=str(described["serial"]),
-            started=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=int(stamps[0]) // 1000),
-            times=(stamps - stamps[0]) * _NANO,
+            started=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=int(start) // 1000),
+            times=(stamps - start) * _NANO,
             arrays=arrays,
             temperatures=np.array([degrees for _, degrees in self.temperatures]).reshape(len(when), -1)
             if len(when)
             else np.empty((0, 0)),
-            temperature_times=(when - stamps[0]) * _NANO,
+            temperature_times=(when - start) * _NANO,
             setup=setup,
             gaps=tuple(self.gaps),
             complete=self.complete,
             host_monotonic=np.array([fields.host_monotonic for fields in clocks], dtype=np.int64),
             ticks=np.array([fields.ticks for fields in clocks], dtype=np.int64),
             forces=np.array([force for _, force in self.forces]),
-            force_times=(np.array([time for time, _ in self.forces], dtype=np.int64) - stamps[0]) * _NANO,
+            force_times=(np.array([time for time, _ in self.forces], dtype=np.int64) - start) * _NANO,
         )
 
 
@@ -243,7 +243,7 @@ def _whole(path: Path) -> tuple[int, bool]:
     end = path.stat().st_size
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{path}: not an MCAP file")
+            raise RecordingError(f"{path}: not an MCAP file; expected one that `softcover record` or ROS 2 wrote")
         position = len(MAGIC)
         while position + _HEAD <= end:
             file.seek(position)

@@ -52,28 +52,32 @@ class Clocks:
 
 
 class _File:
-    """Output of the MCAP library: unbuffered, and cut back to the last whole chunk when a write fails."""
+    """Output of the MCAP library: written at every flush at once, and cut back to the last whole chunk when that fails.
+
+    So a file that is killed at any moment starts with its set-up, and ends with a whole chunk.
+    """
 
     def __init__(self, path: Path) -> None:
         try:
             self.descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         except OSError as error:
             raise StorageError(f"{path}: cannot be written: {error.strerror}; name a new file") from error
-        self._position = self._whole = 0
+        self._whole = 0
+        self._held = bytearray()
 
     def write(self, data: bytes) -> int:
-        view = memoryview(data)
-        while view:
-            count = os.write(self.descriptor, view)
-            self._position += count
-            view = view[count:]
+        self._held += data
         return len(data)
 
     def tell(self) -> int:
-        return self._position
+        return self._whole + len(self._held)
 
     def flush(self) -> None:
-        self._whole = self._position
+        held, self._held = self._held, bytearray()
+        written = 0
+        while written < len(held):
+            written += os.write(self.descriptor, memoryview(held)[written:])
+        self._whole += written
 
     def cut(self) -> None:
         """Leave what was whole at the last flush, and close; safe to call twice."""

@@ -77,6 +77,11 @@ class Recording:
     temperature_times: FloatArray
 
     @property
+    def seconds(self) -> float:
+        """From the first frame to the last; 0 without frames [s]."""
+        return float(self.times[-1]) if len(self.times) else 0.0
+
+    @property
     def frame_rate(self) -> float:
         """Mean frames per second; NaN for fewer than two frames [Hz]."""
         span = self.times[-1] - self.times[0] if len(self.times) > 1 else 0.0
