@@ -89,9 +89,10 @@ def calibrate(
         confidence: Of the intervals, 0..1 [-].
 
     Raises:
-        RecordingError: If a load is not known or an array has another number of texels.
+        RecordingError: If a load is not known, a recording is empty or arrays differ in their texels.
         ValueError: If there is too little to fit.
     """
+    _check_alike(recordings, array)
     texels = np.flatnonzero(shares > _LEAST_SHARE * shares.max())
     threshold = _threshold(recordings) if threshold is None else threshold
     parts = [_observe(each, array, shares, window, temperature_channel) for each in recordings]
@@ -145,6 +146,7 @@ def flat_shares(
 
 def middle(recordings: Sequence[LabelledRecording], array: int) -> tuple[float, float]:
     """Centre of pressure of the mean image over the second half of all recordings, in the array's frame [m]."""
+    _check_alike(recordings, array)
     texels = recordings[0].arrays[array].texels
     images = [each.arrays[array].counts[len(each.times) // 2 :].mean(axis=0) for each in recordings]
     mean = np.mean(images, axis=0)
@@ -152,6 +154,18 @@ def middle(recordings: Sequence[LabelledRecording], array: int) -> tuple[float, 
         raise RecordingError(f"{recordings[0].path}: array {array} reads nothing; name the array that was pressed")
     x, y = mean @ texels.centres[:, :2] / mean.sum()
     return float(x), float(y)
+
+
+def _check_alike(recordings: Sequence[LabelledRecording], array: int) -> None:
+    """Refuse recordings without frames, and those of another array than the first."""
+    for each in recordings:
+        if not len(each.times):
+            raise RecordingError(f"{each.path}: holds no frames; expected a recording under a load")
+        if not each.arrays[array].has_layout_of(recordings[0].arrays[array].texels):
+            raise RecordingError(
+                f"{each.path}: array {array} is not laid out as that of {recordings[0].path}; "
+                "expected recordings of one sensor"
+            )
 
 
 def _threshold(recordings: Sequence[LabelledRecording]) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from validation import sensor_file
 from validation.calibrate import Calibration
 from validation.calibration_fit import FittedCurve
 from validation.errors import InputError
@@ -57,7 +58,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
         polynomial: Whether to write the polynomial of degree 5 instead of the line.
 
     Raises:
-        InputError: If the sensor file cannot be read, or the polynomial was not fitted.
+        InputError: If the sensor file cannot be read or describes another array, or the polynomial was not fitted.
     """
     source = Path(sensor)
     try:
@@ -66,6 +67,8 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
         raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}
     tables["electronics"] = {**kept, **_electronics(calibration, polynomial=polynomial)}
+    # a file for another array, or with other faults, is refused before anything is written
+    sensor_file.parse(tables, source=source)
     notes = "".join(
         f"# {name} {found.value:.5g} [{found.low:.5g}, {found.high:.5g}] {found.unit}, from {found.fitted_on}\n"
         for name, found in calibration.estimates.items()

@@ -164,6 +164,11 @@ def test_from_recordings_to_a_sensor_file(tmp_path):
     assert sensor_file.load(write_sensor(found, source, target, polynomial=True)).electronics.characteristic is not None
     with pytest.raises(InputError, match="softcover init"):
         write_sensor(found, tmp_path / "none.toml", target)
+    other, unwritten = tmp_path / "other.toml", tmp_path / "unwritten.toml"
+    other.write_text(source.read_text().replace("rows = 2", "rows = 3"))
+    with pytest.raises(InputError, match=r"gains: takes one number per texel \(6\), not 4"):
+        write_sensor(found, other, unwritten)
+    assert not unwritten.exists()
 
 
 def test_temperature():
@@ -205,6 +210,12 @@ def test_too_little_is_refused():
     with pytest.raises(RecordingError, match="expected 5"):
         calibrate([_recording(0, 2.0)], shares=np.full(5, 0.2))
     other = replace(_recording(1, 3.0), setup=Setup(load=3.0, device={"threshold": 9}))
+    wide = replace(_recording(2, 3.0), arrays=(plain_array(1, 4, np.zeros((300, 4), dtype=np.int32)),))
+    with pytest.raises(RecordingError, match=r"2\.mcap: array 0 is not laid out as that of 0\.mcap"):
+        calibrate([_recording(0, 2.0), wide], shares=SHARES)
+    empty = replace(_recording(2, 3.0), times=np.empty(0))
+    with pytest.raises(RecordingError, match=r"2\.mcap: holds no frames"):
+        calibrate([_recording(0, 2.0), empty], shares=SHARES)
     with pytest.raises(RecordingError, match="several thresholds"):
         calibrate([_recording(0, 2.0), other], shares=SHARES)
 
