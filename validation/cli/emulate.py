@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.monitor import stoppable
-from validation.cli.options import Json
+from validation.cli.options import Json, within
 from validation.cli.output import print_json, say
 from validation.errors import InputError, nearest
 from validation.indenter_text import read_indenter, read_load
@@ -54,6 +54,7 @@ def emulate(
     from validation.weiss.serve import serve
     from validation.weiss.virtual import WTS_0614_34, VirtualSensor
 
+    within("--seconds", seconds)
     wrong = _misbehaviour(fault or [], pause or [], seed)
     source, matrix = _shown(show, array, indenter, load)
     sensor = VirtualSensor(source, matrix=matrix or WTS_0614_34, rate=rate, misbehaviour=wrong)

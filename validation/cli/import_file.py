@@ -15,7 +15,7 @@ from validation.indenter_text import read_indenter, read_load
 _File = Annotated[Path, Parameter(help="A recording: .dsa, .csv, .bag, .mcap, or a folder of ROS 2.")]
 _Out = Annotated[Path | None, Parameter(help="New .mcap file; the recording's name with .mcap when not given.")]
 _Indenter = Annotated[str, Parameter(help="What pressed, e.g. box:size=10.5mmx10.5mmx5mm.")]
-_Load = Annotated[str | None, Parameter(help="Its force or weight, e.g. 4.9N or 500g.")]
+_Load = Annotated[str | None, Parameter(help="Its force or weight, e.g. 4.9N or 500g.", allow_leading_hyphen=True)]
 _Note = Annotated[str, Parameter(help="Anything else to keep in the file.")]
 _Topic = Annotated[str | None, Parameter(help="Topic with the frames, in bags of other programs.")]
 _Force = Annotated[Path | None, Parameter(help="A force sensor's own recording, .csv or a bag, to put beside.")]

@@ -7,6 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from validation.errors import InputError
+
 Sensor = Annotated[str, Parameter(help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal.")]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
@@ -22,3 +24,14 @@ Thickness = Annotated[
 Recordings = Annotated[
     Path | None, Parameter(name="--recordings", help="Folder with recordings of a real sensor under known weights.")
 ]
+
+
+def within(option: str, value: float | None, most: float = float("inf")) -> None:
+    """Refuse a number below 0 or above `most`.
+
+    Raises:
+        InputError: If it is; the message names the option.
+    """
+    if value is not None and not 0 <= value <= most:
+        accepted = "0 or more" if most == float("inf") else f"0..{most}"
+        raise InputError(f"{option}: accepted: {accepted}, not {value:g}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.monitor import Monitor, stoppable
-from validation.cli.options import Json
+from validation.cli.options import Json, within
 from validation.cli.output import print_json, say
 from validation.errors import InputError
 from validation.indenter_text import read_indenter, read_load
@@ -23,7 +23,9 @@ _Port = Annotated[str, Parameter(help="Port of the sensor, e.g. /dev/ttyACM0, or
 _Out = Annotated[Path, Parameter(help="New .mcap file, or a folder for a file named by the time.")]
 _Seconds = Annotated[float | None, Parameter(help="How long [s]; until Ctrl-C when not given.")]
 _Indenter = Annotated[str, Parameter(help="What presses, e.g. sphere:radius=5mm; kept in the file.")]
-_Load = Annotated[str | None, Parameter(help="Its force or weight, e.g. 4.9N or 500g; kept in the file.")]
+_Load = Annotated[
+    str | None, Parameter(help="Its force or weight, e.g. 4.9N or 500g; kept in the file.", allow_leading_hyphen=True)
+]
 _Note = Annotated[str, Parameter(help="Anything else to keep in the file.")]
 _Threshold = Annotated[int | None, Parameter(help="Set the sensor's threshold first [counts].")]
 _Gain = Annotated[int | None, Parameter(help="Set the sensor's front-end gain first.")]
@@ -59,6 +61,11 @@ def record(
     if indenter:
         read_indenter(indenter)
     setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
+    within("--seconds", seconds)
+    within("--reconnect", reconnect)
+    within("--interval-ms", interval_ms, 0xFFFF)
+    within("--threshold", threshold, 0xFFFF)
+    within("--gain", gain, 0xFF)
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
     if path.exists():
         raise InputError(f"--out: {path} exists; name a new file")
@@ -92,6 +99,8 @@ class _Shown:
         self._monitor = monitor
         self._frames = self._gaps = 0
         self._start = time.monotonic()
+        #: Frames and seconds when something was shown last.
+        self._before = (0, 0.0)
 
     def __call__(self, event: Reading | Gap) -> None:
         """Take one reading or gap."""
@@ -100,9 +109,9 @@ class _Shown:
         self._frames += counts is not None
         if counts is not None and self._monitor.due:
             seconds = time.monotonic() - self._start
-            rate = self._frames / seconds if seconds > 0 else 0.0
-            gaps = f"{self._gaps} gaps"
-            self._monitor.show(counts, f"{seconds:6.1f} s  {self._frames} frames  {rate:.1f} frames/s  {gaps}")
+            (frames, then), self._before = self._before, (self._frames, seconds)
+            rate = f"{(self._frames - frames) / (seconds - then):.1f} frames/s  " if frames else ""
+            self._monitor.show(counts, f"{seconds:6.1f} s  {self._frames} frames  {rate}{self._gaps} gaps")
 
 
 def _tell(done: Captured, *, as_json: bool) -> None:
