@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from random import Random
 
 import numpy as np
@@ -16,6 +17,7 @@ import pytest
 pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
 
 from validation.recordings import capture, mcap_reader, ros_messages
+from validation.recordings.importing import save
 from validation.recordings.labels import Setup
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import RecordingError
@@ -24,6 +26,8 @@ from validation.weiss.sensor import Reading, Sensor
 from validation.weiss.serve import PseudoTerminal, serve
 from validation.weiss.virtual import WTS_0614_34, Misbehaviour, VirtualSensor, pattern
 
+#: Recorders that are killed at the same time in the long test.
+_AT_ONCE = 4
 SETUP = Setup(indenter="sphere:radius=5mm", load=4.9, note="left palm, 3rd trial")
 
 
@@ -37,7 +41,9 @@ def port():
 class _running:  # noqa: N801 -- reads as a verb
     def __init__(self, sensor):
         self.end, self.stop = PseudoTerminal(), threading.Event()
-        self.thread = threading.Thread(target=serve, args=(sensor, self.end), kwargs={"stop": self.stop})
+        # a device leaves out frames that nobody reads for 0.2 s; on a busy machine tests would lose some by chance
+        options = {"stop": self.stop, "backlog_bytes": 2**20}
+        self.thread = threading.Thread(target=serve, args=(sensor, self.end), kwargs=options)
 
     def __enter__(self):
         self.thread.start()
@@ -51,12 +57,12 @@ class _running:  # noqa: N801 -- reads as a verb
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A recording of one second, with the readings that the recorder saw."""
+    """A recording of half a second, with the readings that the recorder saw."""
     path = tmp_path_factory.mktemp("recorded") / "touch.mcap"
     seen = []
     with _running(VirtualSensor(pattern("ramp"))) as name, Sensor(name) as sensor:
         sensor.set_threshold(11)
-        done = capture.record(sensor, path, setup=SETUP, seconds=1, on_event=seen.append)
+        done = capture.record(sensor, path, setup=SETUP, seconds=0.5, on_event=seen.append)
     return path, [event for event in seen if isinstance(event, Reading)], done
 
 
@@ -65,8 +71,7 @@ def test_what_was_recorded_comes_back(recorded):
     recording = mcap_reader.read(path)
     assert recording.complete
     assert recording.gaps == ()
-    assert done.frames == len(recording.times) == len(readings) > 100  # 271 where nothing else runs
-    assert 100 < done.rate < 280
+    assert done.frames == len(recording.times) == len(readings) > 20  # 135 where nothing else runs
     assert done.rate == pytest.approx((done.frames - 1) / np.ptp(recording.times), rel=0.02)
     (array,) = recording.arrays
     assert (array.counts == [reading.counts for reading in readings]).all()
@@ -125,21 +130,43 @@ def test_rosbags_reads_it_knowing_no_type_beforehand(recorded):
 
 
 def test_gaps_are_in_the_file(tmp_path):
-    wrong = Misbehaviour(rates={"lose": 0.05}, seed=2)
+    wrong = Misbehaviour(rates={"lose": 0.1}, seed=2)
     with _running(VirtualSensor(pattern("ramp"), misbehaviour=wrong)) as name, Sensor(name) as sensor:
-        done = capture.record(sensor, tmp_path / "gaps.mcap", seconds=0.5)
+        done = capture.record(sensor, tmp_path / "gaps.mcap", seconds=0.35)
     recording = mcap_reader.read(tmp_path / "gaps.mcap")
-    missing = np.flatnonzero(np.diff(recording.ticks) > 5)
-    assert done.gaps == len(recording.gaps) >= len(missing) > 1
-    for place in missing:
+    assert done.gaps == len(recording.gaps) >= _assert_jumps_are_marked(recording) >= 1
+
+
+def _assert_jumps_are_marked(recording):
+    """Every jump of the device's clock, a lost frame or a busy machine's, has its gap in the file."""
+    jumps = np.flatnonzero(np.diff(recording.ticks) > 5)
+    for place in jumps:
         assert any(f"after tick {recording.ticks[place]}," in gap for gap in recording.gaps)
+    return len(jumps)
+
+
+def test_gaps_among_the_first_frames_are_in_the_file_too(tmp_path):
+    """A recording that ends before the usual step is known; of five frames no more than three come in a row."""
+    wrong = Misbehaviour(pauses=tuple((start, start + 0.012) for start in np.arange(0, 10, 0.02)))
+    path, events = tmp_path / "gaps.mcap", []
+
+    def stop_early(event):
+        events.append(event)
+        if len(events) == 5:
+            raise KeyboardInterrupt
+
+    with _running(VirtualSensor(pattern("ramp"), misbehaviour=wrong)) as name, Sensor(name) as sensor:
+        capture.record(sensor, path, on_event=stop_early)
+    recording = mcap_reader.read(path)
+    assert len(recording.times) == 5
+    assert _assert_jumps_are_marked(recording) >= 1
 
 
 def test_unplugged_while_recording(tmp_path):
     path = tmp_path / "cut.mcap"
     running = _running(VirtualSensor(pattern("ramp")))
     name = running.__enter__()
-    threading.Timer(0.6, running.__exit__).start()
+    threading.Timer(0.35, running.__exit__).start()
     with Sensor(name) as sensor, pytest.raises(capture.RecordingStoppedError) as caught:
         capture.record(sensor, path)
     assert "unplugged" in str(caught.value)
@@ -147,7 +174,7 @@ def test_unplugged_while_recording(tmp_path):
     recording = mcap_reader.read(path)
     assert recording.complete
     assert f"{len(recording.times)} frames are kept in {path}" in str(caught.value)
-    assert len(recording.times) > 20
+    assert len(recording.times) > 5
 
 
 _RECORD = (
@@ -176,7 +203,7 @@ def _recorder(port, path, **options):
 
 
 def _killed(port, path, after):
-    """Kill a recorder; return the time of the kill on the clock that frames carry [ns]."""
+    """Kill a recorder so long after its first frame; return when, on the clock that frames carry [ns]."""
     run = _recorder(port, path)
     assert run.stdout.readline() == "go\n"
     time.sleep(after)
@@ -190,15 +217,14 @@ def _check_killed(path, killed):
     recording = mcap_reader.read(path)
     assert not recording.complete
     assert (killed - recording.host_monotonic[-1]) * 1e-9 < 0.5
-    assert np.diff(recording.ticks).max() <= 4
+    _assert_jumps_are_marked(recording)
     assert (np.diff(recording.arrays[0].counts, axis=1) % 4096 == 40).all()
 
 
 def test_killed_at_any_moment(port, tmp_path):
     random = Random(4)  # noqa: S311 -- reproducible, no secret
-    for trial in range(1):
-        path = tmp_path / f"{trial}.mcap"
-        _check_killed(path, _killed(port, path, random.uniform(0.3, 0.9)))
+    path = tmp_path / "killed.mcap"
+    _check_killed(path, _killed(port, path, random.uniform(0.3, 0.9)))
     assert mcap_reader.recover(path)
     before = mcap_reader.read(path)
     assert before.complete
@@ -211,12 +237,40 @@ def test_killed_at_any_moment(port, tmp_path):
 
 
 @pytest.mark.slow
-def test_killed_two_hundred_times(port, tmp_path):
+def test_killed_two_hundred_times(tmp_path):
+    """Several sensors and recorders at a time, each in its own process."""
     random = Random(5)  # noqa: S311 -- reproducible, no secret
-    path = tmp_path / "killed.mcap"
-    for _ in range(200):
-        _check_killed(path, _killed(port, path, random.uniform(0.25, 1.0)))
-        path.unlink()
+    moments = [random.uniform(0.25, 1.0) for _ in range(200)]
+
+    def kill_some(number):
+        path = tmp_path / f"{number}.mcap"
+        with _running(VirtualSensor(pattern("ramp"))) as port:
+            for after in moments[number::_AT_ONCE]:
+                _check_killed(path, _killed(port, path, after))
+                path.unlink()
+
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        assert list(pool.map(kill_some, range(_AT_ONCE))) == [None] * _AT_ONCE
+
+
+def test_killed_before_the_first_frame(tmp_path):
+    """What is on disk from the first byte on is a recording without frames that tells its set-up."""
+    path = tmp_path / "early.mcap"
+    writer = RecordingWriter(path, arrays=[capture.live_array(WTS_0614_34)], setup=SETUP, serial="7")
+    left = path.read_bytes()
+    writer.close()
+    path.write_bytes(left)
+    recording = mcap_reader.read(path)
+    assert (recording.setup, recording.serial) == (SETUP, "7")
+    assert not recording.complete
+    assert (len(recording.times), recording.seconds) == (0, 0.0)
+    assert recording.arrays[0].counts.shape == (0, 84)
+    assert recording.arrays[0].texels.rows == 14
+    assert abs(recording.started.timestamp() - time.time()) < 60
+    assert mcap_reader.recover(path)
+    assert mcap_reader.read(path).complete
+    assert save(recording, tmp_path / "again.mcap") == 0
+    assert mcap_reader.read(tmp_path / "again.mcap").setup == SETUP
 
 
 def test_control_c_ends_a_recording_properly(port, tmp_path):
@@ -235,7 +289,7 @@ def test_a_full_disk_ends_in_one_line_and_keeps_what_came(port, tmp_path):
 
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (25_000, 25_000))
 
     path = tmp_path / "full.mcap"
     run = _recorder(port, path, preexec_fn=limit)
@@ -333,7 +387,6 @@ def test_files_that_are_no_recordings(tmp_path):
         (plain, "not an MCAP file"),
         (tmp_path / "none.mcap", "no such file"),
         (_foreign(tmp_path / "foreign.mcap"), "without the labels"),
-        (_write(tmp_path / "empty.mcap", 0), "no frames"),
     ):
         with pytest.raises(RecordingError, match=what):
             mcap_reader.read(path)

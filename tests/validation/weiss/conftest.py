@@ -10,21 +10,25 @@ pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
 from validation.weiss.serve import PseudoTerminal, serve
 from validation.weiss.virtual import VirtualSensor, pattern
 
+#: A device leaves out frames that nobody reads for 0.2 s; on a busy machine tests would lose some by chance.
+_BACKLOG = 2**20
+
 
 class Bench:
     """A running virtual sensor."""
 
-    def __init__(self, sensor, link=None):
+    def __init__(self, sensor, link=None, backlog=_BACKLOG):
         self.sensor = sensor
         self.end = PseudoTerminal(link)
         self.port = self.end.name
         self._stop = threading.Event()
+        self._backlog = backlog
         self.left_out = None
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
     def _run(self):
-        self.left_out = serve(self.sensor, self.end, stop=self._stop)
+        self.left_out = serve(self.sensor, self.end, stop=self._stop, backlog_bytes=self._backlog)
 
     def unplug(self):
         self._stop.set()
@@ -37,8 +41,8 @@ def plug_in():
     """Put virtual sensors on ports; they are unplugged at the end of the test."""
     benches = []
 
-    def start(source=None, *, link=None, **options):
-        benches.append(Bench(VirtualSensor(source or pattern("ramp"), **options), link))
+    def start(source=None, *, link=None, backlog=_BACKLOG, **options):
+        benches.append(Bench(VirtualSensor(source or pattern("ramp"), **options), link, backlog))
         return benches[-1]
 
     yield start
