@@ -118,6 +118,8 @@ def _shown(show: str, array: int, indenter: str, load: str) -> tuple[Source, Mat
     recording = open_recording(place)
     if not 0 <= array < len(recording.arrays):
         raise InputError(f"--array: accepted: 0..{len(recording.arrays) - 1}, not {array}")
+    if not len(recording.times):
+        raise InputError(f"--show: {place} holds no frames to show")
     recorded = recording.arrays[array]
     return playback(recording.times, recorded.counts), _matrix(recorded.texels, recorded.full_scale)
 

@@ -88,6 +88,8 @@ def record(
     except LinkLostError as error:
         raise RecordingStoppedError(f"{error}; {session.frames} frames are kept in {path}") from error
     except StorageError as error:
+        if not session.frames:
+            raise
         raise StorageError(f"{error}; {session.frames} frames had come") from error
     return Captured(
         path=Path(path),

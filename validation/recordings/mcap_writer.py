@@ -54,14 +54,12 @@ class Clocks:
 class _File:
     """Output of the MCAP library: written at every flush at once, and cut back to the last whole chunk when that fails.
 
-    So a file that is killed at any moment starts with its set-up, and ends with a whole chunk.
+    The file is made by the first flush, so that a recorder killed at any moment leaves none or one with its set-up.
     """
 
     def __init__(self, path: Path) -> None:
-        try:
-            self.descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be written: {error.strerror}; name a new file") from error
+        self.descriptor = -1
+        self._path = path
         self._whole = 0
         self._held = bytearray()
 
@@ -73,11 +71,19 @@ class _File:
         return self._whole + len(self._held)
 
     def flush(self) -> None:
+        if self.descriptor < 0:
+            self._open()
         held, self._held = self._held, bytearray()
         written = 0
         while written < len(held):
             written += os.write(self.descriptor, memoryview(held)[written:])
         self._whole += written
+
+    def _open(self) -> None:
+        try:
+            self.descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        except OSError as error:
+            raise StorageError(f"{self._path}: cannot be written: {error.strerror}; name a new file") from error
 
     def cut(self) -> None:
         """Leave what was whole at the last flush, and close; safe to call twice."""
@@ -135,6 +141,8 @@ class RecordingWriter:
             self._writer.add_metadata("softcover", {"labels": text})
             self._add(SETUP_TOPIC, self._start, ros_messages.text(text))
             self._writer.flush()
+        except StorageError:
+            raise
         except OSError as error:
             raise self._failed(error) from error
         # a slow disk holds up fsync for seconds; chunks must reach the system all the same

@@ -253,10 +253,15 @@ def test_killed_two_hundred_times(tmp_path):
         assert list(pool.map(kill_some, range(_AT_ONCE))) == [None] * _AT_ONCE
 
 
-def test_killed_before_the_first_frame(tmp_path):
-    """What is on disk from the first byte on is a recording without frames that tells its set-up."""
-    path = tmp_path / "early.mcap"
+def test_killed_before_the_first_frame(tmp_path, monkeypatch):
+    """There is no file before all of its set-up; then there is a recording without frames."""
+    path, before = tmp_path / "early.mcap", []
+    write = os.write
+    monkeypatch.setattr(os, "open", lambda *words, open_=os.open: before.append(path.exists()) or open_(*words))
+    monkeypatch.setattr(os, "write", lambda *words: before.append(path.stat().st_size) or write(*words))
     writer = RecordingWriter(path, arrays=[capture.live_array(WTS_0614_34)], setup=SETUP, serial="7")
+    assert before == [False, 0]
+    monkeypatch.undo()
     left = path.read_bytes()
     writer.close()
     path.write_bytes(left)
