@@ -313,6 +313,17 @@ def test_flipped_bits_in_a_real_file_never_give_other_numbers(tmp_path):
     assert assert_only_errors_or_the_same(path, original, cuts(30)) == 30
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
+def test_thousand_flipped_bits_over_all_real_files_never_give_other_numbers(tmp_path):
+    for file in sorted((REAL / "kiechle-sdh2").rglob("*.dsa")):
+        path, original = tmp_path / file.name, file.read_bytes()
+        path.write_bytes(original)
+        assert assert_only_errors_or_the_same(path, original, flips(34)) > 34
+        path.write_bytes(original)
+        assert assert_only_errors_or_the_same(path, original, cuts(10)) == 10
+
+
 @pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
 def test_every_real_file_reads_and_its_hash_is_the_published_one():
     root = REAL / "kiechle-sdh2"
