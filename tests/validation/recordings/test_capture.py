@@ -130,7 +130,7 @@ def test_rosbags_reads_it_knowing_no_type_beforehand(recorded):
 
 def test_gaps_are_in_the_file(tmp_path):
     wrong = Misbehaviour(rates={"lose": 0.1}, seed=2)
-    with _running(VirtualSensor(pattern("ramp"), misbehaviour=wrong)) as name, Sensor(name) as sensor:
+    with _running(VirtualSensor(pattern("ramp"), misbehaviour=wrong)) as name, Sensor(name, timeout=0.1) as sensor:
         done = capture.record(sensor, tmp_path / "gaps.mcap", seconds=0.35)
     recording = mcap_reader.read(tmp_path / "gaps.mcap")
     assert done.gaps == len(recording.gaps) >= _assert_jumps_are_marked(recording) >= 1
