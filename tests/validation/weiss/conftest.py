@@ -39,9 +39,8 @@ class Bench:
 @pytest.fixture
 def plug_in(monkeypatch):
     """Put virtual sensors on ports; they are unplugged at the end of the test."""
-    # so that closing both ends of a port takes a moment only
+    # so that closing a port takes a moment only
     monkeypatch.setattr("validation.weiss.link._PATIENCE", 0.01)
-    monkeypatch.setattr("validation.weiss.serve._IDLE", 0.01)
     benches = []
 
     def start(source=None, *, link=None, backlog=_BACKLOG, **options):
