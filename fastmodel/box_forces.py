@@ -4,9 +4,10 @@ A contact's force f in its own frame (rows: normal, two tangents) acts on its se
 Elliptic cones store f itself.  Pyramidal cones store edge forces e: the normal force is their sum, the i-th
 tangential force mu_i (e_2i - e_2i+1).  Torques (from the fourth component on) press nothing.
 
-Both functions take the same arrays and add to `total` in place: `geom` (k, 2), `address` (k,) of the contact's
+Both functions take the same arrays, fill `signals` and return the lowest force on a texel: `geom` (k, 2), `address` (k,) of the contact's
 first row in `efc_force` (-1 for none), `dim` (k,), `frame` (k, 9), `friction` (k, 5), `efc_force` (rows,) [N],
-`geom_xmat` (geoms, 9), `texel_of` (geoms + 1,) with -1 for other geoms, `pyramidal`, `total` (n,) [N].
+`geom_xmat` (geoms, 9), `texel_of` (geoms + 1,) with -1 for other geoms, `pyramidal`, `signals` (n + 1,) for the force on each
+texel and, last, their sum [N].
 """
 
 from __future__ import annotations
@@ -28,9 +29,11 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
     geom_xmat: FloatArray,
     texel_of: IntArray,
     pyramidal: bool,
-    total: FloatArray,
-) -> None:
+    signals: FloatArray,
+) -> float:
     """All contacts of one dimension at a time."""
+    total = signals[:-1]
+    total[:] = 0.0
     stands = address >= 0
     for side, sign in ((0, 1.0), (1, -1.0)):
         texel = texel_of.take(geom[:, side])  # take: several times faster here than indexing
@@ -43,6 +46,8 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
             normals = geom_xmat.take(geom[:, side].take(k), axis=0)[:, 2::3]
             pressed = np.einsum("ki,ki->k", local, np.einsum("kij,kj->ki", axes, normals))
             total += sign * np.bincount(texel.take(k), pressed, len(total))
+    signals[-1] = np.add.reduce(total)
+    return float(np.minimum.reduce(total))
 
 
 def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray]]:
@@ -79,9 +84,11 @@ def press_loops(  # noqa: C901, PLR0917 -- one flat loop, as numba likes it
     geom_xmat: FloatArray,
     texel_of: IntArray,
     pyramidal: bool,
-    total: FloatArray,
-) -> None:
+    signals: FloatArray,
+) -> float:
     """One contact at a time, for numba."""
+    count = signals.shape[0] - 1
+    signals[:] = 0.0
     local = np.zeros(3)
     for k in range(geom.shape[0]):
         first = address[k]
@@ -106,4 +113,9 @@ def press_loops(  # noqa: C901, PLR0917 -- one flat loop, as numba likes it
             for axis in range(kept):
                 for i in range(3):
                     pressed += local[axis] * frame[k, 3 * axis + i] * geom_xmat[geom[k, side], 3 * i + 2]
-            total[texel] += pressed if side == 0 else -pressed
+            signals[texel] += pressed if side == 0 else -pressed
+    lowest = np.inf
+    for i in range(count):
+        lowest = min(lowest, signals[i])
+        signals[count] += signals[i]
+    return lowest

@@ -145,10 +145,19 @@ def _first_order(K: float) -> list[float]:
 
 def _advance_numpy(sections: FloatArray, state: FloatArray, sample: FloatArray) -> None:
     """One sample through the cascade, in place."""
+    filtered = np.empty_like(sample)
+    part = np.empty_like(sample)
     for (b0, b1, b2, _, a1, a2), memory in zip(sections.tolist(), state, strict=True):
-        filtered = b0 * sample + memory[0]
-        memory[0] = b1 * sample - a1 * filtered + memory[1]
-        memory[1] = b2 * sample - a2 * filtered
+        first, second = memory
+        np.multiply(sample, b0, out=filtered)
+        filtered += first
+        np.multiply(sample, b1, out=first)
+        np.multiply(filtered, a1, out=part)
+        first -= part
+        first += second
+        np.multiply(sample, b2, out=second)
+        np.multiply(filtered, a2, out=part)
+        second -= part
         sample[:] = filtered
 
 

@@ -8,7 +8,7 @@ points* per box, not by area; that is the method's known error.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -26,9 +26,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reading:
-    """What a method makes of one step.
+class Reading(NamedTuple):
+    """What a method makes of one step; a tuple, because one is made on every step.
 
     Attributes:
         contact_forces: Force that presses on each texel along its normal, before spread, shape (n,) [N].
@@ -36,12 +35,14 @@ class Reading:
         carried: All force that presses on the array and its margin [N].
         approach: How far each touching body has come from its first touch of the undeformed cover, where the method
             knows, shape (bodies,) [m].
+        signals: `contact_forces` and `carried` in one array, where the method has them so, shape (n + 1,) [N].
     """
 
     contact_forces: FloatArray
     texel_forces: FloatArray | None
     carried: float
     approach: FloatArray | None = None
+    signals: FloatArray | None = None
 
 
 class TexelContact(Protocol):
@@ -186,30 +187,39 @@ class BoxReader:
         a box the contact leans.  An edge that hooks on a box's side can lift it by friction: such a box reads
         zero, and the others are scaled so that their sum stays what the array as a whole carries.
         """
-        total = np.zeros(self._count)
-        contact = data.contact
-        if data.nefc:
-            self._press(
-                contact.geom,
-                contact.efc_address,
-                contact.dim,
-                contact.frame,
-                contact.friction,
-                data.efc_force,
-                data.geom_xmat,
-                self._texel_of,
-                self._pyramidal,
-                total,
-            )
-        return total if total.min() >= 0 else _without_lift(total)
+        return self._signals(data)[:-1]
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401
         """Forces of the last step."""
-        return self.at_rest(self.forces(data))
+        signals = self._signals(data)
+        return Reading(signals[:-1], None, float(signals[-1]), None, signals)
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """The reading that belongs to given contact forces, shape (n,) [N]."""
         return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
+
+    def _signals(self, data: Any) -> FloatArray:  # noqa: ANN401
+        """Force on each box and their sum, shape (n + 1,) [N]."""
+        if not data.nefc:
+            return np.zeros(self._count + 1)
+        signals = np.empty(self._count + 1)
+        contact = data.contact
+        lowest = self._press(
+            contact.geom,
+            contact.efc_address,
+            contact.dim,
+            contact.frame,
+            contact.friction,
+            data.efc_force,
+            data.geom_xmat,
+            self._texel_of,
+            self._pyramidal,
+            signals,
+        )
+        if lowest < 0:
+            signals[:-1] = _without_lift(signals[:-1])
+            signals[-1] = signals[:-1].sum()
+        return signals
 
 
 def _without_lift(total: FloatArray) -> FloatArray:

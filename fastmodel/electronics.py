@@ -7,6 +7,8 @@ Per texel: hysteresis -> temperature -> noise -> characteristic -> gain -> thres
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,9 @@ IntArray = npt.NDArray[np.int64]
 
 #: Number of coefficients of the report's 5th-degree characteristic.
 _COEFFICIENTS = 6
+
+#: Counts up to which grey levels are looked up in a table [-].
+_TABLE_MOST = 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,18 +143,32 @@ class Electronics:
         Raises:
             ShapeError: If there are gains for another number of texels.
         """
-        force = np.asarray(forces, dtype=np.float64) * self.temperature_gain
+        force = np.asarray(forces, dtype=np.float64)
+        if self.temperature_coefficient != 0:
+            force = force * self.temperature_gain
         if noise is not None and self.noise > 0:
             force = force + noise.normal(0.0, self.noise, force.shape)
         signal = self._characteristic(force)
         if self.gains is not None:
             signal = signal * self._gains(force.shape)
-        signal = signal - self.threshold
+        if self.threshold != 0:
+            signal = signal - self.threshold
         return np.rint(self._saturate(np.maximum(signal, 0.0))).astype(np.int64)
 
     def image(self, counts: npt.ArrayLike) -> npt.NDArray[np.uint8]:
         """Grey levels round(255 counts / output_max), same shape [-]."""
-        grey = np.rint(255.0 * np.asarray(counts, dtype=np.float64) / self.output_max)
+        counts = np.asarray(counts)
+        if counts.dtype == np.int64 and self.output_max < _TABLE_MOST:
+            return self._grey_levels.take(counts, mode="clip")
+        return self._grey(counts)
+
+    @cached_property
+    def _grey_levels(self) -> npt.NDArray[np.uint8]:
+        """Grey level of every count from 0 to `output_max`: looking up costs a fifth of working out."""
+        return self._grey(np.arange(self.output_max + 1))
+
+    def _grey(self, counts: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+        grey = np.rint(255.0 * counts.astype(np.float64) / self.output_max)
         return np.minimum(np.maximum(grey, 0), 255).astype(np.uint8)
 
     def _characteristic(self, force: FloatArray) -> FloatArray:

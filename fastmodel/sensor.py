@@ -221,6 +221,7 @@ class _Running:
     ) -> None:
         self._electronics = parameters.electronics
         self._array = parameters.array
+        self._dead = None if parameters.array.active.all() else ~parameters.array.active
         self._reader = reader
         self._spread = parameters.spread
         self._operator: Any = None
@@ -277,6 +278,8 @@ class _Running:
     def _signals(self, reading: Reading) -> FloatArray:
         """What is filtered: force on each texel and the sum of everything, shape (n + 1,) [N]."""
         self._spreads = reading.texel_forces is not None
+        if reading.signals is not None:
+            return reading.signals
         forces = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
         signals = np.empty(len(forces) + 1)
         signals[:-1], signals[-1] = forces, reading.carried
@@ -287,15 +290,16 @@ class _Running:
         texel_forces = self._filtered[:count].copy() if self._spreads else self._operator @ self._filtered[:count]
         self.outside = float(self._filtered[count] - texel_forces.sum())
         counts = self._electronics.counts(self._electronics.lag(texel_forces, self._play), noise)
-        counts[~self._array.active] = 0
-        image = self._array.image(self._electronics.image(counts))
-        return Frame(time=self._sampled_at, counts=counts, texel_forces=texel_forces, image=image.astype(np.uint8))
+        if self._dead is not None:
+            counts[self._dead] = 0
+        image = self._electronics.image(counts).reshape(self._array.rows, self._array.columns)
+        return Frame(time=self._sampled_at, counts=counts, texel_forces=texel_forces, image=image)
 
     def _check_clock(self, data: Any, name: str) -> None:  # noqa: ANN401 -- MjData
         if data.model is not self._model:
             raise LifeCycleError(f"sensor {name!r} is bound to another model; call bind(model) again")
         now = data.time
-        if np.isnan(self._time):
+        if math.isnan(self._time):
             self._start = now - self._timestep
         elif abs(now - self._time - self._timestep) > _TICK * self._timestep:
             raise LifeCycleError(
