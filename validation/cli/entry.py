@@ -45,6 +45,17 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
                 "softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json",
             ),
         ),
+        "view": (
+            (
+                "Live image of the fast model in the terminal: the indenter comes down and slides in a circle.\n\n"
+                "On a terminal it runs in real time until Ctrl-C, elsewhere for 5 s of the simulation as fast as it "
+                "can; then the last image is printed."
+            ),
+            (
+                "softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g",
+                "softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10",
+            ),
+        ),
         "validate": (
             "Score the fast model of a sensor against finite elements, and against recordings where given.",
             (

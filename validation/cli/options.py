@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from cyclopts import Parameter
 
 from validation.errors import InputError
+
+T = TypeVar("T")
 
 Sensor = Annotated[str, Parameter(help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal.")]
 Json = Annotated[
@@ -35,3 +38,12 @@ def within(option: str, value: float | None, most: float = float("inf")) -> None
     if value is not None and not 0 <= value <= most:
         accepted = "0 or more" if most == float("inf") else f"0..{most}"
         raise InputError(f"{option}: accepted: {accepted}, not {value:g}")
+
+
+def collect(faults: list[str], read: Callable[[], T]) -> T | None:
+    """Run one reader; keep its faults, so that all of them are reported at once."""
+    try:
+        return read()
+    except InputError as error:
+        faults.extend(error.faults)
+        return None

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
 from meshes import TexelArray
 from validation.case import Case
-from validation.cli.options import Json, MaterialName, Sensor, Thickness
+from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect
 from validation.cli.output import print_json
 from validation.cli.progress import Progress
 from validation.comparison import METHODS, MODELS, Comparison, compare
 from validation.errors import InputError, nearest
 from validation.indenter_text import read_depth, read_indenter, read_load, read_position, read_yaw
 from validation.sensor_file import load as load_sensor
-
-T = TypeVar("T")
 
 _Shape = Annotated[str, Parameter(help="Shape, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
 _Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
@@ -47,14 +44,14 @@ def press(
 ) -> None:
     """One indentation by the finite elements and by the fast model, and how far they agree."""
     faults: list[str] = []
-    description = _collect(faults, lambda: load_sensor(sensor, material=material, thickness=thickness))
-    shape = _collect(faults, lambda: read_indenter(indenter))
-    place = _collect(faults, lambda: read_position(at))
-    angle = _collect(faults, lambda: read_yaw(yaw))
-    models = _collect(faults, lambda: _read_models(model))
+    description = collect(faults, lambda: load_sensor(sensor, material=material, thickness=thickness))
+    shape = collect(faults, lambda: read_indenter(indenter))
+    place = collect(faults, lambda: read_position(at))
+    angle = collect(faults, lambda: read_yaw(yaw))
+    models = collect(faults, lambda: _read_models(model))
     if method not in METHODS:
         faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
-    force, approach = _collect(faults, lambda: _read_force(load, depth)) or (None, None)
+    force, approach = collect(faults, lambda: _read_force(load, depth)) or (None, None)
     if description and place:
         faults.extend(_beside(description.array, place))
     if faults or not (description and shape and place and models) or angle is None:
@@ -74,15 +71,6 @@ def press(
         print_json(comparison.as_json())
     else:
         _print(comparison)
-
-
-def _collect(faults: list[str], read: Callable[[], T]) -> T | None:
-    """Run one reader; keep its faults, so that all of them are reported at once."""
-    try:
-        return read()
-    except InputError as error:
-        faults.extend(error.faults)
-        return None
 
 
 def _beside(array: TexelArray, place: tuple[float, float]) -> list[str]:
