@@ -2,7 +2,7 @@
 
 The picture to have in mind is a chain, one vector of n texels long (row-major, x fastest):
 
-    contact force on each rigid texel   `BoxTexels`     every physics step, read from MuJoCo   [N]
+    contact force on each texel         `METHODS`       each step or as rarely as frames allow [N]
     -> Butterworth low-pass             `Butterworth`   at that rate                           [N]
     -> spread by the cover              `Gaussian`      once per frame, one constant matrix    [N]
     -> noise, characteristic, counts    `Electronics`   once per frame                         [-]
@@ -24,10 +24,11 @@ spread from a reference response.  Two ways to run it:
 
 Contact forces add up to the weight; after spread, what the texels do not feel is `outside`.  Two things carry
 no meaning: how deep an object sinks (MuJoCo's contact softness is an engine setting, not the cover's), and how
-box texels share a flat face (by number of contact points, not by area).
+`BoxTexels` share a flat face (by number of contact points, not by area); `AreaTexels`, `Foundation` and
+`CoverContact` share it by area, by an elastic foundation and by the cover's own compliance.
 
 Every error about input is a `FastModelError`, itself a `ValueError`.  Needs numpy, scipy and mujoco; numba, when
-installed, speeds the filter up.
+installed, speeds contact reading, sampling and filter up.
 """
 
 from fastmodel.area import AreaTexels

@@ -4,10 +4,10 @@ A contact's force f in its own frame (rows: normal, two tangents) acts on its se
 Elliptic cones store f itself.  Pyramidal cones store edge forces e: the normal force is their sum, the i-th
 tangential force mu_i (e_2i - e_2i+1).  Torques (from the fourth component on) press nothing.
 
-Both functions take the same arrays, fill `signals` and return the lowest force on a texel: `geom` (k, 2), `address` (k,) of the contact's
-first row in `efc_force` (-1 for none), `dim` (k,), `frame` (k, 9), `friction` (k, 5), `efc_force` (rows,) [N],
-`geom_xmat` (geoms, 9), `texel_of` (geoms + 1,) with -1 for other geoms, `pyramidal`, `signals` (n + 1,) for the force on each
-texel and, last, their sum [N].
+Both functions take the same arrays, fill `signals` and return the lowest force on a texel: `geom` (k, 2), `address`
+(k,) of the contact's first row in `efc_force` (-1 for none), `dim` (k,), `frame` (k, 9), `friction` (k, 5), `efc_force`
+(rows,) [N], `geom_xmat` (geoms, 9), `texel_of` (geoms + 1,) with -1 for other geoms, `pyramidal`, `signals` (n + 1,)
+for the force on each texel and, last, their sum [N].
 """
 
 from __future__ import annotations
@@ -30,29 +30,39 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
     texel_of: IntArray,
     pyramidal: bool,
     signals: FloatArray,
+    *,
+    flat: int = -1,
 ) -> float:
-    """All contacts of one dimension at a time."""
+    """All contacts of one dimension at a time; `flat` is a texel's geom when all normals are parallel, else -1."""
     total = signals[:-1]
     total[:] = 0.0
     stands = address >= 0
+    texels = texel_of.take(geom)  # take: several times faster here than indexing
     for side, sign in ((0, 1.0), (1, -1.0)):
-        texel = texel_of.take(geom[:, side])  # take: several times faster here than indexing
+        texel = texels[:, side]
         hit = ((texel >= 0) & stands).nonzero()[0]
         for size, k in _by_dimension(dim, hit):
-            local = decode(
-                efc_force, address.take(k), friction[k] if pyramidal else friction, size, pyramidal=pyramidal
-            )
-            axes = frame.take(k, axis=0).reshape(-1, 3, 3)[:, : local.shape[1]]
-            normals = geom_xmat.take(geom[:, side].take(k), axis=0)[:, 2::3]
-            pressed = np.einsum("ki,ki->k", local, np.einsum("kij,kj->ki", axes, normals))
-            total += sign * np.bincount(texel.take(k), pressed, len(total))
+            local = decode(efc_force, address[k], friction[k] if pyramidal else friction, size, pyramidal=pyramidal)
+            axes = frame[k].reshape(-1, 3, 3)
+            if flat >= 0:
+                along = axes.reshape(-1, 3) @ geom_xmat[flat, 2::3]
+                along = along.reshape(-1, 3)
+            else:
+                along = np.einsum("kij,kj->ki", axes, geom_xmat.take(geom[:, side][k], axis=0)[:, 2::3])
+            pressed = np.einsum("ki,ki->k", local, along[:, : local.shape[1]])
+            total += sign * np.bincount(texel[k], pressed, len(total))
     signals[-1] = np.add.reduce(total)
     return float(np.minimum.reduce(total))
 
 
-def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray]]:
-    """Contacts of each dimension; as a rule there is one."""
-    sizes = dim.take(hit)
+def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray | slice]]:
+    """Contacts of each dimension; as a rule there is one, of all contacts, and then a slice is cheaper."""
+    if not len(hit):
+        return []
+    sizes = dim if len(hit) == len(dim) else dim.take(hit)
+    first = int(sizes[0])
+    if (sizes == first).all():
+        return [(first, slice(None) if sizes is dim else hit)]
     return [(size, hit[sizes == size]) for size in set(sizes.tolist())]
 
 
@@ -68,6 +78,9 @@ def decode(efc_force: FloatArray, address: IntArray, friction: FloatArray, size:
     """
     kept = min(size, 3)
     if size == 1 or not pyramidal:
+        # MuJoCo lays rows out in the order of contacts: this span says that no others lie between
+        if len(address) and address[-1] - address[0] == size * (len(address) - 1):
+            return efc_force[address[0] : address[-1] + size].reshape(-1, size)[:, :kept]
         return np.asarray(efc_force[address[:, None] + np.arange(kept)])
     edges = efc_force[address[:, None] + np.arange(2 * (size - 1))]
     tangential = friction[:, : kept - 1] * (edges[:, : 2 * kept - 2 : 2] - edges[:, 1 : 2 * kept - 2 : 2])

@@ -8,6 +8,7 @@ points* per box, not by area; that is the method's known error.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import mujoco
@@ -179,6 +180,8 @@ class BoxReader:
         self._texel_of[geoms] = np.arange(len(geoms))
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
         self._press = choose_kernel(press_loops, press_numpy, native=native)
+        if self._press is press_numpy and _parallel(model, geoms):
+            self._press = partial(press_numpy, flat=int(geoms[0]))
 
     def forces(self, data: Any) -> FloatArray:  # noqa: ANN401
         """Component of each box's contact force against its outward normal, shape (n,) [N].
@@ -220,6 +223,12 @@ class BoxReader:
             signals[:-1] = _without_lift(signals[:-1])
             signals[-1] = signals[:-1].sum()
         return signals
+
+
+def _parallel(model: Any, geoms: IntArray) -> bool:  # noqa: ANN401
+    """Whether the boxes can never turn against each other: one body, one orientation in it."""
+    same_body = model.geom_bodyid[geoms] == model.geom_bodyid[geoms[0]]
+    return bool(same_body.all() and (model.geom_quat[geoms] == model.geom_quat[geoms[0]]).all())
 
 
 def _without_lift(total: FloatArray) -> FloatArray:
