@@ -21,6 +21,7 @@ import scipy.sparse.linalg as spla
 import skfem
 
 from fem_reference.elements import linear_system, mixed_elements
+from fem_reference.materials import bulk_compliance
 from fem_reference.solve import ConstrainedSystem
 from meshes import Cover
 
@@ -73,8 +74,8 @@ def point_load_response(cover: Cover, *, elements_per_thickness: int, reach: flo
     mesh, region = tensor_mesh(cover, elements_per_thickness, radii)
     elements = mixed_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
     shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / stiff
-    nu = np.array([layer.material.poisson_ratio for layer in cover.layers])
-    matrix = linear_system(elements, shear, 3 * (1 - 2 * nu) / (2 * shear * (1 + nu)))
+    volume = np.array([bulk_compliance(layer.material) for layer in cover.layers]) * stiff
+    matrix = linear_system(elements, shear, volume)
     r, z = elements.nodes.T
     system = ConstrainedSystem(matrix, held(cover, r, z, reach / unit))
     load = np.zeros(matrix.shape[0])
@@ -102,14 +103,20 @@ def held(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> npt.NDArra
 def tensor_mesh(cover: Cover, count: int, radii: FloatArray) -> tuple[skfem.MeshQuad, npt.NDArray[np.int64]]:
     """Tensor mesh over the given radii [m], even through each layer, and the layer of each element."""
     size = cover.thickness / count
-    heights, z = [0.0], 0.0
     counts = [max(2, round(layer.thickness / size)) for layer in cover.layers]
+    heights = layer_heights(cover, counts)
+    mesh = skfem.MeshQuad.init_tensor(radii, heights)
+    row = np.searchsorted(heights, mesh.p[1][mesh.t].mean(axis=0)) - 1
+    return mesh, np.repeat(np.arange(len(counts)), counts)[row]
+
+
+def layer_heights(cover: Cover, counts: list[int]) -> FloatArray:
+    """Node heights that cut each layer evenly into its number of elements, from 0 up [m]."""
+    heights, z = [0.0], 0.0
     for layer, n in zip(cover.layers, counts, strict=True):
         heights += list(z + layer.thickness * np.arange(1, n + 1) / n)
         z += layer.thickness
-    mesh = skfem.MeshQuad.init_tensor(radii, np.array(heights))
-    row = np.searchsorted(heights, mesh.p[1][mesh.t].mean(axis=0)) - 1
-    return mesh, np.repeat(np.arange(len(counts)), counts)[row]
+    return np.array(heights)
 
 
 def graded(size: float, even: float, reach: float, growth: float) -> FloatArray:

@@ -38,7 +38,6 @@ class PressedState:
         area: Area that touches, in the deformed state [m2].
         overlap: Mean distance that the penalty left between the surfaces [m].
         base: Base pressure, for the whole load.
-        top: Radius and height of the deformed top, shape (m, 2) [m].
     """
 
     depth: float
@@ -46,7 +45,6 @@ class PressedState:
     area: float
     overlap: float
     base: BaseResponse
-    top: FloatArray
 
 
 def press_axisymmetric(
@@ -121,7 +119,6 @@ def _state(elements: MixedElements, units: Units, obstacle: Obstacle, reached: E
             reaction=below.reaction * units.force,
             unknowns=below.unknowns,
         ),
-        top=moved[top] * units.length,
     )
 
 

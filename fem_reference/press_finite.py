@@ -198,7 +198,6 @@ def _around_axis(
             for name, values in closed(state.base, reach).items():
                 out[f"{name}_{n}_{i}"] = values
             out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
-            out[f"top_{n}_{i}"] = state.top
     return out
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import scipy.linalg
 import skfem
 
-from fem_reference.axisymmetric import edge_shape
+from fem_reference.axisymmetric import edge_shape, layer_heights
 from fem_reference.elements import MixedElements, mixed_elements
 from fem_reference.equilibrium import Equilibrium, Problem
 from fem_reference.finite_strain import Solid
@@ -101,7 +101,7 @@ def press_solid(
     fine = 2.4 * fillet / elements_per_thickness if isinstance(indenter, Flat) else 0.5 * size
     sides = [_side(half, (fine, size), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)]
     counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in thin.layers]
-    heights = _heights(thin, counts)
+    heights = layer_heights(thin, counts)
     mesh = skfem.MeshHex.init_tensor(*sides, heights)
     row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
     elements = mixed_elements(mesh, region=np.repeat(np.arange(len(counts)), counts)[row])
@@ -135,14 +135,6 @@ def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool
         step *= 1.5
     positive = np.concatenate([inside, outer[1:]])
     return positive if mirror else np.concatenate([-positive[:0:-1], positive])
-
-
-def _heights(cover: Cover, counts: list[int]) -> FloatArray:
-    heights, z = [0.0], 0.0
-    for layer, n in zip(cover.layers, counts, strict=True):
-        heights += list(z + layer.thickness * np.arange(1, n + 1) / n)
-        z += layer.thickness
-    return np.array(heights)
 
 
 def _held(

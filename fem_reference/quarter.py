@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fem_reference.materials import bulk_compliance
 from fem_reference.point_spread import decay_length
 from fem_reference.tensor import TensorSolid
 from meshes import Cover, TexelArray
@@ -89,14 +90,14 @@ def quarter_solid(cover: Cover, array: TexelArray, resolution: Resolution) -> Te
     """
     unit, stiff = cover.thickness, cover.layers[-1].material.shear_modulus
     shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / stiff
-    nu = np.array([layer.material.poisson_ratio for layer in cover.layers])
+    volume = np.array([bulk_compliance(layer.material) for layer in cover.layers]) * stiff
     heights, layer = _heights(cover, resolution.through)
     sideways = 1 if cover.base == "bonded" else 0
     return TensorSolid(
         edges=(_edges(cover, array, 0, resolution.across), _edges(cover, array, 1, resolution.across), heights / unit),
         layer=layer,
         shear_modulus=shear,
-        bulk_compliance=3 * (1 - 2 * nu) / (2 * shear * (1 + nu)),
+        bulk_compliance=volume,
         order=resolution.order,
         first=(sideways, sideways, 1),
     )

@@ -16,6 +16,8 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
+from fem_reference.axisymmetric import edge_shape
+from fem_reference.materials import bulk_compliance
 from meshes import Cover, Layer
 
 FloatArray = npt.NDArray[np.float64]
@@ -144,11 +146,10 @@ def _element(layer: Layer, length: float) -> FloatArray:
     points, weights = np.polynomial.legendre.leggauss(4)
     t = (points + 1) / 2
     weight = weights / 2
-    shape = np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)], axis=1)
+    shape = edge_shape(t).T
     slope = np.stack([4 * t - 3, 4 - 8 * t, 4 * t - 1], axis=1)
     hat = np.stack([1 - t, t], axis=1)
-    mu, nu = layer.material.shear_modulus, layer.material.poisson_ratio
-    bulk_compliance = 3 * (1 - 2 * nu) / (2 * mu * (1 + nu))
+    mu = layer.material.shear_modulus
     n, d = shape, slope / length
     zero, none = np.zeros_like(n), np.zeros_like(hat)
     # each strain as (part without k, part with k) over the eight unknowns
@@ -158,7 +159,7 @@ def _element(layer: Layer, length: float) -> FloatArray:
     div = (exx[0] + ezz[0], exx[1] + ezz[1])
     p = (np.hstack([zero, zero, hat]), np.hstack([zero, zero, none]))
     terms = [(2 * mu, exx, exx), (2 * mu, ezz, ezz), (mu, gxz, gxz), (-2 * mu / 3, div, div)]
-    terms += [(-1.0, p, div), (-1.0, div, p), (-bulk_compliance, p, p)]
+    terms += [(-1.0, p, div), (-1.0, div, p), (-bulk_compliance(layer.material), p, p)]
     out = np.zeros((3, 8, 8))
     for factor, left, right in terms:
         for i in range(2):
