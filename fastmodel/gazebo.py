@@ -88,47 +88,7 @@ def write_block(
         ParametersError: If the block cannot hold them: another spread than a Gaussian, a 5th-degree characteristic,
             or a curved or masked array.
     """
-    spread, electronics, low_pass, array = (
-        parameters.spread,
-        parameters.electronics,
-        parameters.filter,
-        parameters.array,
-    )
-    faults = [
-        text
-        for wrong, text in (
-            (not isinstance(spread, Gaussian), "the spread must be a Gaussian"),
-            (electronics.characteristic is not None, "the characteristic must be a straight line"),
-            (not array.planar, "the array must be flat"),
-            (not array.active.all(), "no texel may be masked"),
-        )
-        if wrong
-    ]
-    if faults or not isinstance(spread, Gaussian):
-        raise ParametersError(f"the Gazebo plugin block cannot hold these parameters: {'; '.join(faults)}")
-    begins, ends = (
-        (count + electronics.threshold - electronics.offset) / electronics.sensitivity
-        for count in (0, electronics.output_max)
-    )
-    values: dict[str, Any] = {
-        "rows": array.rows,
-        "columns": array.columns,
-        "rangeMin": max(begins, 0.0),
-        "rangeMax": ends,
-        "satMin": 0,
-        "satMax": electronics.output_max,
-        "tactile_rate": electronics.rate_hz,
-        "liniaritySensibility": electronics.sensitivity,
-        "liniarityOfset": electronics.offset - electronics.threshold,
-        "dataTopicName": data_topic,
-        "imageTopicName": image_topic,
-        "cutFrequency": 0.0 if low_pass is None else low_pass.cutoff_hz,
-        "orderFilter": 0 if low_pass is None else low_pass.order,
-        "sigmax": spread.sigma_x,
-        "sigmay": spread.sigma_y,
-        "ksizex": spread.ksize_x,
-        "ksizey": spread.ksize_y,
-    }
+    values = {**_numbers(parameters, _gaussian(parameters)), "dataTopicName": data_topic, "imageTopicName": image_topic}
     plugin = ET.Element("plugin", name=name, filename=f"lib{name}.so")
     for key in NAMES:
         value = values[key]
@@ -176,6 +136,50 @@ def read_block(
         )
     except ValueError as error:
         raise ParametersError(f"Gazebo plugin block: {error}") from error
+
+
+def _gaussian(parameters: Parameters) -> Gaussian:
+    """The spread of parameters that the block can hold."""
+    spread, array = parameters.spread, parameters.array
+    faults = [
+        text
+        for wrong, text in (
+            (not isinstance(spread, Gaussian), "the spread must be a Gaussian"),
+            (parameters.electronics.characteristic is not None, "the characteristic must be a straight line"),
+            (not array.planar, "the array must be flat"),
+            (not array.active.all(), "no texel may be masked"),
+        )
+        if wrong
+    ]
+    if faults or not isinstance(spread, Gaussian):
+        raise ParametersError(f"the Gazebo plugin block cannot hold these parameters: {'; '.join(faults)}")
+    return spread
+
+
+def _numbers(parameters: Parameters, spread: Gaussian) -> dict[str, int | float]:
+    """What the block says in numbers, by its names."""
+    electronics, low_pass, array = parameters.electronics, parameters.filter, parameters.array
+    begins, ends = (
+        (count + electronics.threshold - electronics.offset) / electronics.sensitivity
+        for count in (0, electronics.output_max)
+    )
+    return {
+        "rows": array.rows,
+        "columns": array.columns,
+        "rangeMin": max(begins, 0.0),
+        "rangeMax": ends,
+        "satMin": 0,
+        "satMax": electronics.output_max,
+        "tactile_rate": electronics.rate_hz,
+        "liniaritySensibility": electronics.sensitivity,
+        "liniarityOfset": electronics.offset - electronics.threshold,
+        "cutFrequency": 0.0 if low_pass is None else low_pass.cutoff_hz,
+        "orderFilter": 0 if low_pass is None else low_pass.order,
+        "sigmax": spread.sigma_x,
+        "sigmay": spread.sigma_y,
+        "ksizex": spread.ksize_x,
+        "ksizey": spread.ksize_y,
+    }
 
 
 def _low_pass(cutoff_hz: float, order: int) -> Butterworth | None:
