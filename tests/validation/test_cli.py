@@ -4,13 +4,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
 import fastmodel
 import fem_reference
-from fastmodel.gazebo import read_block
 from validation.cli.entry import _COMMANDS
 from validation.recordings.series import recordings_folder
 
@@ -121,17 +119,6 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
     }
 
 
-def test_the_reports_plugin_block_is_written_and_reads_back(softcover):
-    status, _, _ = softcover("export", "wts-0614-34", "--format", "gazebo", "--out", "out")
-    assert status == 0
-    block = read_block(Path("out/wts-0614-34.xml").read_text(), pitch=3.4e-3)
-    assert block.parameters.spread == fastmodel.load("out").spread
-    status, _, err = softcover("export", "sdh2-distal", "--format", "gazebo", "--out", "masked")
-    assert status == 2
-    assert "no texel may be masked" in err
-    assert not Path("masked").exists()
-
-
 def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
     touch = ("press", "wts-0614-34", "--indenter", "nut:across=13mm,bore=8mm", "--load", "500g", "--json")
     cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
@@ -160,16 +147,6 @@ def test_press_with_the_fast_model_alone(softcover):
     result = json.loads(out)
     assert list(result["models"]) == ["fast"]
     assert result["scores"] is None
-
-
-def test_exported_model_loads_and_carries_the_parameters(softcover):
-    status, _, _ = softcover("export", "sdh2-distal", "--format", "mjcf", "--out", "out")
-    assert status == 0
-    model = mujoco.MjModel.from_xml_path("out/sdh2-distal.xml")
-    parameters = fastmodel.load("out")
-    centres = parameters.array.centres
-    places = np.array([model.geom(f"sdh2-distal/texel{i}").pos for i in range(len(centres))])
-    np.testing.assert_allclose(places[:, :2], centres[:, :2], atol=1e-9)
 
 
 BAD = [

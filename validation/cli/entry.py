@@ -131,9 +131,10 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
             ("softcover store list", "softcover store verify", "softcover store prune"),
         ),
         "export": (
-            "The sensor for other simulators: an MJCF model and the fast model's parameters.",
+            "The sensor for other simulators: an MJCF model or a Gazebo block, and the fast model's parameters.",
             (
                 "softcover export wts-0614-34 --format mjcf --out wts",
+                "softcover export wts-0614-34 --format mjcf --method boxes --json",
                 "softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm",
             ),
         ),

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.options import MaterialName, Sensor, Thickness
-from validation.cli.output import say
+from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect
+from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
+from validation.comparison import METHODS
 from validation.errors import InputError, nearest
 from validation.sensor_file import load
 
@@ -19,34 +20,69 @@ if TYPE_CHECKING:
 #: Formats that can be written.
 FORMATS = ("mjcf", "gazebo")
 
+_Format = Annotated[str, Parameter(name="--format", help="What to write: mjcf or gazebo.")]
+_Out = Annotated[Path, Parameter(help="Folder for the files; an earlier result is replaced.")]
+_Method = Annotated[
+    str,
+    Parameter(help="Contact of the MJCF model: default, cover or foundation (one plate), area or boxes (one each)."),
+]
+
 
 def export(
     sensor: Sensor,
     *,
-    format: Annotated[str, Parameter(name="--format", help="What to write: mjcf or gazebo.")] = "mjcf",  # noqa: A002
-    out: Annotated[Path, Parameter(help="Folder for the files; an earlier result is replaced.")] = Path(
-        "softcover-out"
-    ),
+    format: _Format = "mjcf",  # noqa: A002
+    method: _Method = "default",
+    out: _Out = Path("softcover-out"),
     material: MaterialName = None,
     thickness: Thickness = None,
+    json: Json = False,
 ) -> None:
     """The sensor for other simulators: an MJCF model or a Gazebo plugin block, and the fast model's parameters."""
     from validation.derive import derive
-    from validation.folder import new_folder, write_text
-    from validation.mjcf import write_mjcf
+    from validation.folder import new_folder
 
-    if format not in FORMATS:
-        raise InputError(f"--format: unknown format {format!r}; {nearest(format, FORMATS)}")
-    description = load(sensor, material=material, thickness=thickness)
+    faults = _faults(format, method)
+    description = collect(faults, lambda: load(sensor, material=material, thickness=thickness))
+    if faults or description is None:
+        raise InputError(*faults)
+    name = f"{description.name}.xml"
     with new_folder(out) as folder:
         with Progress() as progress:
             parameters = derive(description, progress=progress).parameters
         parameters.save(folder)
-        if format == "gazebo":
-            write_text(folder / f"{description.name}.xml", _plugin_block(parameters))
-        else:
-            write_mjcf(parameters, folder / f"{description.name}.xml", name=description.name)
-    say(f"wrote {description.name}.xml, parameters.toml, cover.npz to {out}")
+        used = _write(parameters, folder / name, format, method)
+    files = [name, "parameters.toml", "cover.npz"]
+    if json:
+        result = {"sensor": description.name, "format": format, "method": used, "out": str(out), "files": files}
+        print_json(result)
+    else:
+        say(f"wrote {', '.join(files)} to {out}")
+
+
+def _faults(form: str, method: str) -> list[str]:
+    faults = []
+    if form not in FORMATS:
+        faults.append(f"--format: unknown format {form!r}; {nearest(form, FORMATS)}")
+    if method not in METHODS:
+        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
+    elif form == "gazebo" and method != METHODS[0]:
+        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
+    return faults
+
+
+def _write(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
+    """Write the model; the name of the contact method that it is for, None where the format has its own."""
+    from fastmodel.methods import choose
+    from validation.folder import write_text
+    from validation.mjcf import write_mjcf
+
+    if form == "gazebo":
+        write_text(path, _plugin_block(parameters))
+        return None
+    used, _ = choose(method, parameters)
+    write_mjcf(parameters, path, name=path.stem, method=used)
+    return used
 
 
 def _plugin_block(parameters: Parameters) -> str:
