@@ -9,6 +9,9 @@ from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
 from meshes.indenter import Box, Cone, Cylinder, Indenter, LetterH, Nut, Primitive, Roller, RoundedTip, Sphere
 from meshes.material import Material
+from meshes.prism import Prism
+from meshes.stl import read_stl
+from meshes.triangle_mesh import TriangleMesh
 
 __all__ = [
     "Box",
@@ -21,8 +24,11 @@ __all__ = [
     "Material",
     "Nut",
     "Primitive",
+    "Prism",
     "Roller",
     "RoundedTip",
     "Sphere",
     "TexelArray",
+    "TriangleMesh",
+    "read_stl",
 ]

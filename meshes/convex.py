@@ -1,0 +1,168 @@
+"""Convex hulls that make up the underside of a body.
+
+Only what can be seen from below matters to contact with a cover, so everything over the underside counts as solid.  The
+underside is cut by upright planes, each time where the hull of a piece fills most that is empty, until the hulls are
+close enough.  Cutting keeps every facet that is not cut: where the underside is convex, the hull is exact.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.underside import Underside
+
+if TYPE_CHECKING:
+    from meshes.triangle_mesh import TriangleMesh
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Depth of what hulls may fill wrongly, over the larger half width of the body; and hulls at most.
+TOLERANCE, MOST_HULLS = 5e-3, 64
+#: Points along the longer side at which hull and body are compared.
+_POINTS = 97
+#: Heights at which distances along the cover are known.
+_LEVELS = 16
+#: Directions of cuts that are tried [rad].
+_TURNS = tuple(np.arange(4) * np.pi / 4)
+#: Upward component of a unit normal below which a face stands upright [-].
+_UPRIGHT = 1e-6
+
+
+def convex_hulls(body: TriangleMesh) -> list[FloatArray]:
+    """Corners of convex hulls that make up the underside, shape (k, 3) each [m].
+
+    Raises:
+        ModuleNotFoundError: If trimesh is not installed.
+    """
+    seen = _Seen.of(body)
+    pieces = [(-whole.fault, 0, whole) for whole in [_Piece.of(body.lower, seen)] if whole is not None]
+    if pieces[0][2].fault <= seen.tolerance:
+        return [np.unique(body.triangles.reshape(-1, 3), axis=0)]
+    made = 1
+    done: list[_Piece] = []
+    while pieces and len(pieces) + len(done) < MOST_HULLS:
+        _, _, worst = heapq.heappop(pieces)
+        halves = worst.cut(seen) if worst.fault > seen.tolerance else None
+        if halves is None:
+            done.append(worst)
+            continue
+        for half in halves:
+            made += 1
+            heapq.heappush(pieces, (-half.fault, made, half))
+    return [piece.hull for piece in (*done, *(piece for _, _, piece in pieces))]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """The underside at points of a grid.
+
+    Attributes:
+        x: Positions, shape (n,) [m].
+        y: Positions, shape (n,) [m].
+        gap: Height of the underside, that of the top where there is none, shape (n,) [m].
+        levels: Heights, shape (k,) [m].
+        beside: Distance along the cover to where the underside is as low as each level, less one step of the grid,
+            shape (k, n) [m].
+        top: Height up to which everything over the underside counts as solid [m].
+        tolerance: Depth that hulls may fill wrongly [m].
+    """
+
+    x: FloatArray
+    y: FloatArray
+    gap: FloatArray
+    levels: FloatArray
+    beside: FloatArray
+    top: float
+    tolerance: float
+
+    @classmethod
+    def of(cls, body: TriangleMesh) -> _Seen:
+        flat = body.lower[..., :2].reshape(-1, 2)
+        low, span = flat.min(axis=0), np.ptp(flat, axis=0)
+        count = np.maximum(5, np.round(_POINTS * span / span.max())).astype(int)
+        # off the round numbers at which edges stand
+        axes = [low[i] + (np.arange(count[i]) + 0.517) / (count[i] + 0.034) * span[i] for i in range(2)]
+        x, y = np.meshgrid(*axes)
+        gap = body.gap(x, y)
+        levels = np.linspace(0, gap[np.isfinite(gap)].max(), _LEVELS)
+        beside = np.array([_distance(gap <= level, *axes) for level in levels])
+        top = 1.01 * float(body.triangles[..., 2].max())
+        return cls(
+            x=x.ravel(),
+            y=y.ravel(),
+            gap=np.where(np.isfinite(gap), gap, top).ravel(),
+            levels=levels,
+            beside=np.maximum(beside - float((span / count).max()), 0).reshape(_LEVELS, -1),
+            top=top,
+            tolerance=TOLERANCE * float(span.max() / 2),
+        )
+
+    def depth(self, hull: FloatArray) -> FloatArray:
+        """How deep a hull of this height fills what is empty, zero where there is no hull, shape (n,) [m]."""
+        there = np.isfinite(hull)
+        height = np.where(there, hull, 0.0)
+        away = np.hypot(self.beside, np.maximum(self.levels[:, None] - height, 0)).min(axis=0)
+        return np.where(there, np.minimum(self.gap - height, away), 0.0)
+
+
+def _distance(where: npt.NDArray[np.bool_], x: FloatArray, y: FloatArray) -> FloatArray:
+    """Distance of each point of a grid (rows, columns) from the nearest marked one, inf if there is none [m]."""
+    squared = np.where(where[None], ((y[:, None] - y) ** 2)[..., None], np.inf).min(axis=1)
+    return np.asarray(np.sqrt((squared[:, None, :] + ((x[:, None] - x) ** 2)[None]).min(axis=2)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Piece:
+    """Part of the underside, the hull of all that is over it, and where that hull fills most that is empty."""
+
+    triangles: FloatArray
+    hull: FloatArray
+    fault: float
+    place: FloatArray
+
+    @classmethod
+    def of(cls, triangles: FloatArray, seen: _Seen) -> _Piece | None:
+        """None where too little is left to have a volume."""
+        from trimesh.convex import convex_hull
+
+        points = np.unique(triangles.reshape(-1, 3), axis=0)
+        raised = points.copy()
+        raised[:, 2] = seen.top
+        if not len(points) or np.ptp(points[:, :2], axis=0).min() <= 1e-3 * seen.tolerance:
+            return None
+        try:
+            hull = convex_hull(np.concatenate([points, raised]))
+        except Exception:  # noqa: BLE001 -- qhull on what is flat
+            return None
+        floor = np.asarray(hull.face_normals)[:, 2] < -_UPRIGHT
+        excess = seen.depth(Underside(np.asarray(hull.triangles)[floor]).height(seen.x, seen.y))
+        worst = int(excess.argmax())
+        place = np.array([seen.x[worst], seen.y[worst]])
+        return cls(triangles=triangles, hull=np.array(hull.vertices), fault=float(excess[worst]), place=place)
+
+    def cut(self, seen: _Seen) -> tuple[_Piece, _Piece] | None:
+        """Both halves of the best cut through the worst place; None where no cut helps."""
+        best: tuple[_Piece, _Piece] | None = None
+        least = np.inf
+        for turn in _TURNS:
+            normal = np.array([np.cos(turn), np.sin(turn)])
+            left, right = (_Piece.of(_sliced(self.triangles, s * normal, self.place), seen) for s in (1, -1))
+            if left is not None and right is not None and (score := np.hypot(left.fault, right.fault)) < least:
+                best, least = (left, right), score
+        return best
+
+
+def _sliced(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> FloatArray:
+    """The part of triangles on the side of an upright plane that its normal points to, shape (m, 3, 3) [m]."""
+    from trimesh.intersections import slice_faces_plane
+
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    points, kept, _ = slice_faces_plane(  # type: ignore[no-untyped-call]
+        triangles.reshape(-1, 3), faces, plane_normal=[*normal, 0.0], plane_origin=[*place, 0.0]
+    )
+    return np.asarray(points[kept], dtype=np.float64).reshape(-1, 3, 3)
