@@ -10,8 +10,9 @@ the inverse of the kernel's spectrum balances them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +58,20 @@ class Patch:
         return self.force.size * self.cell**2
 
 
+class Sides(Protocol):
+    """What the side edges of a cover of limited size change, in the indenter's frame."""
+
+    @property
+    def window(self) -> tuple[FloatArray, FloatArray]:
+        """Centre and half widths of a rectangle that holds the contact, shape (2,) each [m]."""
+
+    def hold(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Which points lie on the cover and in the window."""
+
+    def yielding(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        """Forces at points [N] to what the sides add to the displacement there [m]."""
+
+
 def touch(
     surface: SurfaceCompliance,
     indenter: Indenter,
@@ -64,28 +79,37 @@ def touch(
     cells: int,
     load: float | None = None,
     depth: float | None = None,
+    sides: Sides | None = None,
 ) -> Patch:
     """Press an indenter, refining the grid onto the contact until `cells` span it.
 
     Args:
-        surface: How the cover's top yields.
+        surface: How the top of a wide cover yields.
         indenter: The shape.
         cells: Cells across the longer side of the contact [-].
         load: Force [N]; or
         depth: Approach [m].  Exactly one of the two.
+        sides: What free side edges change; None for a wide cover.
 
     Raises:
         ConvergenceError: If conjugate gradients do not converge.
     """
-    half = np.array(indenter.footprint)
+    middle, half = (np.zeros(2), np.array(indenter.footprint)) if sides is None else sides.window
     sharp = is_flat(indenter)
+
+    def gap(x: FloatArray, y: FloatArray) -> FloatArray:
+        value = indenter.gap(x, y)
+        return value if sides is None else np.where(sides.hold(x, y), value, np.inf)
+
     for _ in range(8):
-        grid = _Grid.over(half, cells if sharp else int(1.1 * cells))
+        grid = _Grid.over(middle, half, cells if sharp else int(1.1 * cells))
         if sharp:
-            grid = grid.matched(indenter)
-        pressure, approach = _solve(grid, surface, indenter, load, depth)
+            grid = grid.matched(gap, half)
+        yields = _Convolution(grid, surface, sides)
+        pressure, approach = _solve(yields, gap(*grid.inside), grid.cell, load, depth)
         hit = pressure > 0
-        reach = np.array([np.abs(grid.x[hit]).max(), np.abs(grid.y[hit]).max()]) + grid.cell / 2
+        reach = np.array([np.abs(grid.x[hit] - middle[0]).max(), np.abs(grid.y[hit] - middle[1]).max()])
+        reach += grid.cell / 2
         if sharp or reach.max() > 0.8 * half.max():
             break
         half = np.minimum(np.maximum(1.1 * reach, 0.05 * half), half)
@@ -94,37 +118,45 @@ def touch(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grid:
-    """Square cells, centred on the axis, that fill a rectangle exactly along its longer side."""
+    """Square cells, centred on the window's middle, that fill it exactly along its longer side."""
 
     x: FloatArray
     y: FloatArray
     cell: float
+    middle: FloatArray
     scale: float = 1.0
 
     @classmethod
-    def over(cls, half: FloatArray, cells: int) -> _Grid:
+    def over(cls, middle: FloatArray, half: FloatArray, cells: int) -> _Grid:
         cell = 2 * half.max() / cells
         count = np.maximum(1, np.round(2 * half / cell)).astype(int)
-        axes = [(np.arange(n) - (n - 1) / 2) * cell for n in count]
+        axes = [start + (np.arange(n) - (n - 1) / 2) * cell for start, n in zip(middle, count, strict=True)]
         x, y = np.meshgrid(*axes, indexing="ij")
-        return cls(x=x, y=y, cell=cell)
+        return cls(x=x, y=y, cell=cell, middle=middle)
 
-    def matched(self, indenter: Indenter) -> _Grid:
+    def matched(self, gap: Callable[[FloatArray, FloatArray], FloatArray], half: FloatArray) -> _Grid:
         """The same cells scaled so that those inside a flat face have exactly its area.
 
         A round edge cut into squares is too large or too small by chance; with the right area the error falls
         smoothly with the cell and can be extrapolated.
         """
-        fine = _Grid.over(np.array(indenter.footprint), 1201)
-        area = np.isfinite(indenter.gap(fine.x, fine.y)).sum() * fine.cell**2
-        scale = np.sqrt(area / (np.isfinite(indenter.gap(self.x, self.y)).sum() * self.cell**2))
-        return _Grid(x=self.x * scale, y=self.y * scale, cell=self.cell * float(scale), scale=float(scale))
+        fine = _Grid.over(self.middle, half, 1201)
+        area = np.isfinite(gap(fine.x, fine.y)).sum() * fine.cell**2
+        scale = np.sqrt(area / (np.isfinite(gap(self.x, self.y)).sum() * self.cell**2))
+        x, y = (m + (place - m) * scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
+        return _Grid(x=x, y=y, cell=self.cell * float(scale), middle=self.middle, scale=float(scale))
+
+    @property
+    def inside(self) -> tuple[FloatArray, FloatArray]:
+        """Where the cells were before they were scaled: these tell what lies inside [m]."""
+        x, y = (m + (place - m) / self.scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
+        return x, y
 
 
 class _Convolution:
-    """Cell pressures to cell displacements by a zero-padded fast Fourier transform."""
+    """Cell pressures to cell displacements by a zero-padded fast Fourier transform, and what side edges add."""
 
-    def __init__(self, grid: _Grid, surface: SurfaceCompliance) -> None:
+    def __init__(self, grid: _Grid, surface: SurfaceCompliance, sides: Sides | None) -> None:
         self._shape = grid.x.shape
         self._padded = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in self._shape)
         offsets = [np.minimum(np.arange(m), m - np.arange(m)) * grid.cell for m in self._padded]
@@ -133,11 +165,14 @@ class _Convolution:
         self._spectrum = fft.rfft2(kernel)
         size = np.abs(self._spectrum)
         self._inverse = kernel[0, 0] / np.maximum(size, 1e-4 * size.max())
-        #: Displacement of a cell under its own unit pressure [m/Pa].
-        self.own = float(kernel[0, 0])
+        self._more = None if sides is None else sides.yielding(grid.x.ravel(), grid.y.ravel())
+        self._area = grid.cell**2
 
     def __call__(self, pressure: FloatArray) -> FloatArray:
-        return self._filtered(pressure, self._spectrum)
+        wide = self._filtered(pressure, self._spectrum)
+        if self._more is None:
+            return wide
+        return wide + self._more(pressure.ravel() * self._area).reshape(self._shape)
 
     def balanced(self, overlap: FloatArray) -> FloatArray:
         """Long and short waves of an overlap brought to the same weight: the preconditioner [m]."""
@@ -157,19 +192,17 @@ def is_flat(indenter: Indenter) -> bool:
 
 
 def _solve(
-    grid: _Grid, surface: SurfaceCompliance, indenter: Indenter, load: float | None, depth: float | None
+    yields: _Convolution, gap: FloatArray, cell: float, load: float | None, depth: float | None
 ) -> tuple[FloatArray, float]:
-    """Pressures on the grid and the approach."""
+    """Pressures on the grid, from the gap of each cell (inf where none can touch), and the approach."""
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
-    yields = _Convolution(grid, surface)
-    gap = indenter.gap(grid.x / grid.scale, grid.y / grid.scale)
     allowed = np.isfinite(gap)
     gap = np.where(allowed, gap, 0.0)
     touching = allowed if (gap == 0).all() else allowed & (gap <= _first_reach(gap, allowed, depth))
     fewest, patience = gap.size + 1, _PATIENCE
     for _ in range(_EXCHANGES):
-        pressure, level = _held(yields, gap, touching, None if load is None else load / grid.cell**2, depth)
+        pressure, level = _held(yields, gap, touching, None if load is None else load / cell**2, depth)
         overlap = yields(pressure) + gap - level
         pulled = touching & (pressure < 0)
         pierced = allowed & ~touching & (overlap < -_NEGLIGIBLE * level)
@@ -184,7 +217,7 @@ def _solve(
         else:
             wrong = _last(wrong)
         touching = touching ^ wrong
-    raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges on {grid.x.shape} cells")
+    raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges on {gap.shape} cells")
 
 
 _EXCHANGES, _PATIENCE = 400, 10

@@ -18,6 +18,7 @@ from fem_reference import press_finite, press_linear
 from fem_reference.contact import is_flat
 from fem_reference.error import extrapolated, grid_convergence
 from fem_reference.level import Level
+from fem_reference.pose import Place, Pose
 from meshes import Cover, Indenter, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -66,9 +67,11 @@ def press(
     yaw: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> Indentation:
-    """Press a guided, frictionless, rigid indenter into a laterally wide cover.
+    """Press a guided, frictionless, rigid indenter into a cover.
 
-    The contact does not depend on where the indenter stands or how it is turned, so poses share one stored solution.
+    On a laterally wide cover the contact does not depend on where the indenter stands or how it is turned, so poses
+    share one stored solution.  On a cover of limited size every pose is solved; an indenter may hang over the side
+    edges, and touches the top only.
 
     Args:
         cover: The cover; small strain when every layer is `linear-elastic`, finite strain otherwise.
@@ -81,8 +84,8 @@ def press(
         progress: Called with a line of text before each solve.
 
     Raises:
-        ValueError: If not exactly one of load and depth is given, it is not positive, or the indenter would reach
-            through the cover.
+        ValueError: If not exactly one of load and depth is given, it is not positive, the indenter would reach
+            through the cover, or its axis does not stand over it.
         ConvergenceError: If the contact does not converge.
     """
     return press_path(
@@ -125,19 +128,28 @@ def press_path(
         ConvergenceError: As for `press`.
     """
     targets, control = _targets(cover, loads, depths)
+    place = Place(array=array, pose=Pose(at=at, yaw=yaw))
+    _refuse_beside(cover, place.pose)
     started = time.perf_counter()
     linear = all(layer.material.small_strain_only for layer in cover.layers)
+    if not linear and cover.size is not None:
+        raise ValueError("finite strain on a cover of limited size is not supported; take linear-elastic layers")
     solver = press_linear if linear else press_finite
-    found = solver.levels(cover, indenter, targets, control, progress)
+    found: Sequence[Sequence[Level]]
+    if linear:
+        found = press_linear.levels(cover, indenter, targets, control, progress, place=place)
+    else:
+        found = press_finite.levels(cover, indenter, targets, control, progress)
     sharp = linear and is_flat(indenter)
     seconds = (time.perf_counter() - started) / len(targets)
     assumptions = {
         "strain": "small" if linear else "finite",
         "friction": "frictionless",
         "base": cover.base,
+        **_sides(cover),
         **solver.assumptions(cover, indenter),
     }
-    base_error = solver.base_error(cover)
+    base_error = press_linear.base_error(cover, place) if linear else 0.0
     out = []
     for levels in found:
         _refuse_piercing(cover, levels[-1].depth)
@@ -149,7 +161,7 @@ def press_path(
                 levels=levels,
                 sizes=solver.sizes(indenter),
                 array=array,
-                pose=(at, yaw),
+                pose=place.pose,
                 sharp=sharp,
                 assumptions=dict(assumptions),
                 seconds=seconds,
@@ -164,7 +176,7 @@ def _indentation(
     levels: Sequence[Level],
     sizes: Sequence[float],
     array: TexelArray,
-    pose: tuple[tuple[float, float], float],
+    pose: Pose,
     sharp: bool,
     assumptions: dict[str, str],
     seconds: float,
@@ -172,8 +184,7 @@ def _indentation(
 ) -> Indentation:
     """Put three grids together for one pose."""
     started = time.perf_counter()
-    at, yaw = pose
-    every = [level.texel_forces(array, at, yaw) for level in levels]
+    every = [level.texel_forces(array, pose.at, pose.yaw) for level in levels]
     forces = np.array([_value(each, sizes, sharp=sharp) for each in zip(*every, strict=True)])
     peak = int(np.argmax(np.abs(forces)))
     total = _value([level.total_force for level in levels], sizes, sharp=sharp)
@@ -183,7 +194,7 @@ def _indentation(
         total_force=total,
         depth=_value([level.depth for level in levels], sizes, sharp=sharp),
         contact_area=levels[-1].area,
-        contact=_placed(levels[-1].surface, at, yaw),
+        contact=_placed(levels[-1].surface, pose),
         error_estimate={
             "total_force": _uncertainty([each.total_force / each.depth for each in levels], sizes, sharp=sharp),
             "peak_texel": _uncertainty([float(each[peak]) for each in every], sizes, sharp=sharp) + solver_error,
@@ -222,11 +233,28 @@ def _refuse_piercing(cover: Cover, depth: float) -> None:
         )
 
 
-def _placed(surface: FloatArray, at: tuple[float, float], yaw: float) -> FloatArray:
+def _sides(cover: Cover) -> dict[str, str]:
+    """What a result on a cover of limited size says of its sides."""
+    if cover.size is None:
+        return {}
+    x, y = (1e3 * edge for edge in cover.size)
+    return {"sides": f"free, {x:.4g} x {y:.4g} mm, touched on top only"}
+
+
+def _refuse_beside(cover: Cover, pose: Pose) -> None:
+    if cover.size is None or all(abs(a) <= edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
+        return
+    x, y, width, height = (1e3 * value for value in (*pose.at, *cover.size))
+    raise ValueError(
+        f"the indenter's axis at ({x:.4g}, {y:.4g}) mm stands beside the cover, which measures {width:.4g} x "
+        f"{height:.4g} mm around the array's middle"
+    )
+
+
+def _placed(surface: FloatArray, pose: Pose) -> FloatArray:
     """Points from the indenter's frame to the array's, shape (m, 3)."""
-    c, s = np.cos(yaw), np.sin(yaw)
     x, y, force = surface.T
-    return np.column_stack([at[0] + c * x - s * y, at[1] + s * x + c * y, force])
+    return np.column_stack([*pose.placed(x, y), force])
 
 
 def _value(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> float:

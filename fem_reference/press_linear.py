@@ -1,18 +1,25 @@
-"""Small-strain pressing on a wide cover: contact on cells, base forces superposed."""
+"""Small-strain pressing: contact on cells, base forces superposed.
+
+On a wide cover the contact is the same everywhere; on one of limited size the side edges add to how the top yields, and
+the base forces come from the three-dimensional solution.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from fem_reference import store
-from fem_reference.contact import Patch, touch
+from fem_reference.contact import Patch, is_flat, touch
 from fem_reference.point_spread import PointSpread, decay_length, point_spread
-from fem_reference.slab import surface_compliance
+from fem_reference.pose import Place
+from fem_reference.side_edges import SideEdges
+from fem_reference.slab import SurfaceCompliance, surface_compliance
+from fem_reference.solid import SolidInfluence, solid_influence
 from meshes import Cover, Indenter, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,7 +33,7 @@ class LinearLevel:
     """One grid's answer: where the cells touch, and how the cover spreads them."""
 
     patch: Patch
-    spread: PointSpread
+    spread: PointSpread | SolidInfluence
 
     @property
     def total_force(self) -> float:
@@ -65,11 +72,19 @@ def levels(
     targets: Sequence[float],
     control: Literal["load", "depth"],
     progress: Callable[[str], None] | None,
+    *,
+    place: Place | None = None,
 ) -> list[list[LinearLevel]]:
-    """The contact on three grids for every target, from the store where it is known."""
-    spread = point_spread(cover, progress=progress)
+    """The contact on three grids for every target, from the store where it is known.
+
+    A cover of limited size needs the place; its levels hold for that place only.
+    """
+    spread = _spread(cover, place, progress)
     return [
-        [LinearLevel(patch=patch, spread=spread) for patch in _patches(cover, indenter, target, control, progress)]
+        [
+            LinearLevel(patch=patch, spread=spread)
+            for patch in _patches(cover, indenter, target, control, progress, place=place)
+        ]
         for target in targets
     ]
 
@@ -84,9 +99,21 @@ def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:  # noqa: AR
     return {}
 
 
-def base_error(cover: Cover) -> float:
+def base_error(cover: Cover, place: Place | None = None) -> float:
     """Relative error of a texel that the spread adds to the contact's [-]."""
-    return point_spread(cover).error_estimate["peak_texel"]
+    return _spread(cover, place, None).error_estimate["peak_texel"]
+
+
+def _spread(cover: Cover, place: Place | None, progress: Callable[[str], None] | None) -> PointSpread | SolidInfluence:
+    if cover.size is None:
+        return point_spread(cover, progress=progress)
+    return solid_influence(cover, _known(place).array, progress=progress)
+
+
+def _known(place: Place | None) -> Place:
+    if place is None:
+        raise ValueError("a cover of limited size is not alike everywhere: say where the indenter stands")
+    return place
 
 
 def _patches(
@@ -95,20 +122,30 @@ def _patches(
     target: float,
     control: Literal["load", "depth"],
     progress: Callable[[str], None] | None,
+    *,
+    place: Place | None,
 ) -> list[Patch]:
+    aim = {control: target}
+    load, depth = aim.get("load"), aim.get("depth")
+
     def compute() -> dict[str, Any]:
         if progress is not None:
             progress("contact on three grids")
         reach = max(3.0 * float(np.hypot(*indenter.footprint)), 4 * decay_length(cover))
-        surface = surface_compliance(cover, reach)
+        surface = surface_compliance(replace(cover, size=None), reach)
         out: dict[str, Any] = {}
-        for cells in CELLS:
-            patch = touch(surface, indenter, cells=cells, **{control: target})
+        for grid, cells in enumerate(CELLS):
+            if cover.size is None:
+                patch = touch(surface, indenter, cells=cells, load=load, depth=depth)
+            else:
+                patch = _touch_near_sides(surface, cover, indenter, _known(place), grid=grid, load=load, depth=depth)
             out[f"cells_{cells}"] = np.column_stack([patch.x, patch.y, patch.force])
             out[f"scalars_{cells}"] = np.array([patch.cell, patch.depth])
         return out
 
     inputs = {"cover": cover, "indenter": indenter, control: target, "cells": CELLS}
+    if cover.size is not None:
+        inputs["pose"] = _known(place).pose
     data = store.fetch("contact", inputs, compute)
     found = []
     for cells in CELLS:
@@ -116,3 +153,37 @@ def _patches(
         cell, approach = data[f"scalars_{cells}"]
         found.append(Patch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
     return found
+
+
+def _touch_near_sides(
+    surface: SurfaceCompliance,
+    cover: Cover,
+    indenter: Indenter,
+    place: Place,
+    *,
+    grid: int,
+    load: float | None,
+    depth: float | None,
+) -> Patch:
+    """Contact on a cover of limited size, in a rectangle that grows until it holds the contact."""
+    whole = np.array(indenter.footprint)
+    half = whole
+    if not is_flat(indenter):
+        wide = touch(surface, indenter, cells=CELLS[0], load=load, depth=depth)
+        half = np.minimum(whole, _ROOM * _extent(wide))
+    while True:
+        sides = SideEdges(cover=cover, indenter=indenter, pose=place.pose, half=half, grid=grid)
+        patch = touch(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
+        full = _extent(patch) > 0.98 * half  # within a cell or two of the rectangle
+        if is_flat(indenter) or not (full & (half < whole)).any():
+            return sides.kept(patch)
+        half = np.minimum(whole, _ROOM * half)
+
+
+#: Room around an expected contact [-].
+_ROOM = 1.35
+
+
+def _extent(patch: Patch) -> FloatArray:
+    """Half widths of a contact around the axis [m]."""
+    return np.array([np.abs(patch.x).max(), np.abs(patch.y).max()]) + patch.cell / 2

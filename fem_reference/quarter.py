@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
 from fem_reference.materials import bulk_compliance
 from fem_reference.point_spread import decay_length
@@ -15,6 +16,8 @@ from meshes import Cover, TexelArray
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+#: Even and odd functions of x and y.
+PARITIES = ((0, 0), (0, 1), (1, 0), (1, 1))
 #: A cover without a size ends this many decay lengths beyond the array.
 _MARGIN = 12.0
 #: Distance from texel and side edges, in thicknesses, over which elements stay small, and their growth beyond.
@@ -88,19 +91,62 @@ def quarter_solid(cover: Cover, array: TexelArray, resolution: Resolution) -> Te
         array: A planar array; element edges lie on texel edges.
         resolution: How fine the grid is.
     """
-    unit, stiff = cover.thickness, cover.layers[-1].material.shear_modulus
-    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / stiff
-    volume = np.array([bulk_compliance(layer.material) for layer in cover.layers]) * stiff
+    edges = tuple(_edges(cover, array, axis, resolution.across) for axis in (0, 1))
     heights, layer = _heights(cover, resolution.through)
+    return solid_of(cover, (edges[0], edges[1], heights / cover.thickness), layer, resolution.order)
+
+
+def solid_of(
+    cover: Cover, edges: tuple[FloatArray, FloatArray, FloatArray], layer: IntArray, order: int = 2
+) -> TensorSolid:
+    """A tensor mesh of a cover's materials, lengths in thicknesses and moduli in those of the top layer.
+
+    Args:
+        cover: Layers, bonded or sliding.
+        edges: Element edges along x, y and z [thicknesses].
+        layer: Which layer each element along z belongs to, shape (e,).
+        order: Polynomial order of the displacement [-].
+    """
+    stiff = cover.layers[-1].material.shear_modulus
     sideways = 1 if cover.base == "bonded" else 0
     return TensorSolid(
-        edges=(_edges(cover, array, 0, resolution.across), _edges(cover, array, 1, resolution.across), heights / unit),
+        edges=edges,
         layer=layer,
-        shear_modulus=shear,
-        bulk_compliance=volume,
-        order=resolution.order,
+        shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / stiff,
+        bulk_compliance=np.array([bulk_compliance(each.material) for each in cover.layers]) * stiff,
+        order=order,
         first=(sideways, sideways, 1),
     )
+
+
+def mirror_held(
+    solid: TensorSolid, upper: sp.csr_matrix, parity: tuple[int, int], *, sliding: bool
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Entries with unit rows for the unknowns that vanish by symmetry, and which those are, on the same pattern.
+
+    For a load even in x, displacement along x is odd in x and vanishes at x = 0; for an odd one the other components
+    and the pressure do.  A block that slides may also drift or turn at no cost; one unknown is held against that.
+
+    Args:
+        solid: The quarter x, y >= 0 of a block.
+        upper: Upper triangle of its stiffness, shape (n, n).
+        parity: 0 where the load is even, 1 where it is odd, in x and in y.
+        sliding: Whether the base slides.
+
+    Returns:
+        Entries in the order of the upper triangle, and the held unknowns, shape (n,).
+    """
+    held = np.zeros(upper.shape[0], dtype=bool)
+    for field in range(4):
+        here = held[solid.offsets[field] : solid.offsets[field + 1]].reshape(solid.field_shape(field))
+        here[0] |= (field == 0) != bool(parity[0])
+        here[:, 0] |= (field == 1) != bool(parity[1])
+        if sliding and ((field == 0 and parity[0] == 1) or (field == 1 and parity == (0, 1))):
+            here[0, -1 if parity == (1, 1) else 0, 0] = True
+    row = np.repeat(np.arange(len(held)), np.diff(upper.indptr))
+    values = np.where(held[row] | held[upper.indices], 0.0, upper.data)
+    values[upper.indptr[:-1][held]] = 1.0  # the diagonal comes first in each row of an upper triangle
+    return values, held
 
 
 def _heights(cover: Cover, through: int) -> tuple[FloatArray, IntArray]:

@@ -23,7 +23,7 @@ import scipy.sparse as sp
 
 from fem_reference import store
 from fem_reference.error import grid_convergence
-from fem_reference.quarter import MirroredTexels, Resolution, quarter_solid
+from fem_reference.quarter import PARITIES, MirroredTexels, Resolution, mirror_held, quarter_solid
 from fem_reference.solve import SymmetricFactors
 from fem_reference.tensor import Line, TensorSolid, line_matrix
 from meshes import Cover, TexelArray
@@ -31,8 +31,6 @@ from meshes import Cover, TexelArray
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-#: Even and odd functions of x and y.
-PARITIES = ((0, 0), (0, 1), (1, 0), (1, 1))
 #: The three grids; the last one is the answer.
 GRIDS = (
     Resolution(across=1.5, through=2),
@@ -253,7 +251,7 @@ def texel_lifts(cover: Cover, array: TexelArray, resolution: Resolution) -> Texe
             lifted = [np.vstack([part, np.ones(part.shape[1])]) for part in lifted]
         if not all(part.any() for part in lifted):
             continue  # one row or column in the middle: nothing is odd
-        values, held = _held(solid, upper, parity, sliding=cover.base == "sliding")
+        values, held = mirror_held(solid, upper, parity, sliding=cover.base == "sliding")
         if factors is None:
             factors = SymmetricFactors(sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape))
         else:
@@ -277,27 +275,6 @@ def _projected(line: Line, spans: FloatArray, odd: int) -> FloatArray:
     out = np.zeros_like(load)
     out[:, odd:] = np.linalg.solve(mass[odd:, odd:], load[:, odd:].T).T
     return out
-
-
-def _held(
-    solid: TensorSolid, upper: sp.csr_matrix, parity: tuple[int, int], *, sliding: bool
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Entries with unit rows for the unknowns that vanish by symmetry, and which those are, on the same pattern.
-
-    For a load even in x, displacement along x is odd in x and vanishes at x = 0; for an odd one the other components
-    and the pressure do.  A block that slides may also drift or turn at no cost; one unknown is held against that.
-    """
-    held = np.zeros(upper.shape[0], dtype=bool)
-    for field in range(4):
-        here = held[solid.offsets[field] : solid.offsets[field + 1]].reshape(solid.field_shape(field))
-        here[0] |= (field == 0) != bool(parity[0])
-        here[:, 0] |= (field == 1) != bool(parity[1])
-        if sliding and ((field == 0 and parity[0] == 1) or (field == 1 and parity == (0, 1))):
-            here[0, -1 if parity == (1, 1) else 0, 0] = True
-    row = np.repeat(np.arange(len(held)), np.diff(upper.indptr))
-    values = np.where(held[row] | held[upper.indices], 0.0, upper.data)
-    values[upper.indptr[:-1][held]] = 1.0  # the diagonal comes first in each row of an upper triangle
-    return values, held
 
 
 def _top(solid: TensorSolid, solution: FloatArray) -> FloatArray:
