@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from meshes.outline import flats_of_circle, hexagon, inside_polygon
+from meshes.outline import Loop, flats_of_circle, hexagon, inside_loops, within_loops
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -297,12 +297,15 @@ class Nut:
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Zero between the two hexagons [m]."""
-        return _flat_gap(self.inside(x, y))
+        return np.where(within_loops(self._outlines, x, y), 0.0, np.inf)
 
     def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Distance from the nearer hexagon, positive in the wall [m]."""
-        inner = inside_polygon(hexagon(flats_of_circle(self.bore)), x, y)
-        return np.minimum(inside_polygon(hexagon(self.across), x, y), -inner)
+        return inside_loops(self._outlines, x, y)
+
+    @property
+    def _outlines(self) -> list[Loop]:
+        return [hexagon(self.across), hexagon(flats_of_circle(self.bore))]
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Six prisms, as tall as 0.8 of the width across flats."""
@@ -343,15 +346,19 @@ class LetterH:
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Zero inside the letter [m]."""
-        return _flat_gap(self.inside(x, y))
+        return np.where(within_loops([self._outline], x, y), 0.0, np.inf)
 
     def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Distance from the outline, positive inside [m]."""
+        return inside_loops([self._outline], x, y)
+
+    @property
+    def _outline(self) -> Loop:
         half_x, half_y = self.footprint
         leg, bar = half_x - self.bar, self.bar / 2
         quarter = [(half_x, half_y), (leg, half_y), (leg, bar)]
         half = quarter + [(-a, b) for a, b in reversed(quarter)]
-        return inside_polygon(half + [(-a, -b) for a, b in half], x, y)
+        return half + [(-a, -b) for a, b in half]
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Three boxes, as tall as the legs are long."""

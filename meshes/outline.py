@@ -32,11 +32,6 @@ def hexagon(across: float) -> list[Corner]:
     return [(float(across / np.sqrt(3) * np.cos(t)), float(across / np.sqrt(3) * np.sin(t))) for t in turn]
 
 
-def inside_polygon(corners: Loop, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distance from a polygon's outline, positive inside, any shape [m]."""
-    return inside_loops([corners], x, y)
-
-
 def inside_loops(loops: Sequence[Loop], x: FloatArray, y: FloatArray) -> FloatArray:
     """Distance from the nearest of several outlines, positive inside an odd number of them, any shape [m]."""
     nearest = np.full(np.broadcast(x, y).shape, np.inf)

@@ -1,0 +1,72 @@
+"""Bodies as STL files, made by other libraries."""
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from meshes.outline import flats_of_circle, hexagon
+
+_HALF_H = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
+#: Corners of the letter [m].
+H_CORNERS = tuple((1e-3 * x, 1e-3 * y) for x, y in [*_HALF_H, *((-x, -y) for x, y in _HALF_H)])
+#: Corners of the nut's two hexagons [m].
+HEXAGONS = (tuple(hexagon(13e-3)), tuple(hexagon(flats_of_circle(8e-3))))
+
+
+def _extruded(*loops):
+    section = manifold3d.CrossSection([np.array(loop) * 1e3 for loop in loops], manifold3d.FillRule.EvenOdd)
+    return _body(manifold3d.Manifold.extrude(section, 8))
+
+
+def _body(solid):
+    mesh = solid.to_mesh()
+    return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts)
+
+
+def _two_balls():
+    ball = manifold3d.Manifold.sphere(3, 32)
+    return _body(ball.translate([-2, 0, 0]) + ball.translate([2, 0.5, 0.3]))
+
+
+#: Bodies in mm.
+BODIES = {
+    "sphere": lambda: trimesh.creation.icosphere(3, 5.0),
+    "box": lambda: trimesh.creation.box((10, 6, 5)),
+    "cylinder": lambda: trimesh.creation.cylinder(4, 8, sections=96),
+    "nut": lambda: _extruded(*HEXAGONS),
+    "h": lambda: _extruded(H_CORNERS),
+    "two-balls": _two_balls,
+    "pyramid": lambda: trimesh.convex.convex_hull(
+        np.array([[0, 0, 0], [5, 5, 4], [-5, 5, 4], [-5, -5, 4], [5, -5, 4.0]])
+    ),
+}
+
+
+@pytest.fixture(scope="session")
+def body():
+    """A body of `BODIES` as a mesh in mm, moved off the origin."""
+
+    def make(name):
+        mesh = BODIES[name]()
+        mesh.apply_translation([31, -17, 12])
+        return mesh
+
+    return make
+
+
+@pytest.fixture
+def write_stl(tmp_path, body):
+    """Write a body as an STL file: its path."""
+
+    def write(name, file_type="stl"):
+        path = tmp_path / f"{name}.stl"
+        path.write_bytes(_bytes(body(name), file_type))
+        return path
+
+    return write
+
+
+def _bytes(mesh, file_type):
+    content = mesh.export(file_type=file_type)
+    return content.encode() if isinstance(content, str) else content
