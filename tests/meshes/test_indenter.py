@@ -4,11 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from meshes import Box, Cone, Cylinder, LetterH, Nut, Roller, RoundedTip, Sphere
+from meshes import Box, Cone, Cylinder, LetterH, Nut, Prism, Roller, RoundedTip, Sphere, read_stl
 from meshes.indenter import Flat
 
 NUT, LETTER = Nut(across=13e-3, bore=8e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)
 CONE = Cone(angle=np.radians(120), radius=4e-3)
+ARROW = Prism(points=((0.0, 6e-3), (-5e-3, -4e-3), (0.0, -2e-3), (4e-3, -4e-3)))
 SHAPES = [
     Sphere(radius=5e-3),
     RoundedTip(),
@@ -18,6 +19,7 @@ SHAPES = [
     CONE,
     NUT,
     LETTER,
+    ARROW,
 ]
 GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -65,6 +67,21 @@ def test_gap_and_solids_describe_the_same_surface(indenter):
             assert ray == pytest.approx(gap, abs=tolerance)
         else:
             assert ray < 0
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("sphere", 1e-8), ("pyramid", 1e-8), ("two-balls", 3e-5)])
+def test_gap_and_hulls_of_a_body_from_a_file_describe_the_same_surface(write_stl, name, tolerance):
+    """Where a hull fills more than the tolerance, the body is not far beside."""
+    body = read_stl(write_stl(name))
+    model, data = solids(body)
+    places = np.random.default_rng(1).uniform(-1.1, 1.1, (400, 2)) * body.footprint
+    gap = body.gap(*places.T)
+    ray = np.array([height_by_ray(model, data, x, y) for x, y in places])
+    assert ((ray > -0.5) == np.isfinite(gap)).mean() > 0.995
+    both = np.isfinite(gap) & (ray > -0.5)
+    assert both.sum() > 200
+    assert np.quantile(np.abs(ray - gap)[both], 0.99) < tolerance
+    assert (ray - gap)[both].max() < 1e-8
 
 
 @pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
