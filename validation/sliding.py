@@ -23,6 +23,8 @@ _TIMESTEP = 1e-3
 _GAP, _SPEED = 2e-3, 5e-3
 #: When sliding begins, how long it takes to reach the circle, and the time of one round [s].
 _DOWN, _OUT, _ROUND = 1.0, 1.0, 4.0
+#: Colour of the indenter; the array shows through.
+_COLOUR = [0.85, 0.5, 0.2, 0.6]
 #: Radius of the circle over the array's shorter side [-].
 _RADIUS = 0.2
 
@@ -52,6 +54,9 @@ class Sliding:
         recommend_options(spec)
         spec.option.timestep = _TIMESTEP
         spec.option.gravity = [0, 0, -G0]
+        spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+        sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT}
+        spec.add_texture(name="sky", **sky, rgb1=[0.9, 0.93, 0.96], rgb2=[0.6, 0.65, 0.7], width=64, height=64)
         self.sensor: Sensor = attach(spec, "world", parameters, contact=method)
         self._radius = _RADIUS * min(_extent(parameters.array))
         _hang(spec, indenter, load, height=float(parameters.array.centres[:, 2].max()) + _GAP)
@@ -73,6 +78,11 @@ class Sliding:
         self.data.qvel[:2] = (soon - here) / _TIMESTEP
         mujoco.mj_step(self.model, self.data)
         return self.sensor.step(self.data)
+
+    def restart(self) -> None:
+        """Begin again, with the indenter above the array."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.sensor.reset()
 
     def run(self, seconds: float = math.inf) -> Iterator[float]:
         """Simulate; the time of each new frame [s].
@@ -111,3 +121,4 @@ def _hang(spec: Any, indenter: Indenter, load: float, *, height: float) -> None:
     add_geoms(spec, body, indenter)
     for geom in body.geoms:
         geom.condim = 1
+        geom.rgba = _COLOUR

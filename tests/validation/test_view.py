@@ -1,6 +1,7 @@
 import json
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
@@ -70,15 +71,82 @@ def test_every_fault_is_told_at_once(softcover):
 
 
 def test_the_methods_are_those_of_the_fast_model():
-    from validation.cli.view import _METHODS
+    from validation.comparison import METHODS
 
-    assert set(_METHODS) == {"default", *fastmodel.METHODS}
+    assert set(METHODS) == {"default", *fastmodel.METHODS}
+
+
+def test_begun_again_it_is_as_at_first():
+    parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
+    scene = Sliding(parameters, Sphere(radius=5e-3), load=WEIGHT, method="boxes")
+    first = list(scene.run(0.8))
+    before = scene.sensor.frame().texel_forces
+    scene.restart()
+    assert not scene.sensor.frame().texel_forces.any()
+    assert list(scene.run(0.8)) == first
+    np.testing.assert_array_equal(scene.sensor.frame().texel_forces, before)
+    assert before.sum() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("words", "display", "expected"),
+    [
+        (["--display", "windw"], ":0", "--display: unknown place 'windw'; did you mean 'window'?"),
+        (["--display", "window"], "", "--display: no window can be opened (there is no display"),
+        (["--display", "window"], ":31999", "--display: no window can be opened (X11: Failed to open display :31999)"),
+    ],
+)
+def test_a_window_that_cannot_be_opened_is_said_at_once(softcover, monkeypatch, words, display, expected):
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    status, out, err = softcover("view", "wts-0614-34", *TOUCH, *words)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"softcover: {expected}")
+    assert err.count("\n") == 1
+
+
+@pytest.fixture
+def display():
+    """A display of its own, in memory."""
+    program = shutil.which("Xvfb")
+    if program is None:
+        pytest.skip("Xvfb is not installed: apt install xvfb")
+    command = [program, "-displayfd", "1", "-screen", "0", "900x700x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:  # noqa: S603
+        yield f":{server.stdout.readline().strip()}"
+        server.terminate()
+
+
+@pytest.mark.slow
+def test_in_a_window_the_array_and_its_image_are_seen(display):
+    from PIL import ImageGrab
+
+    code = "from validation.cli import main; main()"
+    words = ("view", "wts-0614-34", *TOUCH, "--display", "window", "--json")
+    running = subprocess.Popen(  # noqa: S603 -- our own code
+        [sys.executable, "-c", code, *words],
+        env={**os.environ, "DISPLAY": display},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    seen, deadline = False, time.monotonic() + 120
+    while not seen and running.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.5)
+        picture = np.asarray(ImageGrab.grab(xdisplay=display)).astype(int)
+        # the image in the corner, hottest where the sphere presses, and black where nothing does
+        corner = picture[260:680, 10:190]
+        seen = (corner[..., 0] > corner[..., 2] + 100).any() and (corner == 0).all(axis=-1).any()
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    assert seen, err
+    assert running.returncode == 0
+    assert 0.1 * WEIGHT < json.loads(out)["carried"] < 1.01 * WEIGHT
 
 
 def test_on_a_terminal_it_is_live_until_interrupted_and_leaves_with_0():
     master, slave = pty.openpty()
     code = "from validation.cli import main; main()"
-    command = [sys.executable, "-c", code, "view", "wts-0614-34", *TOUCH]
+    command = [sys.executable, "-c", code, "view", "wts-0614-34", *TOUCH, "--display", "terminal"]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=slave)  # noqa: S603 -- our own code
     os.close(slave)
     seen, deadline = b"", time.monotonic() + 60

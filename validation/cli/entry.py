@@ -47,12 +47,14 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
         ),
         "view": (
             (
-                "Live image of the fast model in the terminal: the indenter comes down and slides in a circle.\n\n"
-                "On a terminal it runs in real time until Ctrl-C, elsewhere for 5 s of the simulation as fast as it "
-                "can; then the last image is printed."
+                "Live image of the fast model: the indenter comes down and slides in a circle.\n\n"
+                "On a terminal it runs in real time until Ctrl-C, in the MuJoCo viewer's window where there is a "
+                "display, else in the terminal; without a terminal for 5 s of the simulation as fast as it can.  Then "
+                "the last image is printed."
             ),
             (
                 "softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g",
+                "softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g --display terminal",
                 "softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10",
             ),
         ),

@@ -73,14 +73,19 @@ class Monitor:
         from rich.text import Text
 
         picture = Text()
-        for row in counts.reshape(-1, self._columns)[::-1]:
-            for count in row.tolist():
-                level = min(1.0, count / self._full_scale) ** 0.5
-                red, green, blue = (round(255 * part) for part in (level, 0.72 * level**1.5, 0.25 * level**3))
-                legible = "black" if level > 0.75 else "white"  # noqa: PLR2004 -- legibility
+        rows = counts.reshape(-1, self._columns)[::-1]
+        for row, colours in zip(rows.tolist(), heat(rows / self._full_scale).tolist(), strict=True):
+            for count, (red, green, blue) in zip(row, colours, strict=True):
+                legible = "black" if red > 191 else "white"  # noqa: PLR2004 -- legibility
                 picture.append(f"{count:5d} ", style=f"{legible} on rgb({red},{green},{blue})")
             picture.append("\n")
         return picture.append(text)
+
+
+def heat(shares: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
+    """Colours from black over red to yellow, of shares of the full scale, any shape to (..., 3)."""
+    level = np.sqrt(np.clip(shares, 0, 1))
+    return np.asarray(np.rint(255 * np.stack([level, 0.72 * level**1.5, 0.25 * level**3], axis=-1)), dtype=np.uint8)
 
 
 @contextlib.contextmanager

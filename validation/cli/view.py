@@ -14,8 +14,10 @@ from cyclopts import Parameter
 
 from validation.cli.monitor import Monitor, stoppable
 from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect, within
-from validation.cli.output import print_json
+from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
+from validation.cli.window import Window, why_no_window
+from validation.comparison import METHODS
 from validation.errors import InputError, nearest
 from validation.indenter_text import read_indenter, read_load
 from validation.sensor_file import load as load_sensor
@@ -23,7 +25,8 @@ from validation.sensor_file import load as load_sensor
 if TYPE_CHECKING:
     from validation.sliding import Sliding
 
-_METHODS = ("default", "cover", "foundation", "area", "boxes")
+#: Where the live image can be shown.
+DISPLAYS = ("auto", "window", "terminal")
 #: Simulated time where nobody watches: down and once round [s].
 _UNWATCHED = 5.0
 
@@ -32,7 +35,11 @@ _Load = Annotated[str, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.
 _Method = Annotated[str, Parameter(help="Contact: default, cover, foundation, area or boxes.")]
 _Seconds = Annotated[
     float | None,
-    Parameter(help="Simulated time [s]; on a terminal until Ctrl-C when not given.", allow_leading_hyphen=True),
+    Parameter(help="Simulated time [s]; until Ctrl-C when not given and watched.", allow_leading_hyphen=True),
+]
+_Display = Annotated[
+    str,
+    Parameter(help="Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened)."),
 ]
 
 
@@ -45,6 +52,7 @@ def view(
     material: MaterialName = None,
     thickness: Thickness = None,
     seconds: _Seconds = None,
+    display: _Display = "auto",
     json: Json = False,
 ) -> None:
     """Show what the fast model feels while an indenter comes down and slides in a circle."""
@@ -53,9 +61,10 @@ def view(
     shape = collect(faults, lambda: read_indenter(indenter))
     weight = collect(faults, lambda: read_load(load))
     collect(faults, lambda: within("--seconds", seconds))
-    if method not in _METHODS:
-        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, _METHODS)}")
-    if faults or not (description and shape and weight):
+    if method not in METHODS:
+        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
+    shown = collect(faults, lambda: _display(display, quiet=json))
+    if faults or not (description and shape and weight and shown):
         raise InputError(*faults)
 
     from validation.derive import derive
@@ -66,18 +75,40 @@ def view(
     scene = Sliding(parameters, shape, load=weight, method=method)
     # Ctrl-C is the way to end it, so that it is no failure: what was seen last is printed.
     with stoppable(), contextlib.suppress(KeyboardInterrupt):
-        _play(scene, seconds, quiet=json)
+        _play(scene, seconds, shown)
     if json:
         print_json(_describe(scene, indenter, weight))
     else:
         _print(scene, f"{indenter} on {description.name}, {weight:.4g} N")
 
 
-def _play(scene: Sliding, seconds: float | None, *, quiet: bool) -> None:
-    """Simulate: in real time with a picture where somebody watches, else as fast as it can."""
+def _display(wanted: str, *, quiet: bool) -> str:
+    """Where to show: window, terminal or nowhere.
+
+    Raises:
+        InputError: If there is no such place, or a window was asked for where none can be opened.
+    """
+    if wanted not in DISPLAYS:
+        raise InputError(f"--display: unknown place {wanted!r}; {nearest(wanted, DISPLAYS)}")
     watched = sys.stderr.isatty() and not quiet
+    if wanted == "terminal" or (wanted == "auto" and not watched):
+        return "terminal" if watched else "nowhere"
+    reason = why_no_window()
+    if reason is None:
+        return "window"
+    if wanted == "window":
+        raise InputError(f"--display: no window can be opened ({reason}); use --display terminal")
+    return "terminal"
+
+
+def _play(scene: Sliding, seconds: float | None, shown: str) -> None:
+    """Simulate: in real time with a picture where somebody watches, else as fast as it can."""
     if seconds is None:
-        seconds = math.inf if watched else _UNWATCHED
+        seconds = _UNWATCHED if shown == "nowhere" else math.inf
+    if shown == "window":
+        _play_in_window(scene, seconds)
+        return
+    watched = shown == "terminal"
     parameters = scene.sensor.parameters
     full_scale = parameters.electronics.output_max
     start = time.monotonic()
@@ -87,6 +118,23 @@ def _play(scene: Sliding, seconds: float | None, *, quiet: bool) -> None:
                 time.sleep(max(0.0, moment - (time.monotonic() - start)))
             if monitor.due:
                 monitor.show(scene.sensor.frame().counts, _line(scene))
+
+
+def _play_in_window(scene: Sliding, seconds: float) -> None:
+    """Simulate in real time until the window is closed or the time is over."""
+    say("close the window or press Ctrl-C to end")
+    start = time.monotonic()
+    with Window(scene) as window:
+        for moment in scene.run(seconds):
+            time.sleep(max(0.0, moment - (time.monotonic() - start)))
+            if not window.open:
+                return
+            if window.due:
+                window.show(_line(scene).strip())
+                if scene.data.time < moment:
+                    # The viewer's own key for it.
+                    scene.restart()
+                    start = time.monotonic()
 
 
 def _line(scene: Sliding) -> str:
