@@ -5,6 +5,7 @@ load anywhere on the cover puts on every texel, `press` pushes a rigid indenter 
 and `closed_form` holds exact solutions that verify both.  Every result carries an estimate of its own error.
 """
 
+from fem_reference.bonded_disk import Squeezed, compress_disk
 from fem_reference.cells import CellData, cell_data
 from fem_reference.contact import ConvergenceError
 from fem_reference.point_spread import PointSpread, point_spread
@@ -15,7 +16,9 @@ __all__ = [
     "ConvergenceError",
     "Indentation",
     "PointSpread",
+    "Squeezed",
     "cell_data",
+    "compress_disk",
     "point_spread",
     "press",
     "press_path",

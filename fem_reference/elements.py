@@ -11,11 +11,14 @@ coordinates (r, z), the nine of a 3 x 3 matrix, row by row, in three dimensions.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 import skfem
+
+from fem_reference.materials.invariants import EVERY_PLACE
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -29,7 +32,7 @@ _ELEMENTS = {
 
 
 _AXISYMMETRIC = ((0, 0), (0, 1), (1, 0), (1, 1), (2, 2))
-_SOLID = tuple((i, j) for i in range(3) for j in range(3))
+_EVERY = slice(None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,50 +75,60 @@ class MixedElements:
         """Number of pressure unknowns; they follow the displacements [-]."""
         return int(self.pressure_cells.max()) + 1
 
-    @property
+    @cached_property
     def unknowns(self) -> IntArray:
         """Displacement unknowns of each element, shape (e, a * dimension)."""
         each = self.dimension * self.cells[:, :, None] + np.arange(self.dimension)
         return each.reshape(len(self.cells), -1)
 
-    def displacement_gradient(self, displacement: FloatArray) -> FloatArray:
-        """Components of grad u for displacements of shape (n * dimension,), shape (e, q, g) [-]."""
-        u = displacement[self.unknowns].reshape(*self.cells.shape, self.dimension)
-        flat = np.einsum("eqad,eai->eqid", self.slope, u, optimize=True).reshape(*self.weight.shape, -1)
+    def displacement_gradient(self, displacement: FloatArray, part: slice = _EVERY) -> FloatArray:
+        """Components of grad u from displacements, which may be followed by pressures, shape (e, q, g) [-].
+
+        Like the methods below, for the elements of `part`.
+        """
+        u = displacement[self.unknowns[part]].reshape(-1, self.cells.shape[1], self.dimension)
+        e, q, _, _ = self.slope[part].shape
+        flat = np.matmul(u.transpose(0, 2, 1)[:, None], self.slope[part]).reshape(e, q, -1)
         if self.hoop is None:
             return np.asarray(flat)
-        return np.concatenate([flat, np.einsum("eqa,ea->eq", self.hoop, u[..., 0])[..., None]], axis=2)
+        return np.concatenate([flat, np.matmul(self.hoop[part], u[..., :1])], axis=2)
 
-    def transposed(self, stress: FloatArray) -> FloatArray:
-        """The gradient operator's transpose: (e, q, g) to local unknowns, (e, q, a * dimension)."""
+    def transposed(self, stress: FloatArray, part: slice = _EVERY) -> FloatArray:
+        """The gradient operator's transpose, summed over points: (e, q, g) to local unknowns, (e, a * dimension)."""
+        e, q, _ = stress.shape
+        d = self.dimension
+        square = stress[..., : d * d].reshape(e, q, d, d).transpose(0, 1, 3, 2)
+        slope = self.slope[part].transpose(0, 2, 1, 3).reshape(e, -1, q * d)
+        out = np.matmul(slope, square.reshape(e, q * d, d))
+        if self.hoop is not None:
+            out[..., 0] += np.matmul(self.hoop[part].transpose(0, 2, 1), stress[..., -1:])[..., 0]
+        return np.asarray(out.reshape(e, -1))
+
+    def coupled(self, stress: FloatArray, part: slice = _EVERY) -> FloatArray:
+        """Forces of a weighted stress (e, q, g) times each pressure shape function, (e, a * dimension, b)."""
         d = self.dimension
         square = stress[..., : d * d].reshape(*stress.shape[:2], d, d)
-        out = np.matmul(self.slope, square.transpose(0, 1, 3, 2))
+        out = np.matmul(self.slope[part], square.transpose(0, 1, 3, 2))
         if self.hoop is not None:
-            out[..., 0] += self.hoop * stress[..., -1:]
-        return np.asarray(out.reshape(*stress.shape[:2], -1))
+            out[..., 0] += self.hoop[part] * stress[..., -1:]
+        along = out.reshape(*stress.shape[:2], -1)
+        return np.asarray(np.matmul(along.transpose(0, 2, 1), self.pressure_shape[part]))
 
-    def stiffness(self, moduli: FloatArray) -> FloatArray:
+    def stiffness(self, moduli: FloatArray, part: slice = _EVERY) -> FloatArray:
         """Sum over points of the moduli (e, q, g, g), symmetric and weighted, between local unknowns, (e, i, j)."""
+        slope = self.slope[part]
         if self.hoop is not None:
-            gradient = _axisymmetric(self.slope, self.hoop)
+            gradient = _axisymmetric(slope, self.hoop[part])
             return product(gradient, np.matmul(moduli, gradient))
-        e, _, a, d = self.slope.shape
+        e, _, a, d = slope.shape
         out = np.empty((e, a, d, a, d))
-        for start in range(0, e, _BLOCK):
-            part = slice(start, start + _BLOCK)
-            slope = self.slope[part]
-            tensor = moduli[part].reshape(*slope.shape[:2], d, d, d, d)
-            for i in range(d):
-                for k in range(i, d):
-                    block = _contracted(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]))
-                    out[part, :, i, :, k] = block
-                    out[part, :, k, :, i] = block.transpose(0, 2, 1)
+        tensor = moduli.reshape(*slope.shape[:2], d, d, d, d)
+        for i in range(d):
+            for k in range(i, d):
+                block = _contracted(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]))
+                out[:, :, i, :, k] = block
+                out[:, :, k, :, i] = block.transpose(0, 2, 1)
         return out.reshape(e, a * d, a * d)
-
-
-#: Elements contracted at once: few enough that the work stays in the cache.
-_BLOCK = 128
 
 
 def mixed_elements(
@@ -154,7 +167,7 @@ def mixed_elements(
         pressure_shape=_values(pressure),
         weight=basis.dx * (2 * np.pi * position[0] if axisymmetric else 1.0),
         basis=basis,
-        places=_AXISYMMETRIC if axisymmetric else _SOLID,
+        places=_AXISYMMETRIC if axisymmetric else EVERY_PLACE,
     )
 
 
@@ -177,8 +190,7 @@ def linear_system(elements: MixedElements, shear_modulus: FloatArray, bulk_compl
     w = elements.weight
     moduli = (2 * mu[:, None] * w)[:, :, None, None] * _deviator(elements.places)
     identity = np.broadcast_to(np.array([float(i == j) for i, j in elements.places]), (*w.shape, len(elements.places)))
-    divergence = elements.transposed(identity * w[..., None])
-    couple = -np.matmul(divergence.transpose(0, 2, 1), elements.pressure_shape)
+    couple = -elements.coupled(identity * w[..., None])
     volume = -np.einsum(
         "eqa,eqb,eq->eab",
         elements.pressure_shape,

@@ -22,6 +22,9 @@ from meshes import Cover
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Quadrature points treated at once: few enough that their tensors stay in the cache.
+_POINTS = 1152
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solid:
@@ -63,63 +66,64 @@ class Solid:
             InvertedError: If an element is turned inside out.
         """
         e = self.elements
-        F, J, p = self._fields(state)
-        response = self._response(F, J)
-        stress, tangent = _components(e, response.stress), _components(e, response.tangent)
-        cofactor, second = _components(e, J.first), _components(e, J.second)
-        w = e.weight
-        residual = np.zeros_like(state)
-        total = (stress - p[..., None] * cofactor) * w[..., None]
-        np.add.at(residual, e.unknowns, e.transposed(total).sum(axis=1))
-        inverse = self.bulk_compliance[e.region][:, None]
-        volume = -(J.value - 1 + p * inverse) * w
-        np.add.at(residual, e.pressure_cells + e.displacements, np.einsum("eqb,eq->eb", e.pressure_shape, volume))
-        moduli = (tangent - p[..., None, None] * second) * w[..., None, None]
-        along = e.transposed(cofactor * w[..., None])
-        couple = -np.matmul(along.transpose(0, 2, 1), e.pressure_shape)
-        weighted = e.pressure_shape * (w * inverse)[..., None]
-        block = -np.matmul(e.pressure_shape.transpose(0, 2, 1), weighted)
-        return residual, self.pattern.assemble(e.stiffness(moduli), couple, block)
+        forces, volumes, stiff, couple, squeeze = (np.empty(shape) for shape in self._block_shapes)
+        block = max(1, _POINTS // e.weight.shape[1])
+        for start in range(0, len(e.cells), block):
+            part = slice(start, start + block)
+            F, J, p = self._fields(state, part)
+            response = self._response(F, J, part)
+            w, shape = e.weight[part], e.pressure_shape[part]
+            inverse = self.bulk_compliance[e.region[part], None]
+            stress = (response.stress - p[..., None] * J.first) * w[..., None]
+            forces[part] = e.transposed(stress, part)
+            volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + p * inverse) * w)
+            moduli = (response.tangent - p[..., None, None] * J.second) * w[..., None, None]
+            stiff[part] = e.stiffness(moduli, part)
+            couple[part] = -e.coupled(J.first * w[..., None], part)
+            squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
+        residual = np.bincount(e.unknowns.ravel(), forces.ravel(), minlength=len(state)).astype(np.float64)
+        rows = e.pressure_cells + e.displacements
+        residual += np.bincount(rows.ravel(), volumes.ravel(), minlength=len(state))
+        return residual, self.pattern.assemble(stiff, couple, squeeze)
 
     def energy(self, state: FloatArray) -> float:
         """Total stored energy with the pressure as a Lagrange multiplier [J]."""
-        F, J, p = self._fields(state)
+        whole = slice(None)
+        F, J, p = self._fields(state, whole)
         inverse = self.bulk_compliance[self.elements.region][:, None]
-        density = self._response(F, J).energy - p * (J.value - 1) - p**2 * inverse / 2
+        density = self._response(F, J, whole).energy - p * (J.value - 1) - p**2 * inverse / 2
         return float((density * self.elements.weight).sum())
 
-    def _fields(self, state: FloatArray) -> tuple[FloatArray, Invariant, FloatArray]:
+    @property
+    def _block_shapes(self) -> list[tuple[int, ...]]:
+        """Of element forces and volumes, and of the three blocks of element matrices."""
+        (e, i), b = self.elements.unknowns.shape, self.elements.pressure_cells.shape[1]
+        return [(e, i), (e, b), (e, i, i), (e, i, b), (e, b, b)]
+
+    def _fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
         e = self.elements
-        flat = e.displacement_gradient(state[: e.displacements])
+        flat = e.displacement_gradient(state, part)
         F = np.zeros((*flat.shape[:2], 3, 3))
         for g, (i, j) in enumerate(e.places):
             F[..., i, j] = flat[..., g] + (i == j)
-        J = volume_ratio(F)
+        J = volume_ratio(F, e.places)
         if not (J.value > 0).all():
             raise InvertedError("an element is turned inside out")
-        p = np.einsum("eqb,eb->eq", e.pressure_shape, state[e.pressure_cells + e.displacements])
+        p = np.einsum("eqb,eb->eq", e.pressure_shape[part], state[e.pressure_cells[part] + e.displacements])
         return F, J, p
 
-    def _response(self, F: FloatArray, J: Invariant) -> Response:
-        if len(self.energies) == 1:
-            return self.energies[0].isochoric(F, J)
-        energy, stress, tangent = np.zeros_like(J.value), np.zeros_like(F), np.zeros((*F.shape, 3, 3))
-        for index, material in enumerate(self.energies):
-            mine = self.elements.region == index
-            part = material.isochoric(
-                F[mine], Invariant(value=J.value[mine], first=J.first[mine], second=J.second[mine])
-            )
-            energy[mine], stress[mine], tangent[mine] = part.energy, part.stress, part.tangent
+    def _response(self, F: FloatArray, J: Invariant, part: slice) -> Response:
+        region = self.elements.region[part]
+        if (region == region[0]).all():
+            return self.energies[int(region[0])].isochoric(F, J)
+        energy, stress, tangent = np.empty_like(J.value), np.empty_like(J.first), np.empty_like(J.second)
+        for index in np.unique(region):
+            mine = region == index
+            of_mine = Invariant(value=J.value[mine], first=J.first[mine], second=J.second[mine], places=J.places)
+            found = self.energies[int(index)].isochoric(F[mine], of_mine)
+            energy[mine], stress[mine], tangent[mine] = found.energy, found.stress, found.tangent
         return Response(energy=energy, stress=stress, tangent=tangent)
 
 
 class InvertedError(ArithmeticError):
     """A deformation has a negative volume: the step was too long."""
-
-
-def _components(elements: MixedElements, tensor: FloatArray) -> FloatArray:
-    """The components that the mesh can have: (e, q, 3, 3) to (e, q, g), (e, q, 3, 3, 3, 3) to (e, q, g, g)."""
-    i, j = np.array(elements.places).T
-    if tensor.ndim == 4:  # noqa: PLR2004 -- a second-order tensor at each point
-        return tensor[:, :, i, j]
-    return np.ascontiguousarray(tensor[:, :, i[:, None], j[:, None], i, j])

@@ -1,9 +1,10 @@
-"""Closed forms of the linear layer problem: the verification that tests use and users can call.
+"""Closed forms of linear layers and bonded disks: the verification that tests use and users can call.
 
 Nothing here shares code with the finite elements.
 """
 
 from fem_reference.closed_form.contact import LayerContact, hertz, punch, sphere
+from fem_reference.closed_form.disk import bonded_disk, gent_lindley
 from fem_reference.closed_form.layer import (
     Transfer,
     half_space_compliance,
@@ -17,6 +18,8 @@ from fem_reference.closed_form.layer import (
 __all__ = [
     "LayerContact",
     "Transfer",
+    "bonded_disk",
+    "gent_lindley",
     "half_space_compliance",
     "hertz",
     "one_layer_compliance",

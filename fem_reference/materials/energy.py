@@ -24,8 +24,8 @@ class Response:
 
     Attributes:
         energy: Shape (...) [J/m3].
-        stress: dW/dF, shape (..., 3, 3) [Pa].
-        tangent: d2W/dF2, shape (..., 3, 3, 3, 3) [Pa].
+        stress: dW/dF, components of `Invariant.places`, shape (..., g) [Pa].
+        tangent: d2W/dF2, shape (..., g, g) [Pa].
     """
 
     energy: FloatArray
@@ -41,7 +41,7 @@ class Energy(Protocol):
 
         Args:
             F: Deformation gradients, shape (..., 3, 3) [-].
-            J: Their determinants with derivatives, as `volume_ratio` gives them.
+            J: Their determinants with derivatives, as `volume_ratio` gives them; its `places` are the response's.
         """
 
 
@@ -74,9 +74,8 @@ def of_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, cu
         slope: w'(I) [Pa].
         curve: w''(I) [Pa].
     """
-    wide = slope[..., None, None]
-    tangent = wide[..., None, None] * invariant.second
+    stress = slope[..., None] * invariant.first
+    tangent = slope[..., None, None] * invariant.second
     if np.any(curve):
-        outer = np.einsum("...ij,...kl->...ijkl", invariant.first, invariant.first)
-        tangent = tangent + curve[..., None, None, None, None] * outer
-    return Response(energy=energy, stress=wide * invariant.first, tangent=tangent)
+        tangent += (curve[..., None] * invariant.first)[..., :, None] * invariant.first[..., None, :]
+    return Response(energy=energy, stress=stress, tangent=tangent)

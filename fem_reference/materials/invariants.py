@@ -1,8 +1,8 @@
 """Isochoric invariants of the deformation gradient and their derivatives.
 
-Shapes: F is (..., 3, 3); a first derivative is (..., 3, 3), a second (..., 3, 3, 3, 3), [i, j, k, l] for F_ij, F_kl.
-Formulas by differentiating J^(-2/3) tr C and J^(-4/3) (tr^2 C - tr C^2) / 2 (Holzapfel, Nonlinear Solid Mechanics,
-section 6.4).
+F is (..., 3, 3).  Derivatives are taken only for the components of F that can differ from those of the unit matrix,
+five of nine around an axis: a first derivative is (..., g), a second (..., g, g), in the order of `places`.  Formulas
+by differentiating J^(-2/3) tr C and J^(-4/3) (tr^2 C - tr C^2) / 2 (Holzapfel, Nonlinear Solid Mechanics, section 6.4).
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+Places = tuple[tuple[int, int], ...]
 
-_EYE = np.eye(3)
-_IDENTITY = np.einsum("ik,jl->ijkl", _EYE, _EYE)
+#: All components, row by row.
+EVERY_PLACE: Places = tuple((i, j) for i in range(3) for j in range(3))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,52 +25,71 @@ class Invariant:
 
     Attributes:
         value: Shape (...) [-].
-        first: Shape (..., 3, 3) [-].
-        second: Shape (..., 3, 3, 3, 3) [-].
+        first: Shape (..., g) [-].
+        second: Shape (..., g, g) [-].
+        places: Row and column of each component g.
     """
 
     value: FloatArray
     first: FloatArray
     second: FloatArray
+    places: Places
 
 
-def volume_ratio(F: FloatArray) -> Invariant:
-    """J = det F; derivatives J F^-T and J (F^-T x F^-T - F^-T dF^T F^-T)."""
-    J = np.linalg.det(F)
-    inverse = np.linalg.inv(F)
-    cofactor = J[..., None, None] * inverse.swapaxes(-1, -2)
-    outer = np.einsum("...ji,...lk->...ijkl", inverse, inverse)
-    crossed = np.einsum("...li,...jk->...ijkl", inverse, inverse)
-    return Invariant(value=J, first=cofactor, second=J[..., None, None, None, None] * (outer - crossed))
+def picked(tensor: FloatArray, places: Places) -> FloatArray:
+    """Components of (..., 3, 3), shape (..., g)."""
+    i, j = np.array(places).T
+    return np.asarray(tensor[..., i, j])
+
+
+def volume_ratio(F: FloatArray, places: Places = EVERY_PLACE) -> Invariant:
+    """J = det F; its derivatives are the cofactors of F, and entries of F with the sign of two permutations."""
+    cofactor = {place: _minor(F, *place) for place in {*places, (0, 0), (0, 1), (0, 2)}}
+    second = np.zeros((*F.shape[:-2], len(places), len(places)))
+    for a, (i, j) in enumerate(places):
+        for b, (k, m) in enumerate(places):
+            if i != k and j != m:
+                second[..., a, b] = _sign(i, k) * _sign(j, m) * F[..., 3 - i - k, 3 - j - m]
+    return Invariant(
+        value=sum((F[..., 0, j] * cofactor[0, j] for j in range(3)), np.zeros(F.shape[:-2])),
+        first=np.stack([cofactor[place] for place in places], axis=-1),
+        second=second,
+        places=places,
+    )
 
 
 def first_isochoric(F: FloatArray, J: Invariant) -> Invariant:
     """J^(-2/3) tr(F^T F)."""
     trace = Invariant(
         value=np.einsum("...ij,...ij->...", F, F),
-        first=2 * F,
-        second=np.broadcast_to(2 * _IDENTITY, (*F.shape, 3, 3)),
+        first=2 * picked(F, J.places),
+        second=2 * np.eye(len(J.places)),
+        places=J.places,
     )
     return _scaled(trace, J, -2 / 3)
 
 
 def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
     """J^(-4/3) (tr^2 C - tr C^2) / 2."""
-    C = np.einsum("...ki,...kj->...ij", F, F)
-    b = np.einsum("...ik,...jk->...ij", F, F)
+    C = F.swapaxes(-1, -2) @ F
+    b = F @ F.swapaxes(-1, -2)
     trace = np.einsum("...ii->...", C)
-    wide = trace[..., None, None]
+    i, j = np.array(J.places).T
+    k, m = i, j  # the second derivative's other component, along the last axis
+    i, j = i[:, None], j[:, None]
+    flat = picked(F, J.places)
     second = (
-        4 * np.einsum("...ij,...kl->...ijkl", F, F)
-        + 2 * wide[..., None, None] * _IDENTITY
-        - 2 * np.einsum("ik,...lj->...ijkl", _EYE, C)
-        - 2 * np.einsum("...il,...kj->...ijkl", F, F)
-        - 2 * np.einsum("...ik,jl->...ijkl", b, _EYE)
+        4 * flat[..., :, None] * flat[..., None, :]
+        + 2 * trace[..., None, None] * ((i == k) & (j == m))
+        - 2 * (i == k) * C[..., m, j]
+        - 2 * F[..., i, m] * F[..., k, j]
+        - 2 * b[..., i, k] * (j == m)
     )
     plain = Invariant(
         value=(trace**2 - np.einsum("...ij,...ij->...", C, C)) / 2,
-        first=2 * (wide * F - F @ C),
+        first=2 * (trace[..., None] * flat - picked(F @ C, J.places)),
         second=second,
+        places=J.places,
     )
     return _scaled(plain, J, -4 / 3)
 
@@ -78,16 +98,27 @@ def _scaled(plain: Invariant, J: Invariant, power: float) -> Invariant:
     """J^power times an invariant, by the product rule."""
     scale = J.value**power
     slope = power * scale / J.value
-    curve = (power - 1) * slope / J.value
-    one = slope[..., None, None] * J.first
-    two = slope[..., None, None, None, None] * J.second
-    two = two + curve[..., None, None, None, None] * np.einsum("...ij,...kl->...ijkl", J.first, J.first)
-    mixed = np.einsum("...ij,...kl->...ijkl", one, plain.first)
+    curve = (power - 1) * slope / J.value * plain.value
+    mixed = (slope[..., None] * plain.first)[..., :, None] * J.first[..., None, :]
+    second = (curve[..., None] * J.first)[..., :, None] * J.first[..., None, :]
+    second += mixed
+    second += mixed.swapaxes(-1, -2)
+    second += (slope * plain.value)[..., None, None] * J.second
+    second += scale[..., None, None] * plain.second
     return Invariant(
         value=scale * plain.value,
-        first=scale[..., None, None] * plain.first + plain.value[..., None, None] * one,
-        second=scale[..., None, None, None, None] * plain.second
-        + mixed
-        + mixed.transpose(*range(mixed.ndim - 4), -2, -1, -4, -3)
-        + plain.value[..., None, None, None, None] * two,
+        first=scale[..., None] * plain.first + (slope * plain.value)[..., None] * J.first,
+        second=second,
+        places=J.places,
     )
+
+
+def _minor(F: FloatArray, i: int, j: int) -> FloatArray:
+    """Cofactor of F_ij."""
+    k, m, p, q = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+    return np.asarray(F[..., k, p] * F[..., m, q] - F[..., k, q] * F[..., m, p])
+
+
+def _sign(i: int, k: int) -> int:
+    """Sign of the permutation (i, k, the third)."""
+    return 1 if (k - i) % 3 == 1 else -1

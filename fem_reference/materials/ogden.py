@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.materials.energy import Response
-from fem_reference.materials.invariants import Invariant
+from fem_reference.materials.invariants import Invariant, picked
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,8 +33,9 @@ class Ogden:
         """Energy, stress and tangent."""
         U, stretch, Vt = np.linalg.svd(F)
         energy, slope, curve = self._principal(stretch, J.value)
-        stress = np.einsum("...ia,...a,...aj->...ij", U, slope, Vt)
-        return Response(energy=energy, stress=stress, tangent=_rotated(U, stretch, Vt, slope, curve))
+        i, j = np.array(J.places).T
+        tangent = _rotated(U, stretch, Vt, slope, curve)[..., i[:, None], j[:, None], i, j]
+        return Response(energy=energy, stress=picked((U * slope[..., None, :]) @ Vt, J.places), tangent=tangent)
 
     def _principal(self, stretch: FloatArray, J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the principal stretches."""
