@@ -16,7 +16,7 @@ class BaseForces:
     """The influence of cells on the texels of one array, over windows of cells."""
 
     def __init__(self, cells: CoverCells, grid: CellGrid, array: TexelArray) -> None:
-        """Factorise the influence and lay it out over the whole grid, one axis at a time."""
+        """Factorise the influence and lay it out over the whole grid, one axis at a time; a table is taken as it is."""
         self._cells, self._grid, self._array = cells, grid, array
         along, across = cells.influence_factors
         self._terms = len(along)
@@ -35,6 +35,8 @@ class BaseForces:
         top, left = max(0, -row), max(0, -column)
         forces = forces[top : self._grid.rows - row, left : self._grid.columns - column]
         row, column = row + top, column + left
+        if self._cells.table is not None:
+            return self._of_table(self._cells.table, forces, (row, column))
         (r0, r1), (c0, c1) = (
             self._near(start, length, count)
             for start, length, count in (
@@ -47,7 +49,18 @@ class BaseForces:
             first = self._rows[:, r0:r1, row : row + forces.shape[0]] @ forces
             second = self._columns[:, c0:c1, column : column + forces.shape[1]]
             texels[r0:r1, c0:c1] = np.matmul(first, second.transpose(0, 2, 1)).sum(axis=0)
-        flat = texels.ravel()
+        return self._felt(texels.ravel())
+
+    def _of_table(self, table: FloatArray, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """The part of a window that lies on the array, through the table: beyond it no texel feels anything."""
+        row, column = (start - self._grid.margin for start in origin)
+        top, left = max(0, -row), max(0, -column)
+        forces = forces[top : max(0, table.shape[1] - row), left : max(0, table.shape[2] - column)]
+        row, column = row + top, column + left
+        part = table[:, row : row + forces.shape[0], column : column + forces.shape[1]]
+        return self._felt(np.tensordot(part, forces, 2))
+
+    def _felt(self, flat: FloatArray) -> FloatArray:
         return flat if self._array.active.all() else np.where(self._array.active, flat, 0.0)
 
     def of_texels(self, contact_forces: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
 """The cover as data between sub-texel cells: how the top yields, and what of a force arrives on a texel.
 
 A laterally wide cover answers everywhere alike, so two small kernels hold it for arrays of any size.  Cells divide
-every pitch evenly; cell `[i, j]` lies i rows and j columns from the texel's lowest, leftmost cell.
+every pitch evenly; cell `[i, j]` lies i rows and j columns from the texel's lowest, leftmost cell.  A cover with free
+side edges passes force on differently near them: a table of every cell and texel stands in for the second kernel.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ class CoverCells:
         top_compliance: (1 - nu) / (2 pi mu) of the top layer: what a point load does nearby, over the distance [m2/N].
         thickness: Of the cover [m].
         source: Where the numbers come from.
+        table: Of a cover with free side edges: force on each texel of one array per unit force spread evenly over each
+            of its cells, shape (n, rows * per_texel, columns * per_texel), instead of `influence`; None elsewhere [-].
     """
 
     per_texel: int
@@ -42,6 +45,7 @@ class CoverCells:
     top_compliance: float
     thickness: float
     source: str = "given by the user"
+    table: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the tables.
@@ -57,15 +61,16 @@ class CoverCells:
             raise ShapeError(f"compliance has shape (rows, columns), not {self.compliance.shape}")
         if len(size) != 2 or size[0] != size[1] or size[0] < s or (size[0] - s) % 2:  # noqa: PLR2004 -- a matrix
             raise ShapeError(f"influence has shape ({s} + 2 reach, {s} + 2 reach), not {size}")
-        if not (np.isfinite(self.compliance).all() and np.isfinite(self.influence).all()):
+        tables = [each for each in (self.compliance, self.influence, self.table) if each is not None]
+        if not all(np.isfinite(each).all() for each in tables):
             raise ValueError("compliance and influence must be finite; one holds nan or inf")
         for name, value in (("cell", min(self.cell)), ("top_compliance", self.top_compliance)):
             if not 0 < value < np.inf:
                 raise ValueError(f"{name} must be positive, not {value}")
         if not 0 < self.thickness < np.inf or not self.compliance[0, 0] > 0:
             raise ValueError("thickness and the compliance of a cell under its own pressure must be positive")
-        self.compliance.setflags(write=False)
-        self.influence.setflags(write=False)
+        for each in tables:
+            each.setflags(write=False)
 
     @property
     def reach(self) -> int:
@@ -82,8 +87,8 @@ class CoverCells:
         """The influence as products of row and column factors."""
         return factors(self.influence, 1e-7)
 
-    def check_pitch(self, array: TexelArray) -> None:
-        """Check that the cells divide an array's pitch.
+    def check(self, array: TexelArray) -> None:
+        """Check that the cells divide an array's pitch, and that a table is of its size.
 
         Raises:
             ShapeError: If they do not.
@@ -93,6 +98,11 @@ class CoverCells:
             raise ShapeError(
                 f"the cover's cells measure {self.cell} m but array {array.name!r} has a pitch of {array.pitch} m: "
                 f"{self.per_texel} cells a pitch take {tuple(edges)} m"
+            )
+        wanted = (array.count, array.rows * self.per_texel, array.columns * self.per_texel)
+        if self.table is not None and self.table.shape != wanted:
+            raise ShapeError(
+                f"the table of cells and texels has shape {self.table.shape}; array {array.name!r} takes {wanted}"
             )
 
     def foundation_modulus(self, width: float | None = None) -> float:

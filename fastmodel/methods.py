@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -42,7 +43,14 @@ def choose(method: str | TexelContact, parameters: Parameters) -> tuple[str, Tex
         method = _best(parameters)
     if method not in METHODS:
         raise UnknownNameError("contact method", method, (DEFAULT, *METHODS))
-    return method, METHODS[method]
+    return method, _within_sides(METHODS[method], parameters)
+
+
+def _within_sides(method: TexelContact, parameters: Parameters) -> TexelContact:
+    """The method with a plate that ends with the array where the cover has side edges."""
+    if parameters.cells is None or parameters.cells.table is None or not isinstance(method, CoverContact | Foundation):
+        return method
+    return dataclasses.replace(method, plate=dataclasses.replace(method.plate, margin=0))
 
 
 def _best(parameters: Parameters) -> str:

@@ -40,7 +40,9 @@ NPZ_NAME = "cover.npz"
 _OPERATOR = "operator"
 _COMPLIANCE = "cells_compliance"
 _INFLUENCE = "cells_influence"
-_RESERVED = (_OPERATOR, _COMPLIANCE, _INFLUENCE)
+_TABLE = "cells_table"
+_CELL_TABLES = ("compliance", "influence", "table")
+_RESERVED = (_OPERATOR, _COMPLIANCE, _INFLUENCE, _TABLE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +81,7 @@ class Parameters:
         if gains is not None and len(gains) != self.array.count:
             raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
         if self.cells is not None:
-            self.cells.check_pitch(self.array)
+            self.cells.check(self.array)
         for name in _RESERVED:
             if name in self.tables:
                 raise ParametersError(f"a table must not be named {name!r}; the format uses that name itself")
@@ -101,6 +103,7 @@ class Parameters:
         tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
         if self.cells is not None:
             tables |= {_COMPLIANCE: self.cells.compliance, _INFLUENCE: self.cells.influence}
+            tables |= {} if self.cells.table is None else {_TABLE: self.cells.table}
         packed = pack({name: np.asarray(table) for name, table in tables.items()})
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         replace_pair(target / NPZ_NAME, packed, target / TOML_NAME, text.encode())
@@ -180,7 +183,7 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
         document["filter"] = _plain(parameters.filter)
     if parameters.cells is not None:
         plain = _plain(parameters.cells)
-        document["cells"] = {name: value for name, value in plain.items() if name not in {"compliance", "influence"}}
+        document["cells"] = {name: value for name, value in plain.items() if name not in _CELL_TABLES}
     if parameters.provenance:
         document["provenance"] = _without_none(dict(parameters.provenance))
     return document
@@ -257,7 +260,7 @@ def _cells(values: Mapping[str, Any] | None, tables: Mapping[str, FloatArray]) -
     if values is None:
         return None
     named = {**values, "cell": tuple(values["cell"])}
-    return CoverCells(compliance=tables[_COMPLIANCE], influence=tables[_INFLUENCE], **named)
+    return CoverCells(compliance=tables[_COMPLIANCE], influence=tables[_INFLUENCE], table=tables.get(_TABLE), **named)
 
 
 def _plain(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance

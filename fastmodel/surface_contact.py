@@ -130,7 +130,7 @@ class CoverContact:
                 f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
-        cells.check_pitch(array)
+        cells.check(array)
         grid = grid_of(array, cells.per_texel, self.plate)
         layer = _CoverLayer(grid, array, cells, Settings(tolerance=self.tolerance, steps=self.steps), native=native)
         first = _FIRST * cells.thickness

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.fit import Fit, fit_gaussian
+from fastmodel.spread import Spread, Tabulated
 from meshes import Cover, TexelArray
 from validation.errors import InputError
 from validation.resolution import texel_separation, two_point_separation
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from fastmodel.cover_cells import CoverCells
     from fastmodel.parameters import Parameters
     from fem_reference.point_spread import PointSpread
+    from fem_reference.solid import SolidInfluence
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -40,32 +42,40 @@ class Derivation:
 
     Attributes:
         sensor: What it was derived from.
-        point_spread: The reference's response to a point load.
+        influence: The reference's response to loads on the cover.
         texel_response: Response to a unit point load over the middle texel's centre, shape (rows, columns) [-].
         texel_response_uniform: The same for unit force as uniform pressure over that texel [-].
         outside: Force beyond the array of the two responses [-].
         fit: The fitted kernel and how well it fits.
         parameters: What the fast model needs.
         error_estimate: Relative errors of the reference (`total_force`, `peak_texel`, `sigma`) [-].
-        resolution: Smallest separation of two equal point loads with a dip of base pressure between [m].
+        resolution: Smallest separation of two equal point loads with a dip of base pressure between; None with free
+            side edges [m].
         resolution_on_array: The same for texel values, in the worst alignment; nan if there is none [m].
         sensitivity: Derivatives of sigma_x of the uncut kernel, all layers changed together: `thickness` [pitches/m],
-            `poisson_ratio` [pitches] and `youngs_modulus`, which is exactly 0 [pitches/Pa].
+            `poisson_ratio` [pitches] and `youngs_modulus`, which is exactly 0 [pitches/Pa]; none with free side edges.
         seconds: Wall time [s].
     """
 
     sensor: SensorDescription
-    point_spread: PointSpread
+    influence: PointSpread | SolidInfluence
     texel_response: FloatArray
     texel_response_uniform: FloatArray
     outside: tuple[float, float]
     fit: Fit
     parameters: Parameters
     error_estimate: Mapping[str, float]
-    resolution: float
-    resolution_on_array: float
+    resolution: float | None
+    resolution_on_array: float | None
     sensitivity: Mapping[str, float]
     seconds: float
+
+    @property
+    def point_spread(self) -> PointSpread | None:
+        """The response as a radial profile; None where free side edges make it differ from place to place."""
+        from fem_reference.point_spread import PointSpread
+
+        return self.influence if isinstance(self.influence, PointSpread) else None
 
     def as_json(self) -> dict[str, Any]:
         """The result under the names that the command line prints."""
@@ -87,10 +97,9 @@ class Derivation:
             "texel_response_outside": self.outside[0],
             "texel_response_uniform": self.texel_response_uniform,
             "texel_response_uniform_outside": self.outside[1],
-            "point_response": {
-                "radius_m": self.point_spread.radius,
-                "pressure_per_force": self.point_spread.pressure_per_force,
-            },
+            "point_response": None
+            if (spread := self.point_spread) is None
+            else {"radius_m": spread.radius, "pressure_per_force": spread.pressure_per_force},
             "error_estimate": dict(self.error_estimate),
             "resolution": self.resolution,
             "resolution_on_array": self.resolution_on_array,
@@ -111,45 +120,51 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         ConvergenceError: If the reference did not converge.
     """
     from fastmodel.parameters import Parameters
-    from fem_reference.point_spread import point_spread
+    from fem_reference.point_spread import PointSpread, point_spread
+    from fem_reference.solid import solid_influence
 
     started = time.perf_counter()
     tell = progress or (lambda _: None)
     array = sensor.array
     if not array.planar:
         raise InputError(f"{sensor.source}: array: curved layouts are not yet supported; all z must be 0")
+    wide = sensor.cover.size is None
     tell("point spread function by finite elements")
-    spread = point_spread(sensor.cover)
+    spread = point_spread(sensor.cover) if wide else solid_influence(sensor.cover, array, progress=progress)
     point = np.asarray(spread.texel_response(array, load="point"))
     uniform = np.asarray(spread.texel_response(array, load="uniform"))
     tell("kernel fit")
     fit = _fit(spread, array, point, uniform)
     tell("cover between cells")
     cells = _cells(sensor, spread)
-    tell("resolution and sensitivities")
+    radial = spread if isinstance(spread, PointSpread) else None
+    if radial is not None:
+        tell("resolution and sensitivities")
     return Derivation(
         sensor=sensor,
-        point_spread=spread,
+        influence=spread,
         texel_response=np.asarray(array.image(point), dtype=np.float64),
         texel_response_uniform=np.asarray(array.image(uniform), dtype=np.float64),
         outside=_outside(spread, array),
         fit=fit,
         parameters=Parameters(
             array=array,
-            spread=sensor.spread or fit.gaussian,
+            spread=sensor.spread or _spread(spread, array, fit),
             filter=sensor.filter,
             electronics=sensor.electronics,
             provenance=_provenance(sensor, fit),
             cells=cells,
-            tables={
-                "point_response_radius": np.asarray(spread.radius),
-                "point_response_pressure": np.asarray(spread.pressure_per_force),
+            tables={}
+            if radial is None
+            else {
+                "point_response_radius": np.asarray(radial.radius),
+                "point_response_pressure": np.asarray(radial.pressure_per_force),
             },
         ),
         error_estimate=spread.error_estimate,
-        resolution=two_point_separation(spread),
-        resolution_on_array=texel_separation(spread, array),
-        sensitivity=_sensitivity(sensor, spread),
+        resolution=None if radial is None else two_point_separation(radial),
+        resolution_on_array=None if radial is None else texel_separation(radial, array),
+        sensitivity={} if radial is None else _sensitivity(sensor, radial),
         seconds=time.perf_counter() - started,
     )
 
@@ -159,6 +174,7 @@ def describe_cover(cover: Cover) -> dict[str, Any]:
     return {
         "assumed": cover.assumed,
         "base": cover.base,
+        "size_m": cover.size,
         "thickness_m": cover.thickness,
         "layers": [
             {
@@ -175,42 +191,64 @@ def describe_cover(cover: Cover) -> dict[str, Any]:
     }
 
 
-def _outside(spread: PointSpread, array: TexelArray) -> tuple[float, float]:
+def _spread(influence: PointSpread | SolidInfluence, array: TexelArray, fit: Fit) -> Spread:
+    """The kernel of a wide cover; with free side edges what force spread evenly over each texel puts on all of them."""
+    from fem_reference.point_spread import PointSpread
+
+    if isinstance(influence, PointSpread):
+        return fit.gaussian
+    columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
+    return Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")
+
+
+def _outside(spread: PointSpread | SolidInfluence, array: TexelArray) -> tuple[float, float]:
     """Force beyond the array under a unit point load on the middle texel and under uniform pressure there [-].
 
-    Integrated over the radius, apart from the texels, so that the balance of the two is a check.
+    Of a wide cover integrated over the radius, apart from the texels, so that the balance of the two is a check.
     """
+    from fem_reference.point_spread import PointSpread
+
     centre = array.centres[array.middle, :2]
     nodes, weights = np.polynomial.legendre.leggauss(2)
     x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
     places = centre + np.column_stack([x.ravel(), y.ravel()])
-    uniform = np.outer(weights, weights).ravel() / 4 @ spread.outside(array, places, angles=40)
-    return float(spread.outside(array, centre, angles=90)[0]), float(uniform)
+    if isinstance(spread, PointSpread):
+        point, even = spread.outside(array, centre, angles=90), spread.outside(array, places, angles=40)
+    else:
+        point, even = spread.outside(array, centre), spread.outside(array, places)
+    uniform = np.outer(weights, weights).ravel() / 4 @ even
+    return float(point[0]), float(uniform)
 
 
-def _cells(sensor: SensorDescription, spread: PointSpread) -> CoverCells | None:
-    """The cover between cells, where it is wide, the array even, and no other spread asked for."""
+def _cells(sensor: SensorDescription, spread: PointSpread | SolidInfluence) -> CoverCells | None:
+    """The cover between cells, where the array is even and no other spread asked for."""
     from fastmodel.errors import FastModelError
     from fastmodel.plate import require_grid
-    from validation.cover_cells import cover_cells
+    from fem_reference.point_spread import PointSpread
+    from validation.cover_cells import cells_with_sides, cover_cells
 
     try:
         require_grid(sensor.array)
     except FastModelError:
         return None
-    if sensor.spread is not None or sensor.cover.size is not None:
+    if sensor.spread is not None:
         return None
-    return cover_cells(sensor.cover, sensor.array, spread)
+    if isinstance(spread, PointSpread):
+        return cover_cells(sensor.cover, sensor.array, spread)
+    return cells_with_sides(sensor.cover, sensor.array, spread)
 
 
-def _fit(spread: PointSpread, array: TexelArray, point: FloatArray | None, uniform: FloatArray) -> Fit:
+def _fit(spread: PointSpread | SolidInfluence, array: TexelArray, point: FloatArray | None, uniform: FloatArray) -> Fit:
+    from fem_reference.point_spread import PointSpread
+
+    radial = spread if isinstance(spread, PointSpread) else None
     return fit_gaussian(
         array.image(uniform),
         (array.rows // 2, array.columns // 2),
         active=array.image(array.active),
         point_response=None if point is None else array.image(point),
-        radius=spread.radius,
-        pressure_per_force=spread.pressure_per_force,
+        radius=None if radial is None else radial.radius,
+        pressure_per_force=None if radial is None else radial.pressure_per_force,
         pitch=array.pitch,
     )
 

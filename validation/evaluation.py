@@ -15,6 +15,7 @@ import numpy as np
 from validation.campaign import CampaignResult, default_cases, run
 from validation.case import Case
 from validation.derive import Derivation, derive
+from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
@@ -98,6 +99,11 @@ def evaluate(
         RecordingError: If the recordings are damaged or of another array.
         ConvergenceError: If the reference did not converge.
     """
+    if sensor.cover.size is not None:
+        raise InputError(
+            f"{sensor.source}: cover.size: reports are made for laterally wide covers only; use derive and press, or "
+            "remove the key"
+        )
     clock = [time.perf_counter()]
     # Recordings come first: what is wrong with them shows before the long work.
     scores = _recordings(recordings, recorded or sensor, progress)
@@ -132,6 +138,8 @@ def verify(derivation: Derivation) -> dict[str, float]:
     from fem_reference.closed_form import point_response
 
     spread, array = derivation.point_spread, derivation.sensor.array
+    if spread is None:
+        raise ValueError("the exact layer solution is that of a laterally wide cover")
     radius = np.linspace(0, 6 * derivation.sensor.cover.thickness, 200)
     exact = point_response(derivation.sensor.cover, radius)
     profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()

@@ -13,6 +13,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from fastmodel.butterworth import Butterworth
 from fastmodel.electronics import WTS_0614_34, Electronics
 from fastmodel.spread import Gaussian
@@ -123,10 +125,12 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
         raise InputError(*(f"{source}: {line}" for line in describe(error))) from None
     _check_together(tables, source)
     name = tables.name or source.stem
+    array, cover = build_array(tables.array, name=name, source=source), _cover(tables)
+    _refuse_uncovered(array, cover, source)
     return SensorDescription(
         name=name,
-        array=build_array(tables.array, name=name, source=source),
-        cover=_cover(tables),
+        array=array,
+        cover=cover,
         electronics=_electronics(tables.electronics),
         filter=_filter(tables.filter),
         spread=_spread(tables.spread),
@@ -140,7 +144,22 @@ def _cover(tables: SensorTables) -> Cover:
         Layer(thickness=layer.thickness, material=layer.material)  # type: ignore[arg-type]
         for layer in tables.cover.layer
     )
-    return Cover(layers=layers, base=tables.cover.base)
+    return Cover(layers=layers, base=tables.cover.base, size=tables.cover.size)
+
+
+def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
+    """Refuse texels that stick out from under a cover of limited size, whose middle lies over the array's origin."""
+    if cover.size is None or not array.planar:
+        return
+    reach = np.abs(array.centres[array.active, :2]) + np.array(array.texel_size) / 2
+    out = np.flatnonzero((reach > np.array(cover.size) / 2 * (1 + 1e-9)).any(axis=1))
+    if len(out):
+        first = int(np.flatnonzero(array.active)[out[0]])
+        needed, given = (" x ".join(f"{1e3 * edge:.4g} mm" for edge in pair) for pair in (2 * reach.max(0), cover.size))
+        raise InputError(
+            f"{source}: cover.size: {given} leaves {len(out)} texels uncovered in part or whole, the first is number "
+            f"{first}; the middle of the cover lies over the array's origin and the texels take {needed}"
+        )
 
 
 def _check_together(tables: SensorTables, source: Path) -> None:
@@ -214,7 +233,8 @@ def _replaced_cover(cover: Cover, material: str | None, thickness: str | None) -
     if faults or chosen is None:
         raise InputError(*faults)
     assumed = cover.assumed and (material is None or thickness is None)
-    return Cover(layers=(Layer(thickness=height, material=chosen),), base=cover.base, assumed=assumed)
+    layers = (Layer(thickness=height, material=chosen),)
+    return dataclasses.replace(cover, layers=layers, assumed=assumed)
 
 
 def _named_material(name: str, faults: list[str]) -> Material | None:

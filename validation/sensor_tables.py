@@ -188,8 +188,8 @@ class CoverTable:
 
     layer: Annotated[list[LayerTable], Field(min_length=1)]
     base: Annotated[Literal["bonded", "sliding"], _choice("bonded", "sliding")] = "bonded"
-    size: Annotated[object, _later("covers of limited size are not yet supported, only laterally wide ones")] = None
-    free_edges: Annotated[object, _later("free edges are not yet supported, only laterally wide covers")] = None
+    size: Lengths | None = None
+    free_edges: Annotated[object, _later("a cover with a size has free side edges, one without is wide")] = None
 
 
 def _frictionless(value: object) -> float:

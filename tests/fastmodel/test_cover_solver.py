@@ -145,7 +145,7 @@ def test_modulus_is_that_of_the_patch():
 
 def test_cells_that_do_not_divide_the_pitch_are_refused():
     with pytest.raises(ShapeError, match="pitch"):
-        CELLS.check_pitch(TexelArray.grid(4, 4, 3.0e-3))
+        CELLS.check(TexelArray.grid(4, 4, 3.0e-3))
 
 
 def test_whatever_goes_wrong_inside_the_loads_stay_carried():

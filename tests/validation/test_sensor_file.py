@@ -116,8 +116,12 @@ friction = 0.3
         ('rate = "271 Hz"', 'rate = "271 Hz"\noutput_max = 5000', "does not fit 12 bits; accepted: 1..4095"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\nnoise = 3', "electronics.noise: 3 has no unit"),
-        ("[electronics]", "[cover]\nsize = ['30 mm', '30 mm']\n[electronics]", "cover.size: covers of limited size"),
-        ("[electronics]", "[cover]\nfree_edges = true\n[electronics]", "cover.free_edges: free edges are not yet"),
+        ("[electronics]", "[cover]\nsize = ['6.7 mm', '30 mm']\n[electronics]", "leaves 6 texels uncovered in part"),
+        ("[electronics]", "[cover]\nsize = ['30 mm', '5 mm']\n[electronics]", "the texels take 6.8 mm x 10.2 mm"),
+        ("[electronics]", "[cover]\nsize = '30'\n[electronics]", "cover.size: '30' has no unit"),
+        ("[electronics]", "[cover]\nsize = ['1 mm']\n[electronics]", "cover.size: must be one length or [x, y]"),
+        ("[electronics]", "[cover]\nsize = '0 mm'\n[electronics]", "cover.size: must be positive"),
+        ("[electronics]", "[cover]\nfree_edges = true\n[electronics]", "a cover with a size has free side edges"),
         (
             "[electronics]",
             "[spread]\nsigma_x=1.0\nsigma_y=1.0\nksize_x=4\nksize_y=3\n[electronics]",
@@ -131,6 +135,15 @@ def test_fault_says_what_is_wrong(sensor, old, new, expected):
     (only, *more) = faults(sensor(GOOD.replace(old, new)))
     assert expected in " ".join([only, *more])
     assert all("\n" not in fault for fault in (only, *more))
+
+
+def test_cover_of_limited_size_holds_its_texels_and_keeps_its_size_under_another_material(sensor):
+    path = sensor(GOOD.replace("[electronics]", "[cover]\nsize = ['6.8 mm', '10.2 mm']\n[electronics]"))
+    assert load(path).cover.size == pytest.approx((6.8e-3, 10.2e-3))
+    assert load(path, material="dragon-skin-30", thickness="1mm").cover.size == pytest.approx((6.8e-3, 10.2e-3))
+    masked = GOOD.replace("rows = 3", "rows = 3\nmask = ['10', '10', '10']\ntexel_size = '3 mm'")
+    with_mask = sensor(masked.replace("[electronics]", "[cover]\nsize = ['6.4 mm', '9.8 mm']\n[electronics]"))
+    assert load(with_mask).cover.size == pytest.approx((6.4e-3, 9.8e-3))
 
 
 def test_texels_anywhere_from_a_table(sensor, tmp_path):

@@ -30,6 +30,8 @@ def cover_text(cover: Cover) -> str:
         f"(E {layer.material.youngs_modulus / 1e6:.4g} MPa, nu {layer.material.poisson_ratio:.4g})"
         for layer in cover.layers
     )
+    if cover.size is not None:
+        layers += ", {:.4g} x {:.4g} mm, free side edges".format(*(1e3 * edge for edge in cover.size))
     return f"ASSUMED: {layers}" if cover.assumed else layers
 
 
@@ -47,10 +49,7 @@ def derivation_table(derivation: Derivation) -> Table:
         ("ksize x, y", f"{gaussian.ksize_x}, {gaussian.ksize_y} texels"),
         ("residual", f"{100 * fit.residual:.2f} % of the load on the wrong texel"),
         ("outside kernel", f"{100 * fit.outside_kernel:.2f} % of the load"),
-        ("resolution", f"{_length(derivation.resolution)} at the base"),
-        ("", f"{_length(derivation.resolution_on_array)} with these texels, worst alignment"),
-        ("sigma / thickness", f"{derivation.sensitivity['thickness'] * 1e-3:+.3f} pitches per mm"),
-        ("sigma / Poisson ratio", f"{derivation.sensitivity['poisson_ratio'] * 0.01:+.4f} pitches per 0.01"),
+        *_everywhere_alike(derivation),
         ("sigma / Young's modulus", _modulus_text(sensor.cover)),
         ("error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())),
         ("time", f"{derivation.seconds:.2f} s"),
@@ -62,6 +61,19 @@ def derivation_table(derivation: Derivation) -> Table:
 
 def _modulus_text(cover: Cover) -> str:
     return "none: it drops out" + ("" if len(cover.layers) == 1 else ", only the ratio of the layers' moduli counts")
+
+
+def _everywhere_alike(derivation: Derivation) -> tuple[tuple[str, str], ...]:
+    """What there is to say of a wide cover only."""
+    base, texels = derivation.resolution, derivation.resolution_on_array
+    if base is None or texels is None:
+        return (("side edges", "free: the spread differs from place to place; sigma is that of the middle texel"),)
+    return (
+        ("resolution", f"{_length(base)} at the base"),
+        ("", f"{_length(texels)} with these texels, worst alignment"),
+        ("sigma / thickness", f"{derivation.sensitivity['thickness'] * 1e-3:+.3f} pitches per mm"),
+        ("sigma / Poisson ratio", f"{derivation.sensitivity['poisson_ratio'] * 0.01:+.4f} pitches per 0.01"),
+    )
 
 
 def estimates_table(derivation: Derivation) -> Table:

@@ -5,11 +5,17 @@ from __future__ import annotations
 import json
 import logging
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from validation.derive import Derivation
 from validation.plain import plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from fem_reference.point_spread import PointSpread
 
 _LOG = logging.getLogger(__name__)
 
@@ -43,15 +49,13 @@ def _plot(derivation: Derivation, path: Path) -> None:
     """Radial profile beside the texel response; row 0 at the bottom."""
     from matplotlib.figure import Figure
 
-    spread, sensor = derivation.point_spread, derivation.sensor
+    sensor = derivation.sensor
     figure = Figure(figsize=(9, 4), layout="constrained")
     profile, image = figure.subplots(1, 2, width_ratios=(2, 1))
-    radius = np.linspace(0, 6 * sensor.cover.thickness, 300)
-    sigma = derivation.fit.gaussian.sigma_x * sensor.array.pitch[0]
-    gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
-    profile.plot(1e3 * radius, 1e-6 * spread.pressure(radius), label="finite elements, point load")
-    profile.plot(1e3 * radius, 1e-6 * gaussian, "--", label=f"fitted Gaussian ({derivation.fit.estimator})")
-    profile.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm²]")
+    if derivation.point_spread is None:
+        _plot_row(derivation, profile)
+    else:
+        _plot_radial(derivation, derivation.point_spread, profile)
     profile.legend(frameon=False)
     drawn = image.imshow(100 * derivation.texel_response_uniform, origin="lower", cmap="viridis")
     figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
@@ -59,3 +63,24 @@ def _plot(derivation: Derivation, path: Path) -> None:
     label = " (assumed cover)" if sensor.cover.assumed else ""
     figure.suptitle(f"{sensor.name}{label}")
     figure.savefig(path)
+
+
+def _plot_radial(derivation: Derivation, spread: PointSpread, axes: Axes) -> None:
+    """Base pressure under a point load, and the fitted Gaussian."""
+    radius = np.linspace(0, 6 * derivation.sensor.cover.thickness, 300)
+    sigma = derivation.fit.gaussian.sigma_x * derivation.sensor.array.pitch[0]
+    gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
+    axes.plot(1e3 * radius, 1e-6 * spread.pressure(radius), label="finite elements, point load")
+    axes.plot(1e3 * radius, 1e-6 * gaussian, "--", label=f"fitted Gaussian ({derivation.fit.estimator})")
+    axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm²]")
+
+
+def _plot_row(derivation: Derivation, axes: Axes) -> None:
+    """With free side edges no profile holds everywhere: the middle row, even loads on its middle and its last texel."""
+    array = derivation.sensor.array
+    row = array.middle - array.columns // 2 + np.arange(array.columns)
+    place = 1e3 * array.centres[row, 0]
+    for texel, name in ((array.middle, "middle"), (row[-1], "outermost")):
+        response = derivation.influence.texel_response(array, load="uniform", texel=int(texel))
+        axes.plot(place, 100 * response[row], "o-", label=f"even load on the {name} texel of the middle row")
+    axes.set(xlabel="texel's place along x [mm]", ylabel="force on the texel [% of the load]")

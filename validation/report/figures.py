@@ -18,6 +18,8 @@ def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
     from fem_reference.closed_form import point_response
 
     spread = derivation.point_spread
+    if spread is None:
+        raise ValueError("a cover with free side edges has no radial profile")
     radius = np.linspace(0, min(spread.reach, 6 * derivation.sensor.cover.thickness), 300)
     pitch = derivation.sensor.array.pitch
     sigma = derivation.fit.gaussian.sigma_x * pitch[0]
