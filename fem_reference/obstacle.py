@@ -1,17 +1,20 @@
 """A rigid indenter as a smooth obstacle over the cover: height, slope and curvature at any point.
 
 Sharp edges get a small fillet (a printed or machined edge has one, and a finite-strain solution under a perfectly sharp
-edge has no limit); the fillet's radius belongs to the result.  Where a surface turns steeper than `STEEPEST` it goes on
-as a plane, so that the height stays finite everywhere.
+edge has no limit); the fillet's radius belongs to the result.  Curved shapes without an axis are smoothed over the same
+length, see `relief`.  Where a surface turns steeper than `STEEPEST` it goes on as a plane, so that the height stays
+finite everywhere.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from fem_reference.relief import Relief
 from meshes import Box, Indenter
 from meshes.indenter import Flat
 
@@ -54,7 +57,7 @@ class Obstacle:
         """Height over the lowest point, any shape [m]."""
         if isinstance(self.indenter, Flat):
             return _rounded_edge(self._beyond_flat(self.indenter, x, y), self.fillet)
-        return self._extended(x, y)
+        return self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y)
 
     def at(self, x: FloatArray, y: FloatArray) -> Height:
         """Height with its derivatives, by central differences over a hundredth of the fillet.
@@ -87,16 +90,21 @@ class Obstacle:
             return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
         return np.asarray(np.maximum(self.fillet - shape.inside(x * self.unit, y * self.unit) / self.unit, 0.0))
 
+    @cached_property
+    def _relief(self) -> Relief:
+        return Relief(self.indenter, cell=self.fillet, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit)
+
     def _extended(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """A curved shape, continued outside its footprint by a steep cone."""
-        half = self._footprint
-        shrink = 1 / np.maximum(1.0, np.hypot(x / half[0], y / half[1]) / _RIM)
+        """A curved shape with an axis, continued outside its footprint by a steep cone."""
+        shrink = 1 / np.maximum(1.0, np.hypot(x, y) / self._footprint[0] / _RIM)
         beyond = np.hypot(x - x * shrink, y - y * shrink)
         return np.asarray(
             self.indenter.gap(x * shrink * self.unit, y * shrink * self.unit) / self.unit + STEEPEST * beyond
         )
 
 
+#: Height that a pressed cover never reaches, in units of its thickness [-].
+_HIGHEST = 2.0
 #: A ball is that steep at this fraction of its radius.
 _RIM = float(np.sin(np.arctan(STEEPEST)))
 

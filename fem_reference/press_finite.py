@@ -152,11 +152,11 @@ def sizes(indenter: Indenter) -> list[float]:
 
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
-    """How sharp edges were treated."""
-    if not is_flat(indenter):
-        return {}
+    """How sharp edges and facets were treated."""
     size = fillet(cover, indenter) * 1e3
-    return {"edge": f"sharp at small strain, rounded with {size:.3g} mm for what finite strain adds"}
+    if is_flat(indenter):
+        return {"edge": f"sharp at small strain, rounded with {size:.3g} mm for what finite strain adds"}
+    return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
 
 
 def base_error(cover: Cover) -> float:  # noqa: ARG001 -- one interface for both solvers
