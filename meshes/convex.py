@@ -23,6 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Depth of what hulls may fill wrongly, over the larger half width of the body; and hulls at most.
 TOLERANCE, MOST_HULLS = 5e-3, 64
+#: Corners of a hull at most; and the share of directions that point down in which outermost corners are looked for.
+MOST_CORNERS, _DOWN = 1000, 0.8
 #: Points along the longer side at which hull and body are compared.
 _POINTS = 97
 #: Heights at which distances along the cover are known.
@@ -36,13 +38,16 @@ _UPRIGHT = 1e-6
 def convex_hulls(body: TriangleMesh) -> list[FloatArray]:
     """Corners of convex hulls that make up the underside, shape (k, 3) each [m].
 
+    A hull of more than `MOST_CORNERS` is left with those that are outermost in as many directions, most of them
+    downwards: of a ball about a thousandth of its radius is lost between them.
+
     Raises:
         ModuleNotFoundError: If trimesh is not installed.
     """
     seen = _Seen.of(body)
     pieces = [(-whole.fault, 0, whole) for whole in [_Piece.of(body.lower, seen)] if whole is not None]
     if pieces[0][2].fault <= seen.tolerance:
-        return [np.unique(body.triangles.reshape(-1, 3), axis=0)]
+        return [_thinned(np.unique(body.triangles.reshape(-1, 3), axis=0))]
     made = 1
     done: list[_Piece] = []
     while pieces and len(pieces) + len(done) < MOST_HULLS:
@@ -54,7 +59,7 @@ def convex_hulls(body: TriangleMesh) -> list[FloatArray]:
         for half in halves:
             made += 1
             heapq.heappush(pieces, (-half.fault, made, half))
-    return [piece.hull for piece in (*done, *(piece for _, _, piece in pieces))]
+    return [_thinned(piece.hull) for piece in (*done, *(piece for _, _, piece in pieces))]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,6 +160,19 @@ class _Piece:
             if left is not None and right is not None and (score := np.hypot(left.fault, right.fault)) < least:
                 best, least = (left, right), score
         return best
+
+
+def _thinned(corners: FloatArray) -> FloatArray:
+    """The outermost corners in many directions, which lie along a spiral on the unit sphere."""
+    if len(corners) <= MOST_CORNERS:
+        return corners
+    share = np.arange(MOST_CORNERS) / (MOST_CORNERS - 1)
+    z = np.where(share < _DOWN, share / _DOWN - 1, (share - _DOWN) / (1 - _DOWN))
+    turn = np.arange(MOST_CORNERS) * np.pi * (3 - np.sqrt(5))
+    across = np.sqrt(1 - z**2)
+    directions = np.stack([across * np.cos(turn), across * np.sin(turn), z])
+    middle = corners.mean(axis=0)
+    return np.asarray(corners[np.unique(((corners - middle) @ directions).argmax(axis=0))])
 
 
 def _sliced(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> FloatArray:

@@ -272,3 +272,17 @@ def test_triangles_given_by_hand_are_checked(write_stl, change, message):
     triangles = read_stl(write_stl("pyramid")).triangles
     with pytest.raises(ValueError, match=message):
         TriangleMesh(triangles=change(triangles))
+
+
+def test_hulls_of_very_many_corners_are_thinned(write_stl, monkeypatch):
+    """The lowest corner stays, and elsewhere what is lost falls as their number."""
+    monkeypatch.setattr(convex, "MOST_CORNERS", 200)
+    (hull,) = read_stl(write_stl("sphere")).primitives()
+    corners = np.array(hull.vertices)
+    assert 150 < len(corners) <= 200
+    assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
+    directions = np.random.default_rng(0).normal(size=(500, 3)) * [1, 1, -1]
+    directions = directions[directions[:, 2] < 0]
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    reach = ((corners - [0, 0, 5e-3]) @ directions.T).max(axis=0)
+    assert 5e-3 - reach.min() < 0.02 * 5e-3
