@@ -1,8 +1,11 @@
 """Closed forms of linear layers and bonded disks: the verification that tests use and users can call.
 
+`pressed_shape` is not closed but converges on the exact compliance, for shapes that have no closed form.
+
 Nothing here shares code with the finite elements.
 """
 
+from fem_reference.closed_form.boundary import PressedCells, pressed_shape
 from fem_reference.closed_form.contact import LayerContact, hertz, punch, sphere
 from fem_reference.closed_form.disk import bonded_disk, gent_lindley
 from fem_reference.closed_form.layer import (
@@ -17,6 +20,7 @@ from fem_reference.closed_form.layer import (
 
 __all__ = [
     "LayerContact",
+    "PressedCells",
     "Transfer",
     "bonded_disk",
     "gent_lindley",
@@ -25,6 +29,7 @@ __all__ = [
     "one_layer_compliance",
     "point_response",
     "point_response_spline",
+    "pressed_shape",
     "punch",
     "sphere",
     "transfer",

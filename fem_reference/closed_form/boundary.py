@@ -1,0 +1,158 @@
+"""Rigid frictionless shapes on a wide cover by boundary elements on its exact compliance.
+
+For shapes that have no closed form, and without finite elements: constant pressure on rectangles that shrink toward the
+edge of the shape (its singular pressure is then met with few cells), the displacement taken at their centres, contact
+by an active set.  The half-space part of the compliance is integrated exactly (Love 1929; Johnson 1985, eq. 3.25), the
+rest, which is smooth, by four Gauss points.  Shapes mirror in x and in y; a quarter is solved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+from scipy.special import j0
+
+from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, point_response_spline, transfer
+from meshes import Cover, Indenter, TexelArray
+
+FloatArray = npt.NDArray[np.float64]
+
+_EXCHANGES = 60
+#: Points of the compliance's table per thickness of the thinnest layer, and Gauss points along a texel's edge.
+_TABLE, _POINTS = 16, 8
+_GAUSS = 0.5 / np.sqrt(3)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressedCells:
+    """A solved contact in the shape's frame.
+
+    Attributes:
+        cover: The cover.
+        depth: Approach from first touch [m].
+        x: Centres of the touching cells, shape (m,) [m].
+        y: Shape (m,) [m].
+        force: Force on each, shape (m,) [N].
+    """
+
+    cover: Cover
+    depth: float
+    x: FloatArray
+    y: FloatArray
+    force: FloatArray
+
+    @property
+    def total_force(self) -> float:
+        """Force on the shape [N]."""
+        return float(self.force.sum())
+
+    def texel_forces(self, array: TexelArray) -> FloatArray:
+        """Force on each texel, the shape standing at the array's origin, by the exact point response, (n,) [N]."""
+        half = np.array(array.texel_size) / 2
+        points, weights = np.polynomial.legendre.leggauss(_POINTS)
+        reach = float(np.hypot(*(np.abs(array.centres[:, :2]).max(axis=0) + half))) + float(
+            np.hypot(self.x, self.y).max()
+        )
+        response = point_response_spline(self.cover, reach)
+        out = np.empty(array.count)
+        for i, (cx, cy) in enumerate(array.centres[:, :2]):
+            x, y = cx + half[0] * points[:, None, None], cy + half[1] * points[:, None]
+            value = response(np.hypot(x - self.x, y - self.y)) @ self.force
+            out[i] = weights @ value @ weights * half[0] * half[1]
+        return np.where(array.active, out, 0.0)
+
+
+def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 24) -> PressedCells:
+    """Press a shape that mirrors in x and y into a laterally wide cover.
+
+    Args:
+        cover: Layers; linear elastic at zero load.
+        indenter: The shape.
+        depth: Approach from first touch [m].
+        cells: Cells along each side of the quarter [-].
+
+    Raises:
+        RuntimeError: If the contact does not settle.
+    """
+    half = np.array(indenter.footprint)
+    for _ in range(2):  # the second time on the area that touches
+        x, y = (_toward_edge(extent, cells) for extent in half)
+        centres = np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, indexing="ij")
+        sizes = np.meshgrid(np.diff(x), np.diff(y), indexing="ij")
+        u, v, wide, high = (each.ravel() for each in (*centres, *sizes))
+        pressure = _settled(_matrix(cover, u, v, wide, high), indenter.gap(u, v), depth)
+        hit = pressure > 0
+        touched = np.array([(u + wide / 2)[hit].max(), (v + high / 2)[hit].max()])
+        if (touched > 0.8 * half).all():
+            break
+        half = np.minimum(1.1 * touched, half)
+    force = (pressure * wide * high)[hit]
+    signs = [(a, b) for a in (1, -1) for b in (1, -1)]
+    return PressedCells(
+        cover=cover,
+        depth=depth,
+        x=np.concatenate([a * u[hit] for a, _ in signs]),
+        y=np.concatenate([b * v[hit] for _, b in signs]),
+        force=np.concatenate([force for _ in signs]),
+    )
+
+
+def _toward_edge(extent: float, cells: int) -> FloatArray:
+    """Nodes from the middle to the edge, as fine there as a root singularity wants [m]."""
+    return extent * np.sin(np.linspace(0, np.pi / 2, cells + 1))
+
+
+def _matrix(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high: FloatArray) -> FloatArray:
+    """Displacement at each centre per pressure on each cell and its three images, shape (m, m) [m/Pa]."""
+    top = cover.layers[-1].material
+    half_space = (1 - top.poisson_ratio) / (2 * np.pi * top.shear_modulus)
+    regular = _regular(cover, 2.1 * float(np.hypot(u.max(), v.max())))
+    out = np.zeros((len(u), len(u)))
+    for a in (1, -1):
+        for b in (1, -1):
+            dx, dy = u[:, None] - a * u, v[:, None] - b * v
+            out += half_space * _love(dx, dy, wide / 2, high / 2)
+            for s in (_GAUSS, -_GAUSS):
+                for t in (_GAUSS, -_GAUSS):
+                    out += regular(np.hypot(dx + s * wide, dy + t * high)) * (wide * high / 4)
+    return out
+
+
+def _regular(cover: Cover, reach: float) -> CubicSpline:
+    """What the finite thickness adds to the half space's compliance, over the distance [m/N]."""
+    k, weight = hankel_nodes(cover, reach)
+    excess = (transfer(cover, k).compliance - half_space_compliance(cover.layers[-1], k)) * k * weight / (2 * np.pi)
+    thinnest = min(layer.thickness for layer in cover.layers)
+    radius = np.linspace(0, reach, int(_TABLE * reach / thinnest) + 16)
+    table = np.concatenate([j0(np.outer(part, k)) @ excess for part in np.array_split(radius, len(radius) // 64 + 1)])
+    return CubicSpline(radius, table)
+
+
+def _love(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Integral of 1 / distance over rectangles of half sides a and b around the origin, at (x, y) [m]."""
+    out = np.zeros_like(x)
+    for s in (1, -1):
+        for t in (1, -1):
+            p, q = x + s * a, y + t * b
+            r = np.hypot(p, q)
+            out += s * t * (p * np.arctanh(q / r) + q * np.arctanh(p / r))
+    return out
+
+
+def _settled(matrix: FloatArray, gap: FloatArray, depth: float) -> FloatArray:
+    """Pressures that hold the surface on the shape where it touches and nowhere pull or overlap [Pa]."""
+    allowed = np.isfinite(gap)
+    wanted = np.where(allowed, depth - gap, 0.0)
+    touching = allowed & (wanted > 0)
+    for _ in range(_EXCHANGES):
+        pressure = np.zeros_like(gap)
+        pressure[touching] = np.linalg.solve(matrix[np.ix_(touching, touching)], wanted[touching])
+        pulled = touching & (pressure < 0)
+        pierced = allowed & ~touching & (matrix @ pressure < wanted * (1 - 1e-9))
+        if not (pulled | pierced).any():
+            return pressure
+        touching = touching ^ (pulled | pierced)
+    raise RuntimeError(f"the contact did not settle in {_EXCHANGES} exchanges on {len(gap)} cells")
