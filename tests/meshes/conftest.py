@@ -25,8 +25,14 @@ def _body(solid):
 
 
 def _two_balls():
-    ball = manifold3d.Manifold.sphere(3, 32)
+    ball = manifold3d.Manifold.sphere(3, 20)
     return _body(ball.translate([-2, 0, 0]) + ball.translate([2, 0.5, 0.3]))
+
+
+def _cup():
+    return _body(
+        manifold3d.Manifold.cylinder(5, 6, 6, 24) - manifold3d.Manifold.cylinder(5, 4, 4, 24).translate([0, 0, -2])
+    )
 
 
 #: Bodies in mm.
@@ -37,6 +43,7 @@ BODIES = {
     "nut": lambda: _extruded(*HEXAGONS),
     "h": lambda: _extruded(H_CORNERS),
     "two-balls": _two_balls,
+    "cup": _cup,
     "pyramid": lambda: trimesh.convex.convex_hull(
         np.array([[0, 0, 0], [5, 5, 4], [-5, 5, 4], [-5, -5, 4], [5, -5, 4.0]])
     ),

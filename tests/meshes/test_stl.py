@@ -94,6 +94,15 @@ def test_hulls_make_up_two_balls(write_stl):
     assert read.primitives() is read.primitives()
 
 
+def test_hulls_that_do_not_come_close_are_told(write_stl, monkeypatch, caplog):
+    monkeypatch.setattr(convex, "MOST_HULLS", 2)
+    assert len(read_stl(write_stl("cup")).primitives()) == 2
+    assert "2 hulls of the body from a file fill up to" in caplog.text
+    caplog.clear()
+    read_stl(write_stl("pyramid")).primitives()
+    assert not caplog.text
+
+
 def test_a_planted_convex_answer_is_seen(write_stl, monkeypatch):
     monkeypatch.setattr(convex, "TOLERANCE", 1.0)
     assert len(read_stl(write_stl("two-balls")).primitives()) == 1
