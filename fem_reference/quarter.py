@@ -97,7 +97,11 @@ def quarter_solid(cover: Cover, array: TexelArray, resolution: Resolution) -> Te
 
 
 def solid_of(
-    cover: Cover, edges: tuple[FloatArray, FloatArray, FloatArray], layer: IntArray, order: int = 2
+    cover: Cover,
+    edges: tuple[FloatArray, FloatArray, FloatArray],
+    layer: IntArray,
+    order: int = 2,
+    breaks: tuple[tuple[int, ...], tuple[int, ...]] = ((), ()),
 ) -> TensorSolid:
     """A tensor mesh of a cover's materials, lengths in thicknesses and moduli in those of the top layer.
 
@@ -106,6 +110,7 @@ def solid_of(
         edges: Element edges along x, y and z [thicknesses].
         layer: Which layer each element along z belongs to, shape (e,).
         order: Polynomial order of the displacement [-].
+        breaks: Elements along x and along y before which the pressure may jump.
     """
     stiff = cover.layers[-1].material.shear_modulus
     sideways = 1 if cover.base == "bonded" else 0
@@ -116,6 +121,7 @@ def solid_of(
         bulk_compliance=np.array([bulk_compliance(each.material) for each in cover.layers]) * stiff,
         order=order,
         first=(sideways, sideways, 1),
+        breaks=breaks,
     )
 
 

@@ -149,9 +149,16 @@ class SideEdges:
             np.unique(line.index[(line.edges[:-1] <= high) & (line.edges[1:] >= low)])
             for line, (low, high) in zip(lines, spans, strict=True)
         ]
+        # the pressure may jump at the sides, so that the meshes' energies differ by that of the surroundings alone
+        ends = (len(inner[0]) - 1,), (len(inner[1]) - 1,)
         cut, whole = (
-            _flexibility(solid_of(self.cover, (x, y, heights / unit), layer), chosen, self._parities, self.cover.base)
-            for x, y in (inner, outer)
+            _flexibility(
+                solid_of(self.cover, (x, y, heights / unit), layer, breaks=breaks),
+                chosen,
+                self._parities,
+                self.cover.base,
+            )
+            for (x, y), breaks in ((inner, ((), ())), (outer, ends))
         )
         return lines, chosen, [(a + a.T - b - b.T) / 2 for a, b in zip(cut, whole, strict=True)]
 

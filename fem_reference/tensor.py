@@ -116,6 +116,7 @@ class TensorSolid:
         bulk_compliance: 1 / K of each layer, 0 when incompressible [1/Pa].
         order: Polynomial order of the displacement, one more than the pressure's [-].
         first: First node along z that is free, for displacements along x, y and z [-].
+        breaks: Elements along x and along y before which the pressure may jump.
     """
 
     edges: tuple[FloatArray, FloatArray, FloatArray]
@@ -124,6 +125,7 @@ class TensorSolid:
     bulk_compliance: FloatArray
     order: int = 2
     first: tuple[int, int, int] = (0, 0, 0)
+    breaks: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
 
     @cached_property
     def lines(self) -> tuple[Line, Line, Line]:
@@ -134,7 +136,10 @@ class TensorSolid:
     @cached_property
     def pressure_lines(self) -> tuple[Line, Line, Line]:
         """Pressure functions; along z they jump where layers meet."""
-        x, y = (Line(edges=edges, order=self.order - 1) for edges in self.edges[:2])
+        x, y = (
+            Line(edges=edges, order=self.order - 1, jumps=jumps)
+            for edges, jumps in zip(self.edges[:2], self.breaks, strict=True)
+        )
         jumps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(self.layer)))
         return x, y, Line(edges=self.edges[2], order=self.order - 1, jumps=jumps)
 
