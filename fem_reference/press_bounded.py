@@ -1,0 +1,282 @@
+"""Finite-strain pressing of covers of limited size, in three dimensions.
+
+No two places on such a cover are alike, so the mesh lies in the array's frame, ends at the free side faces, and every
+pose is solved.  Where shape and pose mirror in the cover's own middle planes, a half or a quarter is enough.  The
+grids are coarse beside those of small strain, so each is taken as a correction of the converged small-strain answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference import press_finite, press_linear, store
+from fem_reference.contact import is_flat
+from fem_reference.level import CorrectedLevel, ExtrapolatedLevel, Level
+from fem_reference.obstacle import Height, Obstacle
+from fem_reference.pose import Place, Pose
+from fem_reference.press_solid import Block, follow_block
+from fem_reference.side_edges import mirrored
+from fem_reference.tensor import Line, line_matrix
+from fem_reference.units import Units
+from meshes import Cover, Indenter, TexelArray
+from meshes.indenter import Flat
+
+FloatArray = npt.NDArray[np.float64]
+
+GRIDS = press_finite.SOLID_GRIDS
+#: Factor on heights and targets that leaves no strain to speak of [-].
+_REST = 1e-3
+#: Growth of elements away from contact and sides.
+_GROWTH = 0.4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoundedLevel:
+    """One grid's answer for one pose.
+
+    Attributes:
+        total_force: Force on the indenter [N].
+        depth: Approach from first touch [m].
+        area: Reference area that touches [m2].
+        pose: Where the indenter stands.
+        x: Nodes of the base along x in the array's frame, side to side, shape (m,) [m].
+        y: Nodes along y, shape (n,) [m].
+        pressure: Base pressure at the nodes, which integrates to the reactions exactly, shape (m, n) [Pa].
+        half: Half widths of the indenter [m].
+    """
+
+    total_force: float
+    depth: float
+    area: float
+    pose: Pose
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+    half: tuple[float, float]
+
+    @property
+    def surface(self) -> FloatArray:
+        """The base pressure's nodes under the shape, as a stand-in for where it touches, shape (m, 3)."""
+        x, y = self.pose.local(*np.meshgrid(self.x, self.y, indexing="ij"))
+        weight = np.outer(np.gradient(self.x), np.gradient(self.y)) * np.maximum(self.pressure, 0)
+        under = (np.abs(x) <= self.half[0]) & (np.abs(y) <= self.half[1])
+        return np.column_stack([x[under], y[under], weight[under] * self.total_force / weight[under].sum()])
+
+    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:  # noqa: ARG002
+        """Integrate the base pressure over each texel; the pose is the one that was solved."""
+        shares = []
+        for axis, nodes in enumerate((self.x, self.y)):
+            line = Line(edges=nodes[::2], order=2)
+            centres, half = array.centres[:, axis], array.texel_size[axis] / 2
+            values, place = np.unique(centres, return_inverse=True)
+            shares.append(np.array([line.integral(c - half, c + half) for c in values])[place])
+        force = np.einsum("na,nb,ab->n", *shares, self.pressure, optimize=True)
+        return np.where(array.active, force, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosedObstacle:
+    """An obstacle that stands and is turned somewhere else than at the origin.
+
+    Attributes:
+        obstacle: The obstacle in its own frame.
+        pose: Where it stands, in the obstacle's unit of length.
+    """
+
+    obstacle: Obstacle
+    pose: Pose
+
+    def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Height over the lowest point, any shape."""
+        return self.obstacle.height(*self.pose.local(x, y))
+
+    def at(self, x: FloatArray, y: FloatArray) -> Height:
+        """Height with its derivatives along the array's axes."""
+        found = self.obstacle.at(*self.pose.local(x, y))
+        c, s = self.pose.direction
+        turn = np.array([[c, -s], [s, c]])
+        return Height(
+            value=found.value,
+            slope=found.slope @ turn.T,
+            curvature=np.einsum("ik,...kl,jl->...ij", turn, found.curvature, turn),
+        )
+
+
+def levels(
+    cover: Cover,
+    indenter: Indenter,
+    targets: Sequence[float],
+    control: Literal["load", "depth"],
+    progress: Callable[[str], None] | None,
+    *,
+    place: Place,
+) -> list[list[Level]]:
+    """The path on three grids, from the store where it is known; a list of grids for every target.
+
+    Raises:
+        ValueError: If the cover could slide away on its base.
+    """
+    if cover.base == "sliding" and not all(mirrored(indenter, place.pose)):
+        raise ValueError(
+            "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
+            "its middle planes; press its middle, bond its base, or take linear-elastic layers"
+        )
+    deep, rest = (
+        _path(cover, indenter, targets, control, progress, place=place, steepness=steepness)
+        for steepness in (1.0, _REST)
+    )
+    out: list[list[Level]] = []
+    for target, *grids in zip(targets, rest, deep, strict=True):
+        linear = press_linear.levels(cover, indenter, [target], control, progress, place=place)[0]
+        exact: Level = linear[-1]
+        if is_flat(indenter):
+            exact = ExtrapolatedLevel(levels=linear, sizes=press_linear.sizes(indenter))
+        pairs = zip(*grids, strict=True)
+        out.append([CorrectedLevel(exact=exact, rest=a, deep=b, control=control) for a, b in pairs])
+    return out
+
+
+def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for all solvers
+    """Element sizes of the three grids, relative to the thickness [-]."""
+    return [1 / n for n in GRIDS]
+
+
+def least_order(indenter: Indenter) -> float:  # noqa: ARG001 -- one interface for all solvers
+    """Smallest order of convergence believed: every answer is a correction, as in `press_finite` [-]."""
+    return 2.0
+
+
+def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
+    """How sharp edges and facets were treated."""
+    return press_finite.assumptions(cover, indenter)
+
+
+def _path(
+    cover: Cover,
+    indenter: Indenter,
+    targets: Sequence[float],
+    control: Literal["load", "depth"],
+    progress: Callable[[str], None] | None,
+    *,
+    place: Place,
+    steepness: float,
+) -> list[list[Level]]:
+    path = [steepness * target for target in targets]
+
+    def compute() -> dict[str, Any]:
+        surface = press_linear.levels(cover, indenter, [targets[-1]], control, progress, place=place)[0][0].surface
+        out: dict[str, Any] = {}
+        coarse = None
+        for n in GRIDS:
+            block = _block(cover, indenter, place.pose, surface, elements=n, steepness=steepness)
+            states, coarse = follow_block(
+                cover,
+                block,
+                path,
+                control=control,
+                elements_per_thickness=n,
+                steepness=steepness,
+                coarse=coarse,
+                progress=None if progress is None else _with_grid(progress, n),
+            )
+            for i, state in enumerate(states):
+                x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
+                out |= {f"x_{n}_{i}": x, f"y_{n}_{i}": y, f"pressure_{n}_{i}": pressure}
+                out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area])
+        return out
+
+    inputs = {
+        "cover": cover,
+        "indenter": indenter,
+        "targets": path,
+        "control": control,
+        "steepness": steepness,
+        "grids": GRIDS,
+        "pose": place.pose,
+    }
+    data = store.fetch("bounded-press", inputs, compute)
+    return [[_level(data, indenter, place.pose, n, i) for n in GRIDS] for i in range(len(path))]
+
+
+def _with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
+    return lambda text: progress(f"{n} elements through the cover: {text}")
+
+
+def _level(data: dict[str, Any], indenter: Indenter, pose: Pose, n: int, i: int) -> Level:
+    load, depth, area = (float(value) for value in data[f"scalars_{n}_{i}"])
+    return BoundedLevel(
+        total_force=load,
+        depth=depth,
+        area=area,
+        pose=pose,
+        x=data[f"x_{n}_{i}"],
+        y=data[f"y_{n}_{i}"],
+        pressure=data[f"pressure_{n}_{i}"],
+        half=indenter.footprint,
+    )
+
+
+def _block(
+    cover: Cover, indenter: Indenter, pose: Pose, surface: FloatArray, *, elements: int, steepness: float
+) -> Block:
+    """The whole cover, or the half or quarter that is enough; fine around the small-strain contact."""
+    unit = Units.of(cover).length
+    flat = isinstance(indenter, Flat)
+    points = surface[:, :2]
+    if flat:
+        signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+        points = signs * np.array(indenter.footprint)
+    placed = np.stack(pose.placed(*points.T)) / unit
+    ends = np.array(cover.size) / 2 / unit
+    low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
+    # an edge that runs across the mesh cannot be followed by it: its rounding spans a whole element
+    fillet = press_finite.fillet(cover, indenter) / unit * (1 if pose.square or not flat else 2)
+    size = min(1.0, float((high - low).min())) / elements
+    fine = 2.4 * fillet / elements if flat and pose.square else 0.5 * size
+    even = mirrored(indenter, pose)
+    sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=even[axis]) for axis in (0, 1)]
+    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=steepness)
+    posed = PosedObstacle(obstacle=obstacle, pose=replace(pose, at=(pose.at[0] / unit, pose.at[1] / unit)))
+    return Block(sides=sides, mirrored=even, size=size, obstacle=posed, free=True)
+
+
+def _side(span: tuple[float, float], end: float, steps: tuple[float, float], *, mirror: bool) -> FloatArray:
+    """Nodes from side to side, or from the middle: fine at the contact's ends, `coarse` in it and at the sides."""
+    fine, coarse = steps
+    low, high = span
+    marks = [value for value in (low, high) if abs(value) < end * (1 - 1e-9)]
+    edges = [0.0 if mirror else -end, *(m for m in marks if not mirror or m > 0), end]
+    x = np.unique(np.concatenate([np.linspace(a, b, 801) for a, b in pairwise(edges)]))
+    near = np.min([np.abs(x - mark) for mark in marks], axis=0) if marks else np.full_like(x, np.inf)
+    inside = np.maximum(np.maximum(low - x, x - high), 0)
+    most = np.minimum(1.2 * coarse + _GROWTH * inside, 1.5 * coarse + _GROWTH * np.minimum(end - x, end + x))
+    density = 1 / np.minimum(fine + _GROWTH * near, most)
+    out = [np.array(edges[:1])]
+    for a, b in pairwise(edges):
+        part = (x >= a) & (x <= b)
+        count = np.concatenate([[0.0], np.cumsum((density[part][1:] + density[part][:-1]) / 2 * np.diff(x[part]))])
+        number = max(1, round(count[-1]))
+        out.append(np.interp(np.arange(1, number) * count[-1] / number, count, x[part]))
+        out.append(np.array([b]))
+    return np.concatenate(out)
+
+
+def _base_pressure(
+    lines: Sequence[FloatArray], forces: FloatArray, even: tuple[bool, bool]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The continuous pressure whose consistent nodal forces the reactions are, mirrored halves included."""
+    value, nodes = forces, list(lines)
+    for axis in (0, 1):
+        line = Line(edges=nodes[axis][::2], order=2)
+        mass = line_matrix(line, line, (0, 0), np.ones(len(line.edges) - 1)).toarray()
+        value = np.moveaxis(np.linalg.solve(mass, np.moveaxis(value, axis, 0)), 0, axis)
+        if even[axis]:
+            nodes[axis] = np.concatenate([-nodes[axis][:0:-1], nodes[axis]])
+            value = np.concatenate([np.flip(value, axis), np.delete(value, 0, axis)], axis)
+    return nodes[0], nodes[1], value
