@@ -120,7 +120,7 @@ def test_mirror_planes_are_found():
     assert mirrors(Sphere(radius=2e-3)) == (True, True)
 
 
-def path_problem(nu=0.45, count=4):
+def path_problem(nu=0.45, count=4, penalty=PENALTY):
     cover = rubber(nu)
     units = Units.of(cover)
     mesh, _ = tensor_mesh(units.thin(cover), count, graded(1 / count, 1.5, 8.0, 1.3))
@@ -128,7 +128,7 @@ def path_problem(nu=0.45, count=4):
     obstacle = Obstacle(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
     return Problem(
         solid=Solid.of_cover(elements, cover, units),
-        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY * count),
+        contact=SurfaceContact(elements, 1.0, obstacle, penalty=penalty * count),
         fixed=held(units.thin(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
         units=units,
     )
@@ -149,6 +149,43 @@ def test_contact_keeps_the_balance_and_leaves_little_overlap():
     vertical = reached.reaction[1 : problem.solid.elements.displacements : 2]
     assert vertical[base].sum() == pytest.approx(reached.load, rel=2e-3)
     assert reached.touch.overlap < 1e-3 * reached.depth
+
+
+@pytest.mark.parametrize("nu", [0.45, 0.5])
+def test_stored_energy_is_the_work_of_the_load(nu):
+    """Without friction nothing is lost: the load is the derivative of the energy by the depth, all along the path."""
+    problem = path_problem(nu)
+    depths = np.array([0.015, 0.04, 0.08, 0.12, 0.16, 0.195, 0.2, 0.205])
+    path = problem.follow(list(depths), control="depth", first=0.02)
+    energy = np.array([problem.solid.energy(reached.state) for reached in path])
+    load = np.array([reached.load for reached in path])
+    assert (energy[-1] - energy[-3]) / (depths[-1] - depths[-3]) == pytest.approx(load[-2], rel=3e-3)
+    # the load grows like depth^1.5 at first: the polynomial is in the root of the depth
+    root = np.sqrt(depths)
+    fit = np.polynomial.Polynomial.fit(np.append(0, root), np.append(0, load), 4).convert()
+    work = (fit * np.polynomial.Polynomial([0, 2])).integ()
+    assert work(root[-1]) - work(0) == pytest.approx(energy[-1], rel=5e-3)
+
+
+def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
+    """The two checks above see it: work is lost in the surfaces' overlap."""
+    reached = path_problem(penalty=PENALTY / 1e4).follow([0.2], control="depth", first=0.02)[0]
+    assert reached.touch.overlap > 1e-2 * reached.depth
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.45, 0.5])
+def test_estimates_cover_the_change_to_much_finer_grids(wts, nu, monkeypatch):
+    usual = press(rubber(nu), wts, Sphere(radius=4e-3), depth=0.6e-3)
+    monkeypatch.setattr("fem_reference.press_finite.GRIDS", (12, 18, 27))
+    fine = press(rubber(nu), wts, Sphere(radius=4e-3), depth=0.6e-3)
+    peak = int(np.argmax(fine.texel_forces))
+    true = {
+        "total_force": abs(usual.total_force / fine.total_force - 1),
+        "peak_texel": abs(usual.texel_forces[peak] / fine.texel_forces[peak] - 1),
+    }
+    for name, error in true.items():
+        assert error <= usual.error_estimate[name]
 
 
 @pytest.mark.slow
