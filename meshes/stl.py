@@ -17,6 +17,8 @@ IntArray = npt.NDArray[np.int64]
 MOST_TRIANGLES = 200_000
 #: Bytes of a file at most: a triangle in ASCII takes about 250.
 _MOST_BYTES = 400 * MOST_TRIANGLES
+#: Length of a body at least and at most: beyond, the unit is wrong [m].
+SIZES = (2e-5, 1.0)
 #: Height over a flat face from which on a body is taken never to touch: half of a cover of 10 mm [m].
 OUT_OF_REACH = 5e-3
 #: Height that counts as none, over the size of the body: STL holds seven digits [-].
@@ -36,7 +38,8 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
 
     Raises:
         ValueError: With one line that says what is wrong with the file: it cannot be read, is no STL file, has too many
-            triangles, or its surface is open, has triangles that face different ways, or holds no volume.
+            triangles or an unlikely size, or its surface is open, has triangles that face different ways, or holds no
+            volume.
         ModuleNotFoundError: If trimesh is not installed.
     """
     source = Path(path)
@@ -46,6 +49,11 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
     _check_closed(source.name, faces)
     corners = points[faces] * unit
     size = float(np.ptp(corners, axis=(0, 1)).max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise ValueError(
+            f"{source.name} would be {1e3 * size:.3g} mm long, no size for an indenter "
+            f"({1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm); give the unit of the file, for example unit=mm or unit=inch"
+        )
     volume = float(np.einsum("ni,ni->", corners[:, 0] - corners[0, 0], np.cross(*_edges(corners))) / 6)
     if abs(volume) <= _NOTHING**2 * size**3:
         raise ValueError(f"{source.name} holds no volume: it is a sheet, not a body; export a solid")

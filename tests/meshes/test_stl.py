@@ -145,6 +145,12 @@ def test_unit_and_axis(write_stl):
         read_stl(path, unit=0.0)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_a_wrong_unit_is_told(write_stl, unit):
+    with pytest.raises(ValueError, match=r"sphere.stl would be .* mm long, no size for an indenter .* unit=mm"):
+        read_stl(write_stl("sphere"), unit=unit)
+
+
 def test_only_a_face_out_of_reach_of_the_rest_is_flat(tmp_path):
     for height, kind in ((4.0, TriangleMesh), (6.0, Prism)):
         foot = trimesh.creation.box((4, 4, height), transform=trimesh.transformations.translation_matrix([0, 0, -1]))
