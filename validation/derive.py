@@ -209,15 +209,14 @@ def _outside(spread: PointSpread | SolidInfluence, array: TexelArray) -> tuple[f
     from fem_reference.point_spread import PointSpread
 
     centre = array.centres[array.middle, :2]
-    nodes, weights = np.polynomial.legendre.leggauss(2)
+    nodes, weights = np.polynomial.legendre.leggauss(2 if isinstance(spread, PointSpread) else 12)
     x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
     places = centre + np.column_stack([x.ravel(), y.ravel()])
     if isinstance(spread, PointSpread):
         point, even = spread.outside(array, centre, angles=90), spread.outside(array, places, angles=40)
     else:
         point, even = spread.outside(array, centre), spread.outside(array, places)
-    uniform = np.outer(weights, weights).ravel() / 4 @ even
-    return float(point[0]), float(uniform)
+    return float(point[0]), float(np.outer(weights, weights).ravel() / 4 @ even)
 
 
 def _cells(sensor: SensorDescription, spread: PointSpread | SolidInfluence) -> CoverCells | None:
