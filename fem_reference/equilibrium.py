@@ -35,6 +35,8 @@ _SMALLEST = 1 / 256
 _TIGHT, _LOOSE = 1e-6, 1e-3
 #: Iterations of each step in which the obstacle's curvature is left out of the tangent.
 _STRAIGHT = 2
+#: Steps of a path with friction, whose slip depends on the way, and iterations of each, whose tangent is not exact.
+_FRICTION_STEPS, _FRICTION_ITERATIONS = 16, 60
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
 _AUGMENTATIONS = 4
@@ -177,6 +179,7 @@ class Problem:
                 state, depth = _predicted(before, here, aim, control)
                 load = aim if control == "load" else None
                 before, here = here, self._newton(state, depth, load, used, tight=_LOOSE)
+                self.contact.settle(here.touch)
             except _FAILURES as error:
                 step = abs(aim - done) / 2
                 before = None
@@ -185,7 +188,9 @@ class Problem:
                     message = f"no convergence beyond {self._where(here)}: {error}"
                     raise PathError(message, here) from error
                 continue
-            step *= 1.8 if here.iterations - used < _EASY else 1.0
+            step *= 1.8 if here.iterations - used < _EASY or self.contact.friction else 1.0
+            if self.contact.friction:
+                step = min(step, abs(target) / _FRICTION_STEPS)
             if progress is not None:
                 progress(self._where(here))
         return here
@@ -195,9 +200,12 @@ class Problem:
         rest = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         for halving in range(8):
             try:
-                return self._newton(rest, depth / 2**halving, None, 0, tight=_LOOSE)
+                here = self._newton(rest, depth / 2**halving, None, 0, tight=_LOOSE)
             except _FAILURES as error:
                 _LOG.info("first step halved: %s", error)
+                continue
+            self.contact.settle(here.touch)
+            return here
         raise PathError(f"no convergence even at a depth of {depth / 128 * self.units.length:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
@@ -207,6 +215,7 @@ class Problem:
             load = here.load if control == "load" else None
             try:
                 here = self._newton(here.state, here.depth, load, here.iterations, tight=_TIGHT)
+                self.contact.settle(here.touch)
             except _FAILURES as error:
                 _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
                 break
@@ -219,7 +228,8 @@ class Problem:
         """Solve at a depth, or, where a load is given, for the depth as well."""
         state = state.copy()
         system = None
-        for iteration in range(_ITERATIONS):
+        most = _FRICTION_ITERATIONS if self.contact.friction else _ITERATIONS
+        for iteration in range(most):
             internal, stiffness = self.solid.linearise(state)
             touch = self.contact.at(state, depth, curved=iteration >= _STRAIGHT)
             if iteration and self._balanced(internal + touch.force, touch, load, tight):
@@ -243,7 +253,7 @@ class Problem:
             change = (load - touch.total - lift @ at_rest) / (touch.stiffness + lift @ per_depth)
             state += at_rest + change * per_depth
             depth += float(change)
-        raise ConvergenceError(f"Newton's method did not converge in {_ITERATIONS} iterations")
+        raise ConvergenceError(f"Newton's method did not converge in {most} iterations")
 
     def _balanced(self, residual: FloatArray, touch: Touch, load: float | None, tight: float) -> bool:
         """Whether forces, volumes and the load are met."""

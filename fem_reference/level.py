@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -78,46 +78,65 @@ class ExtrapolatedLevel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CorrectedLevel:
-    """A converged small-strain answer plus what finite strain changes on one grid.
+    """A converged frictionless small-strain answer plus what finite strain or friction changes on one grid.
 
-    A sharp edge is singular: three-dimensional grids round it and approach its limit slowly.  The small-strain limit of
-    the same grid makes the same mistake, so the difference between the two carries the finite strain alone and is added
-    to the small-strain answer, which is known to four digits (a control variate).
+    Three-dimensional grids are coarse, round sharp edges and approach their limit slowly.  The small-strain solution on
+    the same grid, under the same rounded shape, makes the same mistake, so the difference between the two carries the
+    change alone and is added to the small-strain answer, which is known to four digits (a control variate).
 
     Attributes:
-        exact: The converged small-strain answer at any load.
-        rest: This grid at a small load.
-        deep: This grid at the target.
+        exact: The converged frictionless small-strain answer for the target.
+        rest: This grid's frictionless small-strain answer for the target over `share`.
+        deep: This grid's answer for the target over `share`, with finite strain, friction or both.
+        control: Which of load and depth the target is.
+        share: The change is taken where it stands out of what a grid resolves, at the target over `share`; what finite
+            strain changes is of first order in it, so this share of it belongs to the target [-].
+        touched: Small-strain grid that tells the contact area where this one cannot, under flat faces.
     """
 
     exact: Level
     rest: Level
     deep: Level
+    control: Literal["load", "depth"]
+    share: float = 1.0
+    touched: Level | None = None
 
     @property
     def total_force(self) -> float:
         """Force on the indenter [N]."""
-        return self.deep.total_force
+        if self.control == "load":
+            return self.share * self.deep.total_force
+        return self.depth * self.exact.total_force / self.exact.depth * self._changed(lambda x: x.total_force / x.depth)
 
     @property
     def depth(self) -> float:
         """Approach from first touch [m]."""
-        exact, rest, deep = (level.depth / level.total_force for level in (self.exact, self.rest, self.deep))
-        return (exact + deep - rest) * self.deep.total_force
+        if self.control == "depth":
+            return self.share * self.deep.depth
+        return (
+            self.total_force
+            * self.exact.depth
+            / self.exact.total_force
+            * self._changed(lambda x: x.depth / x.total_force)
+        )
 
     @property
     def area(self) -> float:
         """Contact area [m2]."""
-        return self.exact.area * self.deep.area / self.rest.area
+        return self.touched.area if self.touched is not None else self.exact.area * self._changed(lambda x: x.area)
 
     @property
     def surface(self) -> FloatArray:
         """Touching points at the target, shape (m, 3)."""
-        return self.deep.surface
+        return self.deep.surface * [1, 1, self.total_force / self.deep.total_force]
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
         """Force on each texel for a pose, shape (n,) [N]."""
         exact, rest, deep = (
             level.texel_forces(array, at, yaw) / level.total_force for level in (self.exact, self.rest, self.deep)
         )
-        return np.asarray((exact + deep - rest) * self.deep.total_force)
+        return np.asarray((exact + self.share * (deep - rest)) * self.total_force)
+
+    def _changed(self, quantity: Callable[[Level], float]) -> float:
+        """Factor on a quantity [-]."""
+        return 1 + self.share * (quantity(self.deep) / quantity(self.rest) - 1)

@@ -47,17 +47,20 @@ class Obstacle:
         indenter: The shape.
         fillet: Radius of the rounding of sharp edges, in `unit`.
         unit: Length that positions and heights are counted in [m].
+        steepness: Factor on all heights.  Small-strain contact is homogeneous: a thousandth of the heights under a
+            thousandth of the load gives the small-strain solution for the whole of both, divided by a thousand [-].
     """
 
     indenter: Indenter
     fillet: float
     unit: float = 1.0
+    steepness: float = 1.0
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape [m]."""
         if isinstance(self.indenter, Flat):
-            return _rounded_edge(self._beyond_flat(self.indenter, x, y), self.fillet)
-        return self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y)
+            return self.steepness * _rounded_edge(self._beyond_flat(self.indenter, x, y), self.fillet)
+        return self.steepness * (self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y))
 
     def at(self, x: FloatArray, y: FloatArray) -> Height:
         """Height with its derivatives, by central differences over a hundredth of the fillet.

@@ -9,12 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference import press_finite, press_linear
+from fem_reference import press_bounded, press_finite, press_linear
 from fem_reference.contact import is_flat
 from fem_reference.error import extrapolated, grid_convergence
 from fem_reference.level import Level
@@ -65,9 +66,10 @@ def press(
     depth: float | None = None,
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
+    friction: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> Indentation:
-    """Press a guided, frictionless, rigid indenter into a cover.
+    """Press a guided, rigid indenter into a cover.
 
     On a laterally wide cover the contact does not depend on where the indenter stands or how it is turned, so poses
     share one stored solution.  On a cover of limited size every pose is solved; an indenter may hang over the side
@@ -81,6 +83,8 @@ def press(
         depth: Approach from first touch [m].  Exactly one of the two.
         at: Where the indenter's axis stands in the array's frame [m].
         yaw: Turn about that axis [rad].
+        friction: Coefficient of Coulomb's law between indenter and cover, inf for no slip.  Slip depends on the way, so
+            such a path is walked in small steps: it takes longer [-].
         progress: Called with a line of text before each solve.
 
     Raises:
@@ -96,6 +100,7 @@ def press(
         depths=None if depth is None else [depth],
         at=at,
         yaw=yaw,
+        friction=friction,
         progress=progress,
     )[0]
 
@@ -109,6 +114,7 @@ def press_path(
     depths: Sequence[float] | None = None,
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
+    friction: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
     """`press` at several ascending loads or depths that share one loading path.
@@ -121,6 +127,7 @@ def press_path(
         depths: Approaches, ascending [m].  Exactly one of the two.
         at: As for `press` [m].
         yaw: As for `press` [rad].
+        friction: As for `press` [-].
         progress: As for `press`.
 
     Raises:
@@ -130,21 +137,23 @@ def press_path(
     targets, control = _targets(cover, loads, depths)
     place = Place(array=array, pose=Pose(at=at, yaw=yaw))
     _refuse_beside(cover, place.pose)
+    _check_friction(cover, friction)
     started = time.perf_counter()
-    linear = all(layer.material.small_strain_only for layer in cover.layers)
-    if not linear and cover.size is not None:
-        raise ValueError("finite strain on a cover of limited size is not supported; take linear-elastic layers")
-    solver = press_linear if linear else press_finite
+    small = all(layer.material.small_strain_only for layer in cover.layers)
+    linear = small and not friction
+    solver = press_linear if linear else press_finite if cover.size is None else press_bounded
     found: Sequence[Sequence[Level]]
     if linear:
         found = press_linear.levels(cover, indenter, targets, control, progress, place=place)
+    elif cover.size is not None:
+        found = press_bounded.levels(cover, indenter, targets, control, progress, place=place)
     else:
-        found = press_finite.levels(cover, indenter, targets, control, progress)
+        found = press_finite.levels(cover, indenter, targets, control, progress, friction=friction)
     sharp = linear and is_flat(indenter)
     seconds = (time.perf_counter() - started) / len(targets)
     assumptions = {
-        "strain": "small" if linear else "finite",
-        "friction": "frictionless",
+        "strain": "small" if small else "finite",
+        "friction": _friction(friction),
         "base": cover.base,
         **_sides(cover),
         **solver.assumptions(cover, indenter),
@@ -154,7 +163,7 @@ def press_path(
     for levels in found:
         _refuse_piercing(cover, levels[-1].depth)
         share = levels[-1].depth / cover.thickness
-        if linear and share > _SMALL_STRAIN:
+        if small and share > _SMALL_STRAIN:
             assumptions["range"] = f"indented to {share:.0%} of the thickness: more than small strain is meant for"
         out.append(
             _indentation(
@@ -163,6 +172,7 @@ def press_path(
                 array=array,
                 pose=place.pose,
                 sharp=sharp,
+                least=solver.least_order(indenter),
                 assumptions=dict(assumptions),
                 seconds=seconds,
                 solver_error=base_error,
@@ -178,6 +188,7 @@ def _indentation(
     array: TexelArray,
     pose: Pose,
     sharp: bool,
+    least: float,
     assumptions: dict[str, str],
     seconds: float,
     solver_error: float,
@@ -188,6 +199,7 @@ def _indentation(
     forces = np.array([_value(each, sizes, sharp=sharp) for each in zip(*every, strict=True)])
     peak = int(np.argmax(np.abs(forces)))
     total = _value([level.total_force for level in levels], sizes, sharp=sharp)
+    estimate = partial(_uncertainty, sizes=sizes, sharp=sharp, least=least)
     return Indentation(
         texel_forces=forces,
         outside=total - float(forces.sum()),
@@ -196,9 +208,9 @@ def _indentation(
         contact_area=levels[-1].area,
         contact=_placed(levels[-1].surface, pose),
         error_estimate={
-            "total_force": _uncertainty([each.total_force / each.depth for each in levels], sizes, sharp=sharp),
-            "peak_texel": _uncertainty([float(each[peak]) for each in every], sizes, sharp=sharp) + solver_error,
-            "contact_area": _uncertainty([each.area for each in levels], sizes, sharp=sharp),
+            "total_force": estimate([each.total_force / each.depth for each in levels]),
+            "peak_texel": estimate([float(each[peak]) for each in every]) + solver_error,
+            "contact_area": estimate([each.area for each in levels]),
         },
         assumptions=assumptions,
         seconds=seconds + time.perf_counter() - started,
@@ -223,6 +235,20 @@ def _targets(
     if values != sorted(values):
         raise ValueError(f"{name}s of one path must ascend, not {values}")
     return values, name
+
+
+def _check_friction(cover: Cover, friction: float) -> None:
+    if not friction >= 0:
+        raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
+    if friction and cover.size is not None:
+        raise ValueError("friction is not supported on a cover of limited size; leave out one of the two")
+
+
+def _friction(coefficient: float) -> str:
+    """What a result says of friction."""
+    if coefficient == 0:
+        return "frictionless"
+    return f"Coulomb, coefficient {coefficient:g}" if np.isfinite(coefficient) else "no slip"
 
 
 def _refuse_piercing(cover: Cover, depth: float) -> None:
@@ -268,11 +294,11 @@ def _value(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> f
     return extrapolated(values, sizes)
 
 
-def _uncertainty(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> float:
+def _uncertainty(values: Sequence[float], sizes: Sequence[float], *, sharp: bool, least: float) -> float:
     """Estimated error of `_value`, relative: what extrapolating a grid earlier would change, or the usual index."""
     answer = _value(values, sizes, sharp=sharp)
     if answer == 0:
         return 0.0
     if sharp:
         return _SAFETY * abs(answer - extrapolated(values[:2], sizes[:2])) / abs(answer)
-    return grid_convergence(values, sizes) / abs(answer)
+    return grid_convergence(values, sizes, least=least) / abs(answer)

@@ -57,6 +57,8 @@ def press_axisymmetric(
     contact_radius: float,
     fillet: float,
     reach: float,
+    steepness: float = 1.0,
+    friction: float = 0.0,
     coarse: Coarse | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[PressedState], Coarse]:
@@ -71,6 +73,8 @@ def press_axisymmetric(
         contact_radius: Estimated radius of the largest contact; the mesh is fine up to it [m].
         fillet: Radius of the rounding of sharp edges [m].
         reach: Radius of the outer boundary [m].
+        steepness: Factor on the indenter's heights, see `Obstacle` [-].
+        friction: Coefficient of Coulomb's law, inf for no slip; such a path is walked in small steps [-].
         coarse: The same path on a coarser mesh, to start from.
         progress: Called with a line of text after each step.
 
@@ -88,16 +92,16 @@ def press_axisymmetric(
         radii = graded(size, 1.25 * radius, reach, growth)
     mesh, region = tensor_mesh(thin, elements_per_thickness, radii)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
-    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length)
+    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length, steepness=steepness)
     problem = Problem(
         solid=Solid.of_cover(elements, cover, units),
-        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size),
+        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, friction=friction),
         fixed=held(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
     )
     aims = [units.target(value, control) for value in targets]
-    guesses = () if coarse is None else coarse.guesses(elements)
-    path = problem.follow(aims, control=control, first=0.02, guesses=guesses, progress=progress)
+    guesses = () if coarse is None or friction else coarse.guesses(elements)
+    path = problem.follow(aims, control=control, first=0.02 * steepness, guesses=guesses, progress=progress)
     states = [_state(elements, units, obstacle, reached) for reached in path]
     return states, Coarse(elements=elements, path=path)
 

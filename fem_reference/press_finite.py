@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -102,53 +103,114 @@ class PlaneLevel:
 _POINTS = 16
 
 
+@dataclass(frozen=True, kw_only=True)
+class LoadingPath:
+    """One path of loads or depths.
+
+    Attributes:
+        cover: The cover; a small-strain material counts as neo-Hookean with the same moduli.
+        indenter: The shape.
+        targets: Loads [N] or depths [m], ascending.
+        control: Which of the two.
+        friction: Coefficient of Coulomb's law, inf for no slip [-].
+        steepness: Factor on targets and on the indenter's heights; far below one there is no strain to speak of and the
+            answer, divided by it again, is that of small strain [-].
+    """
+
+    cover: Cover
+    indenter: Indenter
+    targets: tuple[float, ...]
+    control: Literal["load", "depth"]
+    friction: float = 0.0
+    steepness: float = 1.0
+
+    @property
+    def scaled(self) -> list[float]:
+        """What the solver is asked for [N] or [m]."""
+        return [self.steepness * target for target in self.targets]
+
+
 def levels(
     cover: Cover,
     indenter: Indenter,
     targets: Sequence[float],
     control: Literal["load", "depth"],
     progress: Callable[[str], None] | None,
+    *,
+    friction: float = 0.0,
 ) -> list[list[Level]]:
     """The path on three grids, from the store where it is known; a list of grids for every target.
 
-    Flat faces are answered as corrections of the converged small-strain solution, see `CorrectedLevel`.
+    Shapes with sharp edges or without an axis are answered as corrections of the converged frictionless small-strain
+    solution, see `CorrectedLevel`.
     """
-    sharp = is_flat(indenter)
-    path = [_REST * targets[0], *targets] if sharp else list(targets)
-    grids = GRIDS if indenter.axisymmetric else SOLID_GRIDS
-    inputs = {
-        "cover": cover,
-        "indenter": indenter,
-        "targets": path,
-        "control": control,
-        "grids": grids,
-        "fillet": fillet(cover, indenter),
-    }
-    compute = _around_axis if indenter.axisymmetric else _in_space
-    data = store.fetch("finite-press", inputs, lambda: compute(cover, indenter, path, control, progress))
-    found: list[list[Level]] = []
-    for i in range(len(path)):
-        if indenter.axisymmetric:
-            found.append([_radial(data, cover, n, i) for n in grids])
+    known = [press_linear.levels(cover, indenter, [target], control, progress)[0] for target in targets]
+    wanted = list(targets)
+    if is_flat(indenter) and not friction:
+        wanted = _resolved(targets, [grids[-1].depth / (_SHALLOW * cover.thickness) for grids in known])
+    stops = sorted(set(wanted))
+    whole = LoadingPath(cover=cover, indenter=indenter, targets=tuple(stops), control=control, friction=friction)
+    linear = all(layer.material.small_strain_only for layer in cover.layers)
+    deep = _on_grids(replace(whole, steepness=REST) if linear else whole, progress)
+    if not _corrected(indenter):
+        return deep
+    rest = _on_grids(replace(whole, friction=0.0, steepness=REST), progress)
+    out: list[list[Level]] = []
+    for target, stop, grids in zip(targets, wanted, known, strict=True):
+        at = stops.index(stop)
+        corrected = partial(CorrectedLevel, control=control, share=target / stop)
+        if is_flat(indenter):
+            exact = ExtrapolatedLevel(levels=grids, sizes=press_linear.sizes(indenter))
+            pairs = zip(rest[at], deep[at], grids, strict=True)
+            out.append([corrected(exact=exact, rest=a, deep=b, touched=c) for a, b, c in pairs])
         else:
-            found.append([_plane(data, indenter, n, i) for n in grids])
-    if not sharp:
-        return found
-    linear = press_linear.levels(cover, indenter, [targets[0]], control, progress)[0]
-    exact = ExtrapolatedLevel(levels=linear, sizes=press_linear.sizes(indenter))
-    return [
-        [CorrectedLevel(exact=exact, rest=rest, deep=deep) for rest, deep in zip(found[0], each, strict=True)]
-        for each in found[1:]
-    ]
+            out.append([corrected(exact=grids[-1], rest=a, deep=b) for a, b in zip(rest[at], deep[at], strict=True)])
+    return out
 
 
-#: Share of the first target that counts as no strain.
-_REST = 0.05
+def _resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float]:
+    """Targets raised to where a rounded edge's contact is as wide as an element.
+
+    Args:
+        targets: Loads or depths, ascending.
+        relative: Small-strain depth of each over that least depth [-].
+    """
+    least = targets[0] / relative[0]
+    shared = next((target for target in targets if least <= target <= 2 * least), least)
+    return [target if target >= least else shared for target in targets]
+
+
+#: Depth over thickness from which finite strain is told from the noise of a grid under a flat face [-].
+_SHALLOW = 0.04
+#: Factor on heights and targets that leaves no strain to speak of [-].
+REST = 1e-3
+
+
+def _on_grids(path: LoadingPath, progress: Callable[[str], None] | None) -> list[list[Level]]:
+    around = path.indenter.axisymmetric
+    grids = GRIDS if around else SOLID_GRIDS
+    inputs = {"path": path, "grids": grids, "fillet": fillet(path.cover, path.indenter)}
+    solve, read = (_around_axis, _radial) if around else (_in_space, _plane)
+    data = store.fetch("finite-press", inputs, lambda: solve(path, progress))
+    return [[read(data, path, n, i) for n in grids] for i in range(len(path.targets))]
 
 
 def sizes(indenter: Indenter) -> list[float]:
     """Element sizes of the three grids, relative to the thickness [-]."""
     return [1 / n for n in (GRIDS if indenter.axisymmetric else SOLID_GRIDS)]
+
+
+def least_order(indenter: Indenter) -> float:
+    """Smallest order of convergence believed of what `levels` gives [-].
+
+    Corrections of the small-strain answer are free of what a sharp edge's singularity does to a grid; of them the order
+    of smooth solutions is expected.
+    """
+    return 2.0 if _corrected(indenter) else 1.0
+
+
+def _corrected(indenter: Indenter) -> bool:
+    return is_flat(indenter) or not indenter.axisymmetric
 
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
@@ -166,64 +228,57 @@ def base_error(cover: Cover) -> float:  # noqa: ARG001 -- one interface for both
 
 def fillet(cover: Cover, indenter: Indenter) -> float:
     """Radius of the rounding of sharp edges, as small as the mesh around it can resolve [m]."""
-    return min(cover.thickness, *indenter.footprint) / (20 if indenter.axisymmetric else 10)
+    return min(cover.thickness, *indenter.footprint) / (20 if indenter.axisymmetric else 5)
 
 
-def _around_axis(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
-    control: Literal["load", "depth"],
-    progress: Callable[[str], None] | None,
-) -> dict[str, Any]:
-    radius = _contact_radius(cover, indenter, targets[-1], control)
+def _around_axis(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[str, Any]:
+    cover, indenter = path.cover, path.indenter
+    radius = _contact_radius(cover, indenter, path.targets[-1], path.control)
     reach = 12 * decay_length(cover) + 1.5 * radius
     out: dict[str, Any] = {}
     coarse = None
     for n in GRIDS:
-        say = None if progress is None else _with_grid(progress, n)
-        path, coarse = press_axisymmetric(
+        states, coarse = press_axisymmetric(
             cover,
             indenter,
-            targets,
-            control=control,
+            path.scaled,
+            control=path.control,
             elements_per_thickness=n,
             contact_radius=radius,
             fillet=fillet(cover, indenter),
             reach=reach,
+            steepness=path.steepness,
+            friction=path.friction,
             coarse=coarse,
-            progress=say,
+            progress=None if progress is None else with_grid(progress, n),
         )
-        for i, state in enumerate(path):
+        for i, state in enumerate(states):
             for name, values in closed(state.base, reach).items():
                 out[f"{name}_{n}_{i}"] = values
             out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
     return out
 
 
-def _in_space(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
-    control: Literal["load", "depth"],
-    progress: Callable[[str], None] | None,
-) -> dict[str, Any]:
+def _in_space(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[str, Any]:
+    cover, indenter = path.cover, path.indenter
     out: dict[str, Any] = {}
     coarse = None
     for n in SOLID_GRIDS:
-        path, coarse = press_solid(
+        states, coarse = press_solid(
             cover,
             indenter,
-            targets,
-            control=control,
+            path.scaled,
+            control=path.control,
             elements_per_thickness=n,
-            contact_half=_contact_half(cover, indenter, targets[-1], control),
+            contact_half=_contact_half(cover, indenter, path.targets[-1], path.control),
             fillet=fillet(cover, indenter),
             reach=7 * decay_length(cover),
+            steepness=path.steepness,
+            friction=path.friction,
             coarse=coarse,
-            progress=None if progress is None else _with_grid(progress, n),
+            progress=None if progress is None else with_grid(progress, n),
         )
-        for i, state in enumerate(path):
+        for i, state in enumerate(states):
             out |= {f"x_{n}_{i}": state.x, f"y_{n}_{i}": state.y, f"pressure_{n}_{i}": state.pressure}
             out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
     return out
@@ -239,7 +294,8 @@ def _contact_half(
     return (float(np.abs(surface[:, 0]).max()), float(np.abs(surface[:, 1]).max()))
 
 
-def _with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
+def with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
+    """`progress` with the grid named first."""
     return lambda text: progress(f"{n} elements through the cover: {text}")
 
 
@@ -251,25 +307,25 @@ def _contact_radius(cover: Cover, indenter: Indenter, target: float, control: Li
     return float(np.hypot(surface[:, 0], surface[:, 1]).max())
 
 
-def _radial(data: dict[str, Any], cover: Cover, n: int, i: int) -> RadialLevel:
+def _radial(data: dict[str, Any], path: LoadingPath, n: int, i: int) -> Level:
     load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
     spread = PointSpread(
         radius=data[f"radius_{n}_{i}"],
         pressure_per_force=data[f"pressure_{n}_{i}"] / load,
         reaction=float(data[f"reaction_{n}_{i}"]) / load,
-        thickness=cover.thickness,
+        thickness=path.cover.thickness,
     )
-    return RadialLevel(total_force=load, depth=depth, area=area, spread=spread)
+    return RadialLevel(total_force=load / path.steepness, depth=depth / path.steepness, area=area, spread=spread)
 
 
-def _plane(data: dict[str, Any], indenter: Indenter, n: int, i: int) -> PlaneLevel:
+def _plane(data: dict[str, Any], path: LoadingPath, n: int, i: int) -> Level:
     load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
     return PlaneLevel(
-        total_force=load,
-        depth=depth,
+        total_force=load / path.steepness,
+        depth=depth / path.steepness,
         area=area,
-        half=indenter.footprint,
+        half=path.indenter.footprint,
         x=data[f"x_{n}_{i}"],
         y=data[f"y_{n}_{i}"],
-        pressure=data[f"pressure_{n}_{i}"],
+        pressure=data[f"pressure_{n}_{i}"] / path.steepness,
     )

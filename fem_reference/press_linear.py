@@ -94,6 +94,11 @@ def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface f
     return [1 / cells for cells in CELLS]
 
 
+def least_order(indenter: Indenter) -> float:  # noqa: ARG001 -- one interface for both solvers
+    """Smallest order of convergence believed of the three grids [-]."""
+    return 1.0
+
+
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:  # noqa: ARG001 -- one interface for both solvers
     """Nothing beyond what every result states."""
     return {}

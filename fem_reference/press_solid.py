@@ -1,7 +1,7 @@
 """Finite-strain pressing of any shape, in three dimensions.
 
-The cover is wide and alike everywhere, so the mesh lies in the indenter's frame, and poses need no new solve.  A shape
-that mirrors in x or in y is solved on the half or the quarter that is enough, without being asked.
+A wide cover is alike everywhere, so its mesh lies in the indenter's frame, and poses need no new solve.  A shape that
+mirrors in x or in y is solved on the half or the quarter that is enough, without being asked.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fem_reference.equilibrium import Equilibrium, Problem
 from fem_reference.finite_strain import Solid
 from fem_reference.obstacle import Obstacle
 from fem_reference.press_axisymmetric import PENALTY
-from fem_reference.surface_contact import SurfaceContact
+from fem_reference.surface_contact import Rigid, SurfaceContact
 from fem_reference.transfer import Coarse
 from fem_reference.units import Units
 from meshes import Cover, Indenter
@@ -42,6 +42,8 @@ class SolidState:
         y: Positions along y, shape (n,) [m].
         pressure: Base pressure, shape (m, n) [Pa].
         reaction: Sum of the base reactions, of the whole [N].
+        lines: Positions of the meshed base's nodes along x and along y [m].
+        forces: Base reactions on them, a value for each pair [N].
     """
 
     depth: float
@@ -52,6 +54,27 @@ class SolidState:
     y: FloatArray
     pressure: FloatArray
     reaction: float
+    lines: tuple[FloatArray, FloatArray]
+    forces: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """The part of a cover that is meshed, lengths in thicknesses.
+
+    Attributes:
+        sides: Nodes along x and along y, ascending.
+        mirrored: Whether the planes x = 0 and y = 0 are planes of symmetry, from which `sides` start.
+        size: Size of the elements under the contact.
+        obstacle: What comes down on it.
+        free: Whether the side faces are free; else nothing moves there.
+    """
+
+    sides: list[FloatArray]
+    mirrored: tuple[bool, bool]
+    size: float
+    obstacle: Rigid
+    free: bool = False
 
 
 def mirrors(indenter: Indenter) -> tuple[bool, bool]:
@@ -73,6 +96,8 @@ def press_solid(
     contact_half: tuple[float, float],
     fillet: float,
     reach: float,
+    steepness: float = 1.0,
+    friction: float = 0.0,
     coarse: Coarse | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[SolidState], Coarse]:
@@ -87,6 +112,8 @@ def press_solid(
         contact_half: Half widths of the largest contact; the mesh is fine up to them [m].
         fillet: Radius of the rounding of sharp edges [m].
         reach: Distance from the contact to the outer boundary [m].
+        steepness: Factor on the indenter's heights, see `Obstacle` [-].
+        friction: Coefficient of Coulomb's law, inf for no slip; such a path is walked in small steps [-].
         coarse: The same path on a coarser mesh, to start from.
         progress: Called with a line of text after each step.
 
@@ -94,29 +121,77 @@ def press_solid(
         PathError: If the path stops early.
     """
     mirrored = mirrors(indenter)
-    units = Units.of(cover)
-    thin = units.thin(cover)
-    fillet, reach, *halves = (value / units.length for value in (fillet, reach, *contact_half))
+    unit = Units.of(cover).length
+    fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
     size = min(1.0, 2 * min(halves)) / elements_per_thickness
     fine = 2.4 * fillet / elements_per_thickness if isinstance(indenter, Flat) else 0.5 * size
-    sides = [_side(half, (fine, size), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)]
+    block = Block(
+        sides=[_side(half, (fine, size), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)],
+        mirrored=mirrored,
+        size=size,
+        obstacle=Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=steepness),
+    )
+    return follow_block(
+        cover,
+        block,
+        targets,
+        control=control,
+        elements_per_thickness=elements_per_thickness,
+        steepness=steepness,
+        friction=friction,
+        coarse=coarse,
+        progress=progress,
+    )
+
+
+def follow_block(
+    cover: Cover,
+    block: Block,
+    targets: Sequence[float],
+    *,
+    control: str,
+    elements_per_thickness: int,
+    steepness: float = 1.0,
+    friction: float = 0.0,
+    coarse: Coarse | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[list[SolidState], Coarse]:
+    """`press_solid` on a block that is laid out already.
+
+    Args:
+        cover: As for `press_solid`.
+        block: What is meshed.
+        targets: As for `press_solid`.
+        control: As for `press_solid`.
+        elements_per_thickness: As for `press_solid` [-].
+        steepness: As for `press_solid` [-].
+        friction: As for `press_solid` [-].
+        coarse: As for `press_solid`.
+        progress: As for `press_solid`.
+
+    Raises:
+        PathError: As for `press_solid`.
+    """
+    units = Units.of(cover)
+    thin = units.thin(cover)
     counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in thin.layers]
     heights = layer_heights(thin, counts)
-    mesh = skfem.MeshHex.init_tensor(*sides, heights)
+    mesh = skfem.MeshHex.init_tensor(*block.sides, heights)
     row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
     elements = mixed_elements(mesh, region=np.repeat(np.arange(len(counts)), counts)[row])
-    multiple = float((1 + mirrored[0]) * (1 + mirrored[1]))
-    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length)
+    multiple = float((1 + block.mirrored[0]) * (1 + block.mirrored[1]))
     problem = Problem(
         solid=Solid.of_cover(elements, cover, units),
-        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, multiple=multiple),
-        fixed=_held(thin, elements, sides, mirrored),
+        contact=SurfaceContact(
+            elements, 1.0, block.obstacle, penalty=PENALTY / block.size, multiple=multiple, friction=friction
+        ),
+        fixed=_held(thin, elements, block),
         units=units,
     )
     aims = [units.target(value, control) for value in targets]
-    guesses = () if coarse is None else coarse.guesses(elements)
-    path = problem.follow(aims, control=control, first=0.02, guesses=guesses, progress=progress)
-    states = [_state(elements, units, reached, mirrored, multiple) for reached in path]
+    guesses = () if coarse is None or friction else coarse.guesses(elements)
+    path = problem.follow(aims, control=control, first=0.02 * steepness, guesses=guesses, progress=progress)
+    states = [_state(elements, units, reached, block.mirrored, multiple) for reached in path]
     return states, Coarse(elements=elements, path=path)
 
 
@@ -137,20 +212,20 @@ def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool
     return positive if mirror else np.concatenate([-positive[:0:-1], positive])
 
 
-def _held(
-    cover: Cover, elements: MixedElements, sides: list[FloatArray], mirrored: tuple[bool, bool]
-) -> npt.NDArray[np.int64]:
-    """The base, the outer boundary, and the planes of symmetry along their normals."""
+def _held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np.int64]:
+    """The base, the outer boundary unless it is free, and the planes of symmetry along their normals."""
     x, y, z = elements.nodes.T
     tolerance = 1e-9
     base = z < tolerance
     outer = np.zeros_like(base)
-    for place, side, mirror in zip((x, y), sides, mirrored, strict=True):
+    for place, side, mirror in zip((x, y), block.sides, block.mirrored, strict=True):
+        if block.free:
+            continue
         outer |= place > side[-1] - tolerance
         if not mirror:
             outer |= place < side[0] + tolerance
     across = outer | (base if cover.base == "bonded" else np.zeros_like(base))
-    planes = [(np.abs(place) < tolerance) & mirror for place, mirror in zip((x, y), mirrored, strict=True)]
+    planes = [(np.abs(place) < tolerance) & mirror for place, mirror in zip((x, y), block.mirrored, strict=True)]
     components = [across | planes[0], across | planes[1], base | outer]
     return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
 
@@ -177,6 +252,8 @@ def _state(
         y=points[1] * units.length,
         pressure=pressure * units.stress,
         reaction=float(forces.sum()) * multiple * units.force,
+        lines=(lines[0] * units.length, lines[1] * units.length),
+        forces=forces * units.force,
     )
 
 

@@ -1,14 +1,20 @@
-"""Frictionless contact of a deforming top surface with a rigid obstacle, at the quadrature points of its facets.
+"""Contact of a deforming top surface with a rigid obstacle, at the quadrature points of its facets.
 
 Energy: penalty / 2 times the squared overlap of each point with the obstacle's height, per reference area.  Force and
 tangent are its exact derivatives, so Newton's method keeps its order, and the force points along the obstacle's normal.
 The penalty is moderate, so that steps may be long; the overlap it leaves is taken away by augmentation (Simo and
 Laursen 1992) and what remains is reported.
+
+Friction: a point in touch is tied to where it touched by a tangential spring, whose traction is returned to Coulomb's
+cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).  What a traction at the cone owes to a change of
+the pressure is left out of the tangent, which so stays symmetric; Newton's method is linear in those points.  Slip
+counts from the last settled state: steps must be small where the contact grows.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +22,17 @@ import scipy.sparse as sp
 import skfem
 
 from fem_reference.elements import MixedElements
-from fem_reference.obstacle import Obstacle
+from fem_reference.obstacle import Height
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+
+class Rigid(Protocol):
+    """What comes down on the top: an `Obstacle`, or one that stands elsewhere."""
+
+    def at(self, x: FloatArray, y: FloatArray) -> Height:
+        """Height over its lowest point with its derivatives, at points in the mesh's frame."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +48,8 @@ class Touch:
         area: Reference area that touches [m2].
         overlap: Mean distance between touching surface and obstacle, weighted by pressure [m].
         pressure: Contact pressure at the points, per reference area [Pa].
+        traction: Frictional traction on the points, per reference area, shape (..., d); None without friction [Pa].
+        place: Where the points are over the indenter, shape (..., d) [m].
     """
 
     force: FloatArray
@@ -45,6 +60,8 @@ class Touch:
     area: float
     overlap: float
     pressure: FloatArray
+    traction: FloatArray | None
+    place: FloatArray
 
 
 class SurfaceContact:
@@ -56,10 +73,18 @@ class SurfaceContact:
         obstacle: What comes down on it.
         penalty: Pressure per overlap [Pa/m].
         multiple: Whole force over the force on the modelled part (4 for a quarter) [-].
+        friction: Coefficient of Coulomb's law, inf for no slip [-].
     """
 
     def __init__(
-        self, elements: MixedElements, top: float, obstacle: Obstacle, *, penalty: float, multiple: float = 1.0
+        self,
+        elements: MixedElements,
+        top: float,
+        obstacle: Rigid,
+        *,
+        penalty: float,
+        multiple: float = 1.0,
+        friction: float = 0.0,
     ) -> None:
         mesh, self._d = elements.basis.mesh, elements.dimension
         facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < 1e-9 * top, boundaries_only=True)
@@ -73,6 +98,9 @@ class SurfaceContact:
         self._weight = basis.dx * (2 * np.pi * place[0] if self._d == 2 else 1.0)  # noqa: PLR2004
         self._top, self._obstacle, self._penalty, self.multiple = top, obstacle, penalty, multiple
         self._multiplier = np.zeros_like(self._weight)
+        self.friction = friction
+        self._settled_place = self._place
+        self._settled_traction = np.zeros_like(self._place)
         self._unknowns = (self._d * self._nodes[:, :, None] + np.arange(self._d)).reshape(len(self._nodes), -1)
 
     def at(self, state: FloatArray, depth: float, *, curved: bool = True) -> Touch:
@@ -96,16 +124,57 @@ class SurfaceContact:
         curve = active[..., None, None] * normal[..., :, None] * normal[..., None, :]
         if curved:
             curve[..., : d - 1, : d - 1] -= pressure[..., None, None] * height.curvature[..., : d - 1, : d - 1]
+        force = pressure[..., None] * normal
+        per_depth = active[..., None] * normal
+        place = moved + depth * np.eye(d)[-1]
+        traction = None
+        if self.friction:
+            traction, along = self._drag(place, normal, pressure / self._weight)
+            force = force + traction * self._weight[..., None]
+            along *= self._weight[..., None, None]
+            curve, per_depth = curve + along, per_depth + along[..., -1]
         return Touch(
-            force=self._scatter(pressure[..., None] * normal, len(state)),
+            force=self._scatter(force, len(state)),
             tangent=self._matrix(curve, len(state)),
-            depth_force=self._scatter(active[..., None] * normal, len(state)),
-            total=float(pressure.sum()) * self.multiple,
-            stiffness=float(active.sum()) * self.multiple,
+            depth_force=self._scatter(per_depth, len(state)),
+            total=float(force[..., -1].sum()) * self.multiple,
+            stiffness=float(per_depth[..., -1].sum()) * self.multiple,
             area=float(self._weight[touching].sum()) * self.multiple,
             overlap=float((pressure * np.abs(overlap)).sum() / max(pressure.sum(), 1e-300)),
             pressure=pressure / self._weight,
+            traction=traction,
+            place=place,
         )
+
+    def _drag(self, place: FloatArray, normal: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Frictional traction that holds the points back, and its derivative by their place.
+
+        Args:
+            place: Points over the indenter, shape (f, q, d) [m].
+            normal: The pressure's direction, of vertical part one, shape (f, q, d) [-].
+            pressure: Per reference area, along `normal`, shape (f, q) [Pa].
+        """
+        length = np.linalg.norm(normal, axis=-1)
+        unit = normal / length[..., None]
+        plane = np.eye(self._d) - unit[..., :, None] * unit[..., None, :]
+        spring = self._penalty * (pressure > 0)
+        trial = self._settled_traction + self._penalty * (place - self._settled_place)
+        trial = np.einsum("fqij,fqj->fqi", plane, trial) * (pressure > 0)[..., None]
+        size = np.linalg.norm(trial, axis=-1)
+        slips = np.zeros_like(size, dtype=bool)
+        kept = np.ones_like(size)
+        if np.isfinite(self.friction):
+            limit = self.friction * pressure * length
+            slips = size > limit
+            kept[slips] = limit[slips] / size[slips]
+        way = trial / np.maximum(size, 1e-300)[..., None]
+        across = plane - slips[..., None, None] * way[..., :, None] * way[..., None, :]
+        return kept[..., None] * trial, (kept * spring)[..., None, None] * across
+
+    def settle(self, touch: Touch) -> None:
+        """Count slip from this converged state on."""
+        if touch.traction is not None:
+            self._settled_place, self._settled_traction = touch.place, touch.traction
 
     def augment(self, touch: Touch) -> None:
         """Take the pressures found as multipliers, so that the next solve leaves less overlap (Uzawa)."""

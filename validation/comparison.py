@@ -91,6 +91,7 @@ def compare(
     case: Case,
     *,
     depth: float | None = None,
+    friction: float = 0.0,
     models: Sequence[str] = MODELS,
     method: str = "default",
     progress: Progress | None = None,
@@ -101,6 +102,7 @@ def compare(
         sensor: What is pressed.
         case: Indenter, pose and load.
         depth: Approach that replaces the load; the fast model takes the reference's load there [m].
+        friction: Between indenter and cover, for the reference: Coulomb's coefficient, inf for no slip [-].
         models: Some of `MODELS`.
         method: The fast model's contact method, one of `METHODS`.
         progress: Told what is being done.
@@ -113,7 +115,7 @@ def compare(
     fem, fast = None, None
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
-        fem = _press(sensor, case, depth)
+        fem = _press(sensor, case, depth, friction, tell)
         case = dataclasses.replace(case, load=fem.total_force)
     if "fast" in models:
         from fastmodel import indent
@@ -132,11 +134,20 @@ def compare(
     )
 
 
-def _press(sensor: SensorDescription, case: Case, depth: float | None) -> Indentation:
+def _press(sensor: SensorDescription, case: Case, depth: float | None, friction: float, tell: Progress) -> Indentation:
     from fem_reference.press import press
 
-    load = case.load if depth is None else None
-    return press(sensor.cover, sensor.array, case.indenter, load=load, depth=depth, at=case.at, yaw=case.yaw)
+    return press(
+        sensor.cover,
+        sensor.array,
+        case.indenter,
+        load=case.load if depth is None else None,
+        depth=depth,
+        at=case.at,
+        yaw=case.yaw,
+        friction=friction,
+        progress=lambda text: tell(f"finite elements, {text}"),
+    )
 
 
 def _score(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -24,6 +25,13 @@ _Depth = Annotated[
 ]
 _At = Annotated[str, Parameter(help="Indenter's axis in the array's frame.", allow_leading_hyphen=True)]
 _Yaw = Annotated[str, Parameter(help="Rotation about that axis.", allow_leading_hyphen=True)]
+_Friction = Annotated[
+    str,
+    Parameter(
+        help="Between indenter and cover, in the finite elements: Coulomb's coefficient, or no-slip.",
+        allow_leading_hyphen=True,
+    ),
+]
 _Model = Annotated[str, Parameter(help="Which models: fem, fast, or both.")]
 _Method = Annotated[str, Parameter(help="The fast model's contact: default, cover, foundation, area or boxes.")]
 
@@ -36,6 +44,7 @@ def press(
     depth: _Depth = None,
     at: _At = "0mm,0mm",
     yaw: _Yaw = "0deg",
+    friction: _Friction = "0",
     model: _Model = "fem,fast",
     method: _Method = "default",
     material: MaterialName = None,
@@ -48,13 +57,14 @@ def press(
     shape = collect(faults, lambda: read_indenter(indenter))
     place = collect(faults, lambda: read_position(at))
     angle = collect(faults, lambda: read_yaw(yaw))
+    sticking = collect(faults, lambda: _read_friction(friction))
     models = collect(faults, lambda: _read_models(model))
     if method not in METHODS:
         faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
     force, approach = collect(faults, lambda: _read_force(load, depth)) or (None, None)
     if description and place:
         faults.extend(_beside(description.array, place))
-    if faults or not (description and shape and place and models) or angle is None:
+    if faults or not (description and shape and place and models) or angle is None or sticking is None:
         raise InputError(*faults)
     case = Case(
         # With a depth the load follows from the reference.
@@ -66,7 +76,15 @@ def press(
         yaw=angle,
     )
     with Progress() as progress:
-        comparison = compare(description, case, depth=approach, models=models, method=method, progress=progress)
+        comparison = compare(
+            description,
+            case,
+            depth=approach,
+            friction=sticking,
+            models=models,
+            method=method,
+            progress=progress,
+        )
     if json:
         print_json(comparison.as_json())
     else:
@@ -89,6 +107,18 @@ def _read_models(text: str) -> tuple[str, ...]:
     if unknown:
         raise InputError(*unknown)
     return names
+
+
+def _read_friction(text: str) -> float:
+    if text.strip() == "no-slip":
+        return math.inf
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < math.inf:
+        raise InputError(f"--friction: {text!r} is not zero, a positive number or no-slip; for example --friction 0.4")
+    return value
 
 
 def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
