@@ -26,6 +26,7 @@ _PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "view": ("pyvista",),
         "device": ("pyserial", "mcap", "mcap-ros2-support", "rosbags"),
         "gym": ("gymnasium",),
+        "hand": ("gymnasium-robotics",),
     }
 )
 _WHAT_FOR: Mapping[str, str] = MappingProxyType(
@@ -37,6 +38,7 @@ _WHAT_FOR: Mapping[str, str] = MappingProxyType(
         "view": "3-D pictures",
         "device": "the real sensor and its files",
         "gym": "reinforcement-learning wrapper",
+        "hand": "Shadow hand example",
     }
 )
 

@@ -26,6 +26,7 @@ _EXTRAS = {
     "mcap": "device",
     "rosbags": "device",
     "pyvista": "view",
+    "gymnasium_robotics": "hand",
 }
 
 
