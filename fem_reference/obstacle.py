@@ -95,7 +95,7 @@ class Obstacle:
 
     @cached_property
     def _relief(self) -> Relief:
-        return Relief(self.indenter, cell=self.fillet, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit)
+        return Relief(self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit)
 
     def _extended(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """A curved shape with an axis, continued outside its footprint by a steep cone."""

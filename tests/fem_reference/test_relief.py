@@ -19,7 +19,7 @@ def ball():
 
 
 def obstacle(indenter):
-    return Obstacle(indenter=indenter, fillet=CELL, unit=UNIT)
+    return Obstacle(indenter=indenter, fillet=2 * CELL, unit=UNIT)
 
 
 def test_a_ball_of_facets_is_a_ball(ball):
