@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -30,8 +31,6 @@ from meshes.indenter import Flat
 FloatArray = npt.NDArray[np.float64]
 
 GRIDS = press_finite.SOLID_GRIDS
-#: Factor on heights and targets that leaves no strain to speak of [-].
-_REST = 1e-3
 #: Growth of elements away from contact and sides.
 _GROWTH = 0.4
 
@@ -127,18 +126,25 @@ def levels(
             "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
+    known = [press_linear.levels(cover, indenter, [t], control, progress, place=place)[0] for t in targets]
+    flat, wanted = is_flat(indenter), list(targets)
+    if flat:
+        shallow = press_finite.SHALLOW * cover.thickness
+        wanted = press_finite.resolved(targets, [grids[-1].depth / shallow for grids in known])
+    stops = sorted(set(wanted))
     deep, rest = (
-        _path(cover, indenter, targets, control, progress, place=place, steepness=steepness)
-        for steepness in (1.0, _REST)
+        _path(cover, indenter, stops, control, progress, place=place, steepness=steepness)
+        for steepness in (1.0, press_finite.REST)
     )
     out: list[list[Level]] = []
-    for target, *grids in zip(targets, rest, deep, strict=True):
-        linear = press_linear.levels(cover, indenter, [target], control, progress, place=place)[0]
-        exact: Level = linear[-1]
-        if is_flat(indenter):
-            exact = ExtrapolatedLevel(levels=linear, sizes=press_linear.sizes(indenter))
-        pairs = zip(*grids, strict=True)
-        out.append([CorrectedLevel(exact=exact, rest=a, deep=b, control=control) for a, b in pairs])
+    for target, stop, grids in zip(targets, wanted, known, strict=True):
+        at = stops.index(stop)
+        exact: Level = grids[-1]
+        if flat:
+            exact = ExtrapolatedLevel(levels=grids, sizes=press_linear.sizes(indenter))
+        corrected = partial(CorrectedLevel, exact=exact, control=control, share=target / stop)
+        triples = zip(rest[at], deep[at], grids, strict=True)
+        out.append([corrected(rest=a, deep=b, touched=c if flat else None) for a, b, c in triples])
     return out
 
 
@@ -154,7 +160,15 @@ def least_order(indenter: Indenter) -> float:  # noqa: ARG001 -- one interface f
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
     """How sharp edges and facets were treated."""
-    return press_finite.assumptions(cover, indenter)
+    size = _fillet(cover, indenter) * 1e3
+    if is_flat(indenter):
+        return {"edge": f"sharp at small strain, rounded with at least {size:.3g} mm for what finite strain adds"}
+    return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
+
+
+def _fillet(cover: Cover, indenter: Indenter) -> float:
+    """Radius of the rounding of sharp edges that lie along the mesh [m]."""
+    return min(cover.thickness, *indenter.footprint) / 5
 
 
 def _path(
@@ -183,7 +197,7 @@ def _path(
                 elements_per_thickness=n,
                 steepness=steepness,
                 coarse=coarse,
-                progress=None if progress is None else _with_grid(progress, n),
+                progress=None if progress is None else press_finite.with_grid(progress, n),
             )
             for i, state in enumerate(states):
                 x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
@@ -202,10 +216,6 @@ def _path(
     }
     data = store.fetch("bounded-press", inputs, compute)
     return [[_level(data, indenter, place.pose, n, i) for n in GRIDS] for i in range(len(path))]
-
-
-def _with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
-    return lambda text: progress(f"{n} elements through the cover: {text}")
 
 
 def _level(data: dict[str, Any], indenter: Indenter, pose: Pose, n: int, i: int) -> Level:
@@ -235,10 +245,11 @@ def _block(
     placed = np.stack(pose.placed(*points.T)) / unit
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
+    along = pose.square and not indenter.axisymmetric
     # an edge that runs across the mesh cannot be followed by it: its rounding spans a whole element
-    fillet = press_finite.fillet(cover, indenter) / unit * (1 if pose.square or not flat else 2)
+    fillet = _fillet(cover, indenter) / unit * (1 if along or not flat else 2)
     size = min(1.0, float((high - low).min())) / elements
-    fine = 2.4 * fillet / elements if flat and pose.square else 0.5 * size
+    fine = 2.4 * fillet / elements if flat and along else 0.5 * size
     even = mirrored(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=even[axis]) for axis in (0, 1)]
     obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=steepness)

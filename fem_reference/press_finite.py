@@ -147,7 +147,7 @@ def levels(
     known = [press_linear.levels(cover, indenter, [target], control, progress)[0] for target in targets]
     wanted = list(targets)
     if is_flat(indenter) and not friction:
-        wanted = _resolved(targets, [grids[-1].depth / (_SHALLOW * cover.thickness) for grids in known])
+        wanted = resolved(targets, [grids[-1].depth / (SHALLOW * cover.thickness) for grids in known])
     stops = sorted(set(wanted))
     whole = LoadingPath(cover=cover, indenter=indenter, targets=tuple(stops), control=control, friction=friction)
     linear = all(layer.material.small_strain_only for layer in cover.layers)
@@ -168,7 +168,7 @@ def levels(
     return out
 
 
-def _resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float]:
+def resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float]:
     """Targets raised to where a rounded edge's contact is as wide as an element.
 
     Args:
@@ -181,7 +181,7 @@ def _resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float
 
 
 #: Depth over thickness from which finite strain is told from the noise of a grid under a flat face [-].
-_SHALLOW = 0.04
+SHALLOW = 0.04
 #: Factor on heights and targets that leaves no strain to speak of [-].
 REST = 1e-3
 

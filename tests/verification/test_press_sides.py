@@ -1,0 +1,207 @@
+"""Pressing covers with free side edges: exact states, the wide cover, symmetry, and finite against small strain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem_reference import press
+from fem_reference.contact import touch
+from fem_reference.obstacle import Obstacle
+from fem_reference.pose import Pose
+from fem_reference.press_bounded import BoundedLevel, PosedObstacle, _base_pressure, _side
+from fem_reference.side_edges import SideEdges, mirrored
+from fem_reference.slab import surface_compliance
+from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
+
+PAD, THICKNESS = (8e-3, 6e-3), 4e-3
+BALL = Sphere(radius=4e-3)
+PLATE = Box(size=(12e-3, 12e-3, 5e-3))
+
+
+def pad(bonded, nu=0.45, size=PAD):
+    """Thick beside its size, so that few elements do."""
+    return bonded(nu, thickness=THICKNESS, size=size)
+
+
+def sides(cover, indenter, *, at=(0.0, 0.0), yaw=0.0, half=None, grid=0):
+    size = indenter.footprint if half is None else (half, half)
+    return SideEdges(cover=cover, indenter=indenter, pose=Pose(at=at, yaw=yaw), half=np.array(size), grid=grid)
+
+
+def pressed(cover, indenter, *, cells=40, load=1.0, **where):
+    surface = surface_compliance(replace(cover, size=None), 40e-3)
+    return touch(surface, indenter, cells=cells, load=load, sides=sides(cover, indenter, **where))
+
+
+def test_plate_wider_than_a_pad_without_lateral_strain_squeezes_it_evenly(bonded):
+    """Poisson ratio 0: the bonded base does not matter, the stress is even, depth = F h / E A exactly."""
+    cover = pad(bonded, 0.0)
+    patch = pressed(cover, PLATE, cells=48)
+    assert patch.depth == pytest.approx(THICKNESS / (1e6 * PAD[0] * PAD[1]), rel=4e-3)
+    assert patch.area == pytest.approx(PAD[0] * PAD[1], rel=1e-3)
+    # an even pressure moves the middle of the top by exactly that
+    inner = np.hypot(patch.x, patch.y) < 1e-3
+    assert patch.force[inner] / patch.cell**2 == pytest.approx(1 / (PAD[0] * PAD[1]), rel=0.02)
+
+
+def test_cutting_the_surroundings_away_only_softens(bonded):
+    """What the sides add is a symmetric, positive semidefinite flexibility for every parity."""
+    _, _, table = sides(pad(bonded), BALL, at=(2e-3, 0.0), half=1e-3)._difference
+    assert len(table) == 2
+    for each in table:
+        values = np.linalg.eigvalsh(each)
+        assert values[0] > -1e-6 * values[-1]
+        assert values[-1] > 0
+
+
+def test_sides_yield_where_the_load_is_and_both_ways_alike(bonded):
+    """A load near one side moves the top there, not near the opposite side; what it does is reciprocal."""
+    edges = sides(pad(bonded), BALL, at=(1e-5, 0.0), half=3.2e-3)
+    x, y = np.array([-3e-3, 3e-3, 1e-3]), np.array([0.0, 0.0, 0.0])
+    moved = np.array([edges.yielding(x, y)(force) for force in np.eye(3)])
+    assert moved == pytest.approx(moved.T, rel=1e-6)
+    assert moved[0, 0] == pytest.approx(moved[1, 1], rel=0.15)
+    assert abs(moved[0, 1]) < 0.2 * moved[0, 0]
+
+
+def test_softer_near_a_side(bonded):
+    cover = pad(bonded)
+    middle, side = (pressed(cover, BALL, at=at, half=1.5e-3, load=0.5).depth for at in ((0.0, 0.0), (3.5e-3, 0.0)))
+    wide = touch(surface_compliance(replace(cover, size=None), 40e-3), BALL, cells=40, load=0.5).depth
+    assert wide < middle < 1.1 * wide
+    assert 1.1 * middle < side < 2 * middle
+
+
+def test_far_sides_leave_the_wide_answer_as_it_is(bonded):
+    cover = bonded(0.49, size=(60e-3, 60e-3))
+    wide = touch(surface_compliance(replace(cover, size=None), 40e-3), BALL, cells=40, load=1.0)
+    far = pressed(cover, BALL, at=(3e-3, -2e-3))
+    assert far.depth == wide.depth
+    assert np.array_equal(far.force, wide.force)
+
+
+def test_mirrored_pose_mirrors_the_contact(bonded):
+    here, there = (pressed(pad(bonded), BALL, at=(x, 0.0), half=1.2e-3, load=0.3, cells=24) for x in (3e-3, -3e-3))
+    assert there.depth == pytest.approx(here.depth, rel=1e-9)
+    order, mirrored_order = np.lexsort((here.y, here.x)), np.lexsort((there.y, -there.x))
+    assert there.force[mirrored_order] == pytest.approx(here.force[order], abs=1e-7 * 0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("x", "y"), [(-1, 1), (1, -1), (-1, -1)])
+def test_mirrored_pose_mirrors_the_texel_forces(bonded, x, y):
+    array = TexelArray.grid(2, 3, 2.5e-3)
+    here = press(pad(bonded), array, BALL, load=0.5, at=(2.9e-3, 1.7e-3))
+    there = press(pad(bonded), array, BALL, load=0.5, at=(x * 2.9e-3, y * 1.7e-3))
+    assert array.image(there.texel_forces)[::y, ::x] == pytest.approx(array.image(here.texel_forces), abs=1e-7)
+
+
+@pytest.mark.slow
+def test_quarter_turned_shape_on_a_quarter_turned_cover_presses_alike(bonded):
+    bar = Box(size=(3e-3, 2e-3, 5e-3))
+    one = pressed(pad(bonded), bar, at=(1e-3, 0.0))
+    other = pressed(pad(bonded, size=PAD[::-1]), bar, at=(0.0, 1e-3), yaw=np.pi / 2)
+    assert other.depth == pytest.approx(one.depth, rel=1e-6)
+
+
+def test_symmetry_is_seen_in_the_pose():
+    bar = Box(size=(6e-3, 2e-3, 5e-3))
+    assert mirrored(bar, Pose()) == (True, True)
+    assert mirrored(bar, Pose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
+    assert mirrored(bar, Pose(yaw=0.3)) == (False, False)
+
+
+def test_pose_there_and_back():
+    pose = Pose(at=(1e-3, -2e-3), yaw=0.7)
+    x, y = np.random.default_rng(0).normal(size=(2, 50))
+    assert np.stack(pose.local(*pose.placed(x, y))) == pytest.approx(np.stack([x, y]))
+
+
+def test_posed_obstacle_has_the_derivatives_of_its_height():
+    bar = Box(size=(3.0, 1.0, 5.0))
+    posed = PosedObstacle(obstacle=Obstacle(indenter=bar, fillet=0.4), pose=Pose(at=(0.3, -0.2), yaw=0.5))
+    x, y = np.random.default_rng(1).uniform(-1.5, 1.5, (2, 200))
+    found, h = posed.at(x, y), 1e-4
+    slope = [
+        (posed.height(x + h, y) - posed.height(x - h, y)) / (2 * h),
+        (posed.height(x, y + h) - posed.height(x, y - h)) / (2 * h),
+    ]
+    smooth = np.abs(found.curvature).max(axis=(1, 2)) < 5  # away from where a rounding begins or ends
+    assert smooth.sum() > 100
+    assert found.slope[smooth] == pytest.approx(np.stack(slope, axis=-1)[smooth], abs=0.02)
+    bend = np.stack(
+        [
+            (posed.at(x + h, y).slope - posed.at(x - h, y).slope) / (2 * h),
+            (posed.at(x, y + h).slope - posed.at(x, y - h).slope) / (2 * h),
+        ],
+        axis=-1,
+    )
+    assert np.median(np.abs(found.curvature - bend)) < 1e-3
+
+
+def test_texels_carry_exactly_the_reactions_of_the_base():
+    """The base pressure integrates to the reactions, mirrored halves included."""
+    array = TexelArray.grid(2, 3, (4e-3, 5e-3))
+    half = np.linspace(0, 6e-3, 9)
+    whole = np.linspace(-5e-3, 5e-3, 7)
+    forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
+    x, y, pressure = _base_pressure([half, whole], forces, (True, False))
+    level = BoundedLevel(
+        total_force=1.0, depth=1e-3, area=1e-6, pose=Pose(), x=x, y=y, pressure=pressure, half=(1e-3, 1e-3)
+    )
+    felt = level.texel_forces(array, (0.0, 0.0), 0.0)
+    assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
+    assert array.image(felt)[:, ::-1] == pytest.approx(array.image(felt))
+
+
+@pytest.mark.parametrize("mirror", [True, False])
+def test_mesh_lines_run_from_side_to_side_and_hold_the_ends_of_the_contact(mirror):
+    low, high = (-0.8, 0.8) if mirror else (0.4, 2.0)
+    nodes = _side((low, high), 2.5, (0.05, 0.3), mirror=mirror)
+    assert nodes[0] == (0 if mirror else -2.5)
+    assert nodes[-1] == 2.5
+    assert (np.diff(nodes) > 0).all()
+    assert np.abs(nodes - high).min() < 1e-12
+    assert np.diff(nodes)[np.argmin(np.abs(nodes - high)) - 1] < 0.1
+
+
+def test_axis_beside_the_cover_is_refused(bonded):
+    with pytest.raises(ValueError, match=r"axis at \(4.1, 0\) mm stands beside the cover, which measures 8 x 6 mm"):
+        press(pad(bonded), TexelArray.grid(1, 2, 3e-3), BALL, load=1.0, at=(4.1e-3, 0.0))
+
+
+def soft(base="bonded"):
+    material = Material(name="soft", model="neo-hookean", parameters={"shear_modulus": 1e6 / 2.9}, poisson_ratio=0.45)
+    return Cover(layers=(Layer(thickness=THICKNESS, material=material),), size=PAD, base=base)
+
+
+def test_sliding_cover_that_would_slip_away_is_refused():
+    with pytest.raises(ValueError, match="slides on its base stays where it is only under a shape that mirrors"):
+        press(soft("sliding"), TexelArray.grid(1, 2, 3e-3), BALL, load=1.0, at=(1e-3, 0.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.0, 0.45, 0.5])
+def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded, nu):
+    array = TexelArray.grid(2, 3, 3.4e-3)
+    wide = press(bonded(nu), array, BALL, load=1.0, at=(1e-3, 0.0))
+    large = press(bonded(nu, size=(30e-3, 30e-3)), array, BALL, load=1.0, at=(1e-3, 0.0))
+    assert np.abs(large.texel_forces - wide.texel_forces).max() < 2e-3
+    assert large.depth == pytest.approx(wide.depth, rel=1e-3)
+    covered = press(bonded(nu, size=(10.2e-3, 6.8e-3)), array, BALL, load=1.0, at=(1e-3, 0.0))
+    assert covered.texel_forces.sum() == pytest.approx(1.0, rel=1e-6)
+    assert covered.outside == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at", [(0.0, 0.0), (3.2e-3, 0.0)])
+def test_finite_strain_meets_small_strain_at_small_load(bonded, at):
+    """Two discretisations: compliance with side edges on cells, and elements with a contact search of their own."""
+    array = TexelArray.grid(2, 2, 3.4e-3)
+    small = press(pad(bonded), array, BALL, load=2e-3, at=at)
+    finite = press(soft(), array, BALL, load=2e-3, at=at)
+    assert finite.depth == pytest.approx(small.depth, rel=2e-2)
+    assert np.abs(finite.texel_forces - small.texel_forces).max() < 4e-3 * 2e-3
