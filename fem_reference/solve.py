@@ -29,8 +29,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 BACKENDS = ("pardiso", "metis", "plain")
-#: Below this many entries in the upper triangle (20 000 unknowns in 2-D, 5000 in 3-D) SuperLU is as fast as pardiso.
-_SMALL = 400_000
+#: Below this many entries in the upper triangle (5000 unknowns in 2-D, 1500 in 3-D) loading pardiso is not worth it.
+_SMALL = 100_000
 #: A diagonal pivot this small beside its column is not trusted [-].
 _PIVOT = 1e-8
 #: Residual, relative to the load, that is not worth another solve, and how often it is tried [-].
@@ -113,13 +113,28 @@ class ConstrainedSystem:
     ) -> None:
         self._matrix = matrix
         self._fixed = np.unique(fixed)
-        self._free = np.setdiff1d(np.arange(matrix.shape[0]), self._fixed)
-        upper = _upper(matrix[self._free][:, self._free])
+        self._free: IntArray
+        self._slots: IntArray
         self._factors: SymmetricFactors
-        if like is not None and np.array_equal(like._fixed, self._fixed):  # noqa: SLF001 -- its own class
-            self._factors = _renewed(like._factors, upper)  # noqa: SLF001
-        else:
+        if like is not None and not np.array_equal(like._fixed, self._fixed):  # noqa: SLF001 -- its own class
+            like = None
+        if like is not None and _same_pattern(like._matrix, matrix):  # noqa: SLF001
+            self._free, self._slots, self._factors = like._free, like._slots, like._factors  # noqa: SLF001
+            self._factors.refactor(np.append(matrix.data, 0.0)[self._slots])
+            return
+        self._free = np.setdiff1d(np.arange(matrix.shape[0]), self._fixed)
+        numbered = sp.csr_matrix((np.arange(1.0, matrix.nnz + 1), matrix.indices, matrix.indptr), shape=matrix.shape)
+        upper = _upper(numbered[self._free][:, self._free])
+        #: Which entry of the matrix each entry of the factors' pattern is; -1 stands for the zero appended to them.
+        self._slots = upper.data.astype(np.int64) - 1
+        upper.data = np.append(matrix.data, 0.0)[self._slots]
+        if like is None:
             self._factors = SymmetricFactors(upper, backend=backend)
+            return
+        self._factors, place = _renewed(like._factors, upper)  # noqa: SLF001
+        slots = np.full(len(self._factors.pattern[1]), -1)
+        slots[place] = self._slots
+        self._slots = slots
 
     def solve(self, load: FloatArray, prescribed: FloatArray | float = 0.0) -> FloatArray:
         """Unknowns for a load, prescribed values included.
@@ -131,8 +146,8 @@ class ConstrainedSystem:
         out = np.zeros_like(load)
         values = np.asarray(prescribed, dtype=float)
         out[self._fixed] = values[:, None] if values.ndim == 1 and load.ndim > 1 else values
-        right = load[self._free] - self._matrix[self._free][:, self._fixed] @ out[self._fixed]
-        out[self._free] = self._factors.solve(right)
+        right = load - self._matrix @ out if values.any() else load
+        out[self._free] = self._factors.solve(right[self._free])
         return out
 
     def reaction(self, solution: FloatArray, load: FloatArray) -> FloatArray:
@@ -260,20 +275,24 @@ def _upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
     return sp.coo_matrix((data, (row, column)), shape=matrix.shape).tocsr()
 
 
-def _renewed(factors: SymmetricFactors, upper: sp.csr_matrix) -> SymmetricFactors:
-    """The same factors with other values; a pattern that is not contained makes new ones that hold both."""
+def _same_pattern(one: sp.csr_matrix, other: sp.csr_matrix) -> bool:
+    return np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
+
+
+def _renewed(factors: SymmetricFactors, upper: sp.csr_matrix) -> tuple[SymmetricFactors, IntArray]:
+    """The same factors with other values, and where in them; where the pattern is not contained, new ones for both."""
     old, new = _keys(*factors.pattern), _keys(upper.indptr, upper.indices)
     place = np.minimum(np.searchsorted(old, new), len(old) - 1)
     if (old[place] == new).all():
         values = np.zeros(len(old))
         values[place] = upper.data
         factors.refactor(values)
-        return factors
+        return factors, place
     n = upper.shape[0]
     keys = np.concatenate([old, new])
     data = np.concatenate([np.zeros(len(old)), upper.data])
     both = sp.coo_matrix((data, (keys // n, keys % n)), shape=upper.shape).tocsr()
-    return SymmetricFactors(both, backend=factors.backend)
+    return SymmetricFactors(both, backend=factors.backend), np.searchsorted(_keys(both.indptr, both.indices), new)
 
 
 def _keys(pointer: npt.NDArray[Any], index: npt.NDArray[Any]) -> IntArray:

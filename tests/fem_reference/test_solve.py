@@ -79,6 +79,21 @@ def test_a_larger_pattern_is_analysed_again(backend):
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_other_values_on_one_pattern_find_their_places_without_a_search(backend, monkeypatch):
+    """Also where the factors hold a larger pattern than the matrix, as after a contact that opened."""
+    matrix, fixed, load = layered(0.45)
+    spring = sp.coo_matrix(([3.0, 3.0], ([30, 290], [290, 30])), shape=matrix.shape)
+    larger = system(backend, (matrix + spring).tocsr(), fixed)
+    smaller = ConstrainedSystem(matrix, fixed, like=larger)
+    monkeypatch.setattr(solve, "_upper", lambda _: pytest.fail("searched again"))
+    changed = sp.csr_matrix((matrix.data * 2.5, matrix.indices, matrix.indptr), shape=matrix.shape)
+    found = ConstrainedSystem(changed, fixed, like=smaller).solve(load)
+    monkeypatch.undo()
+    expected = ConstrainedSystem(matrix, fixed, backend="plain").solve(load) / 2.5
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
 def test_systems_do_not_share_a_solver():
     """Two pardiso systems alive at once, one dropped: the other still has its own factors."""
     matrix, fixed, load = layered(0.5)
