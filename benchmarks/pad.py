@@ -240,15 +240,15 @@ def name_of(task: Task) -> str:
     return f"NGSolve {task['mesh']} order {task['order']} {kind}, {grid}, {task['solver']}"
 
 
-def installed(folder: Path) -> Path:
-    """An environment with NGSolve."""
+def installed(folder: Path, *packages: str) -> Path:
+    """An environment with a peer, which softcover itself never needs."""
     venv.create(folder / "peer", with_pip=True)
     python = folder / "peer" / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    subprocess.run([str(python), "-m", "pip", "install", "--quiet", "ngsolve", "mkl", "numpy"], check=True)
+    subprocess.run([str(python), "-m", "pip", "install", "--quiet", *packages], check=True)
     return python
 
 
-def plot(lines: dict[str, list[tuple[float, float]]], path: Path) -> None:
+def plot(lines: dict[str, list[tuple[float, float]]], path: Path, *, title: str, **labels: str) -> None:
     """Cost against unknowns, both axes logarithmic."""
     import matplotlib as mpl
 
@@ -258,7 +258,7 @@ def plot(lines: dict[str, list[tuple[float, float]]], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
     for name, points in lines.items():
         axes.loglog(*zip(*points, strict=True), "o-", label=name)
-    axes.set(xlabel="unknowns of the quarter", ylabel="CPU seconds, all texels", title="Pad with free sides")
+    axes.set(title=title, **labels)
     axes.grid(visible=True, which="both", alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=150)
@@ -279,14 +279,15 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        bench = Bench(folder, given.peer or installed(folder), given.poisson_ratio)
+        bench = Bench(folder, given.peer or installed(folder, "ngsolve", "mkl", "numpy"), given.poisson_ratio)
         summary = compared(bench)
         if given.scaling or given.plot:
             summary["scaling"] = bench.scaling()
             for name, points in summary["scaling"].items():
                 print(name, *(f"\n  {unknowns:8.0f} {cpu:8.3f}" for unknowns, cpu in points))
         if given.plot:
-            plot(summary["scaling"], given.plot)
+            labels = {"xlabel": "unknowns of the quarter", "ylabel": "CPU seconds, all texels"}
+            plot(summary["scaling"], given.plot, title="Pad with free sides", **labels)
         if given.json:
             given.json.write_text(json.dumps(summary, indent=1))
 

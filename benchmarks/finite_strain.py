@@ -1,0 +1,187 @@
+"""Rubber squeezed by 15 % between bonded plates: softcover against FElupe, same mesh, elements, steps and tolerance.
+
+Two bodies, nearly incompressible neo-Hookean (K / mu = 500): a disk of shape factor 1, axisymmetric, and a square
+block in three dimensions, an eighth of it.  Quadratic displacement on quadrilaterals or hexahedra, continuous linear
+pressure, 3 Gauss points along each axis, plate travels of 5, 10 and 15 %, largest residual 1e-8 of the plate's largest
+nodal force.  FElupe runs with its own three fields and with softcover's two, with scipy's and with MKL's solver, and
+the fastest counts.  Each run has a process and a thread of its own; imports cost nothing, meshing does.  FElupe is
+installed into a temporary environment.
+
+    python benchmarks/finite_strain.py [--peer PYTHON] [--scaling] [--plot FILE] [--profile] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import itertools
+import json
+import os
+import pstats
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pad import THREADS, installed, plot
+
+Task = dict[str, Any]
+
+BULK, TRAVELS, TOLERANCE = 500.0, [0.05, 0.1, 0.15], 1e-8
+REPEATS = 5
+LIMIT = 300
+CASES = {
+    "disk": {"shape": "disk", "radius": 4.0, "through": 16, "across": 64},
+    "block": {"shape": "block", "radius": 1.0, "through": 6, "across": 6},
+}
+#: Elements through half the height, up to where one run takes a minute.
+SCALING = {"disk": [2, 3, 4, 6, 8, 12, 16, 24], "block": [2, 3, 4, 6, 8]}
+
+
+def whole(task: Task) -> Task:
+    """A task with what all runs share."""
+    return {**task, "bulk": BULK, "travels": TRAVELS, "tolerance": TOLERANCE}
+
+
+def body(task: Task) -> Callable[[], Any]:
+    """Makes our side of a task: half the disk, or an eighth of the block."""
+    import pymetis  # noqa: F401 -- imports are not measured on either side
+    import pypardiso  # noqa: F401
+    import skfem
+
+    from fem_reference import bonded_disk
+    from fem_reference.elements import mixed_elements
+    from fem_reference.finite_strain import Solid
+    from fem_reference.units import Units
+    from meshes import Cover, Layer, Material
+
+    assert task["tolerance"] == bonded_disk._TIGHT  # noqa: SLF001 -- both sides stop at the same residual
+    ratio = (3 * task["bulk"] - 2) / (2 * (3 * task["bulk"] + 1))
+    rubber = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 1.0}, poisson_ratio=ratio)
+
+    def block() -> bonded_disk.Disk:
+        lines = [np.linspace(0, task["radius"], task["across"] + 1)] * 2
+        elements = mixed_elements(skfem.MeshHex.init_tensor(*lines, np.linspace(0, 1, task["through"] + 1)))
+        cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
+        top = np.flatnonzero(elements.nodes[:, 2] > 1 - 1e-9)
+        sides = [3 * np.flatnonzero(place < 1e-9) + i for i, place in enumerate(elements.nodes.T)]
+        held = np.unique(np.concatenate([*sides, *(3 * top + i for i in range(3))]))
+        return bonded_disk.Disk(solid=Solid.of_cover(elements, cover, Units.of(cover)), held=held, plate=3 * top + 2)
+
+    return block if task["shape"] == "block" else partial(bonded_disk.Disk.of, rubber, task["radius"], task["through"])
+
+
+def worker(task: Task) -> None:
+    """Our side of one run: mesh, squeeze, forces."""
+    make = body(task)
+    started, clock = time.process_time(), time.perf_counter()
+    made = make()
+    forces = [force for _, force in made.squeeze(task["travels"])]
+    cost = {"cpu": time.process_time() - started, "wall": time.perf_counter() - clock}
+    unknowns = made.solid.elements.displacements + made.solid.elements.pressures
+    print(json.dumps({**cost, "unknowns": unknowns, "forces": forces}))
+
+
+def profile(task: Task) -> None:
+    """Where our side spends its time."""
+    make = body(task)
+    with cProfile.Profile() as seen:
+        make().squeeze(task["travels"])
+    pstats.Stats(seen).sort_stats("tottime").print_stats(16)
+
+
+class Bench:
+    """Runs both sides in processes of their own."""
+
+    def __init__(self, folder: Path, peer: Path) -> None:
+        self.peer = peer
+        self.environment = {**os.environ, **THREADS, "SOFTCOVER_STORE": str(folder / "store")}
+
+    def run(self, task: Task) -> dict[str, Any] | None:
+        """One process; None where it fails or takes too long."""
+        mine = "fields" not in task
+        script = [__file__, "--worker"] if mine else [str(Path(__file__).with_name("finite_strain_felupe.py"))]
+        python = sys.executable if mine else str(self.peer)
+        try:
+            done = subprocess.run(
+                [python, *script, json.dumps(whole(task))],
+                env=self.environment,
+                capture_output=True,
+                text=True,
+                check=True,
+                timeout=LIMIT,
+            )
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            print(f"  {task}: {(getattr(error, 'stderr', '') or str(error)).strip().splitlines()[-1]}")
+            return None
+        return dict(json.loads(done.stdout.splitlines()[-1]))
+
+    def compare(self, case: str) -> dict[str, Any]:
+        """Medians of ours and of the fastest of FElupe's ways, run in turn."""
+        ours = CASES[case]
+        pairs = itertools.product(("two", "three"), ("scipy", "pardiso"))
+        ways = [{**ours, "fields": fields, "solver": solver} for fields, solver in pairs]
+        tried = [(found["cpu"], i) for i, way in enumerate(ways) if (found := self.run(way)) is not None]
+        theirs = ways[min(tried)[1]]
+        runs = [[found for task in (ours, theirs) if (found := self.run(task)) is not None] for _ in range(REPEATS)]
+        mine, peer = (float(np.median([run[i]["cpu"] for run in runs])) for i in (0, 1))
+        forces = np.array([[each["forces"] for each in run] for run in runs])
+        apart = float(np.abs(forces[:, 0] / forces[:, 1] - 1).max())
+        assert apart < 1e-6, "the two sides do not solve the same problem"
+        name = f"FElupe, {theirs['fields']} fields, {theirs['solver']}"
+        unknowns = [each["unknowns"] for each in runs[0]]
+        print(f"{case}: forces equal to {apart:.1g}; medians of {REPEATS} runs in turn, one thread, CPU seconds")
+        print(f"  {'softcover':32} {unknowns[0]:8.0f} unknowns {mine:8.2f}")
+        print(f"  {name:32} {unknowns[1]:8.0f} unknowns {peer:8.2f}   ratio {mine / peer:.2f}", flush=True)
+        return {"ours": mine, "peer": [name, peer], "ratio": mine / peer, "unknowns": unknowns, "way": theirs}
+
+    def scaling(self, case: str, way: Task) -> dict[str, list[tuple[float, float]]]:
+        """CPU seconds against unknowns over two decades."""
+        out: dict[str, list[tuple[float, float]]] = {}
+        for name, more in (("softcover", {}), ("FElupe", {key: way[key] for key in ("fields", "solver")})):
+            grids = [{"through": n, "across": round(n * CASES[case]["radius"])} for n in SCALING[case]]
+            found = [run for grid in grids if (run := self.run({**CASES[case], **more, **grid})) is not None]
+            out[f"{name}, {case}"] = [(each["unknowns"], each["cpu"]) for each in found]
+        return out
+
+
+def main() -> None:
+    """Compare, and measure the cost against the size."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worker", help=argparse.SUPPRESS)
+    parser.add_argument("--peer", type=Path, help="a Python that has FElupe; installed when not given")
+    parser.add_argument("--scaling", action="store_true", help="cost against unknowns as well")
+    parser.add_argument("--plot", type=Path, help="picture of the scaling")
+    parser.add_argument("--profile", action="store_true", help="only: where our side spends its time")
+    parser.add_argument("--json", type=Path, help="all results")
+    given = parser.parse_args()
+    if given.worker:
+        worker(json.loads(given.worker))
+        return
+    if given.profile:
+        for case in CASES.values():
+            profile(whole(case))
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        bench = Bench(folder, given.peer or installed(folder, "felupe", "pypardiso", "numpy", "scipy"))
+        summary: dict[str, Any] = {case: bench.compare(case) for case in CASES}
+        if given.scaling or given.plot:
+            lines = {name: line for case in CASES for name, line in bench.scaling(case, summary[case]["way"]).items()}
+            summary["scaling"] = lines
+            for name, points in lines.items():
+                print(name, *(f"\n  {unknowns:8.0f} {cpu:8.3f}" for unknowns, cpu in points))
+        if given.plot:
+            labels = {"xlabel": "unknowns", "ylabel": "CPU seconds to 15 %"}
+            plot(summary["scaling"], given.plot, title="Rubber between bonded plates, finite strain", **labels)
+        if given.json:
+            given.json.write_text(json.dumps(summary, indent=1))
+
+
+if __name__ == "__main__":
+    main()
