@@ -111,9 +111,9 @@ class Window:
         self._viewer.set_images((place, image))
         self._viewer.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, text, ""))
         self._viewer.sync()
-        # Where drawing is slow, the simulation still gets half of the time.
+        # Where drawing is slow, the simulation still gets most of the time.
         now = time.monotonic()
-        self._next = now + max(_PERIOD, now - started)
+        self._next = now + max(_PERIOD, 3 * (now - started))
 
 
 def _enlarged(counts: npt.NDArray[np.int64], full_scale: int) -> npt.NDArray[np.uint8]:
