@@ -29,6 +29,7 @@ def hand(*, out: _Out = Path("softcover-hand"), method: _Method = "default", jso
     if not os.environ.get("DISPLAY"):
         # Has to be said before MuJoCo is loaded; without a display only this draws.
         os.environ.setdefault("MUJOCO_GL", "egl")
+    from fastmodel.methods import choose
     from validation.comparison import METHODS
     from validation.derive import derive
     from validation.folder import new_folder
@@ -41,14 +42,15 @@ def hand(*, out: _Out = Path("softcover-hand"), method: _Method = "default", jso
     find_assets()
     with new_folder(out) as folder, Progress() as progress:
         parameters = derive(load(_SENSOR), progress=progress).parameters
+        used, _ = choose(method, parameters)
         progress("the hand, once for a tenth of a second to compile what is compiled")
-        for _ in Hand(parameters, method=method).run(0.1):
+        for _ in Hand(parameters, method=used).run(0.1):
             pass
         progress("the hand")
-        scene = Hand(parameters, method=method)
-        run = record(scene, folder / _FILES[0], note=f"softcover hand --method {method}")
+        scene = Hand(parameters, method=used)
+        run = record(scene, folder / _FILES[0], note=f"softcover hand --method {used}")
         draw(scene, run, folder / _FILES[1])
-    result = _describe(run, method, out)
+    result = _describe(run, used, out)
     if json:
         print_json(result)
     else:
