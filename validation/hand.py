@@ -44,7 +44,7 @@ RIBS = (-0.033, -0.011, 0.011, 0.033)
 RADII = (0.0236, 0.025, 0.0265, 0.0236)
 RIB, MASS = 0.0125, 0.2
 #: Its middle in the palm's frame at the start, lying on the array [m].
-_ABOVE_PALM = (0.0009, -0.0377, 0.0601)
+_ABOVE_PALM = (0.0009, -0.0385, 0.0601)
 
 
 @dataclass(frozen=True, kw_only=True)

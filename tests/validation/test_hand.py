@@ -97,19 +97,30 @@ def test_without_the_hand_one_line_says_what_to_install(softcover, monkeypatch, 
 
 @needs_hand
 @pytest.mark.slow
-def test_the_grip_is_held_upside_down_and_that_faster_than_real_time(hand):
-    for _ in hand.run(0.3):
-        pass
-    start, seconds = hand.data.time, time.process_time()
+def test_the_grip_is_held_upside_down(hand):
     for _ in hand.run():
         pass
-    assert hand.data.time - start > time.process_time() - seconds
     palm, grip = hand.data.body("robot0:palm"), hand.data.body("grip")
     assert axes(hand, "palm/plate")[2, 2] < -0.9
     # below the palm, and not on its way down
     assert 0.03 < palm.xpos[2] - grip.xpos[2] < 0.07
     assert np.abs(hand.data.joint("grip").qvel[:3]).max() < 0.01
     assert sum(sensor.carried() for sensor in hand.sensors.values()) > 2.0
+
+
+@needs_hand
+@pytest.mark.slow
+def test_the_grasp_is_faster_than_real_time(parameters):
+    from validation.hand import Hand
+
+    taken = []
+    # the first run may still compile; a busy machine may slow one of the others down
+    for _ in range(4):
+        hand, start = Hand(parameters), time.thread_time()
+        for _ in hand.run(2.0):
+            pass
+        taken.append(time.thread_time() - start)
+    assert min(taken) < 2.0
 
 
 @needs_hand
