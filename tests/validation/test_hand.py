@@ -76,7 +76,7 @@ def test_132_texels_look_out_of_the_palm(hand):
 @needs_hand
 def test_arrays_feel_what_mujoco_says_that_presses_on_them(hand):
     felt, told = [], []
-    for _ in hand.run(1.5):
+    for _ in hand.run(1.7):
         felt.append([sensor.carried() for sensor in hand.sensors.values()])
         told.append([pressed(hand, name) for name in hand.sensors])
         for sensor in hand.sensors.values():
