@@ -29,8 +29,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 BACKENDS = ("pardiso", "metis", "plain")
-#: Below this many entries in the upper triangle (5000 unknowns in 2-D, 1500 in 3-D) loading pardiso is not worth it.
-_SMALL = 100_000
+#: Below this many entries in the upper triangle (2000 unknowns in 2-D, 600 in 3-D) loading pardiso is not worth it.
+_SMALL = 40_000
 #: A diagonal pivot this small beside its column is not trusted [-].
 _PIVOT = 1e-8
 #: Residual, relative to the load, that is not worth another solve, and how often it is tried [-].
