@@ -100,23 +100,39 @@ def held(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> npt.NDArra
     return np.concatenate([2 * np.flatnonzero(across), 2 * np.flatnonzero(base | outer) + 1])
 
 
-def tensor_mesh(cover: Cover, count: int, radii: FloatArray) -> tuple[skfem.MeshQuad, npt.NDArray[np.int64]]:
-    """Tensor mesh over the given radii [m], even through each layer, and the layer of each element."""
+def tensor_mesh(
+    cover: Cover, count: int, radii: FloatArray, *, top: float | None = None
+) -> tuple[skfem.MeshQuad, npt.NDArray[np.int64]]:
+    """Tensor mesh over the given radii [m], and the layer of each element; heights as in `layer_heights`."""
     size = cover.thickness / count
     counts = [max(2, round(layer.thickness / size)) for layer in cover.layers]
-    heights = layer_heights(cover, counts)
+    heights, region = layer_heights(cover, counts, top=top)
     mesh = skfem.MeshQuad.init_tensor(radii, heights)
     row = np.searchsorted(heights, mesh.p[1][mesh.t].mean(axis=0)) - 1
-    return mesh, np.repeat(np.arange(len(counts)), counts)[row]
+    return mesh, region[row]
 
 
-def layer_heights(cover: Cover, counts: list[int]) -> FloatArray:
-    """Node heights that cut each layer evenly into its number of elements, from 0 up [m]."""
-    heights, z = [0.0], 0.0
-    for layer, n in zip(cover.layers, counts, strict=True):
-        heights += list(z + layer.thickness * np.arange(1, n + 1) / n)
-        z += layer.thickness
-    return np.array(heights)
+def layer_heights(
+    cover: Cover, counts: list[int], *, top: float | None = None
+) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Node heights that cut each layer evenly into its number of elements, from 0 up [m], and each element's layer.
+
+    Where `top` is given and smaller, the elements of the uppermost layer shrink to it towards the surface [m].
+    """
+    steps = [np.full(n, layer.thickness / n) for layer, n in zip(cover.layers, counts, strict=True)]
+    if top is not None and top < steps[-1][0]:
+        steps[-1] = _shrinking(top, steps[-1][0], cover.layers[-1].thickness)
+    heights = np.concatenate([[0.0], np.cumsum(np.concatenate(steps))])
+    heights[-1] = cover.thickness
+    return heights, np.repeat(np.arange(len(steps)), [len(each) for each in steps])
+
+
+def _shrinking(fine: float, coarse: float, total: float) -> FloatArray:
+    """Steps that shrink from `coarse` to `fine` and fill `total` [m]."""
+    steps = [fine]
+    while sum(steps) < total:
+        steps.append(min(1.4 * steps[-1], coarse))
+    return np.array(steps[::-1]) * total / sum(steps)
 
 
 def graded(size: float, even: float, reach: float, growth: float) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
 
@@ -35,8 +35,12 @@ _SMALLEST = 1 / 256
 _TIGHT, _LOOSE = 1e-6, 1e-3
 #: Iterations of each step in which the obstacle's curvature is left out of the tangent.
 _STRAIGHT = 2
-#: Steps of a path with friction, whose slip depends on the way, and iterations of each, whose tangent is not exact.
+#: Steps of a path with friction, whose slip depends on the way, and iterations of each, cones included.
 _FRICTION_STEPS, _FRICTION_ITERATIONS = 16, 60
+#: Share of the pressures that may still change when friction counts as found.
+_CONE = 1e-4
+#: Slope at a step's end over that at its beginning from which it went too far.
+_UPHILL = 0.3
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
 _AUGMENTATIONS = 4
@@ -101,6 +105,25 @@ class PathError(ConvergenceError):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Step:
+    """A step of Newton's method; `slope` is that of the potential along it where it began [J]."""
+
+    state: FloatArray
+    depth: float
+    slope: float = 0.0
+
+    def back(self, slope: float) -> float:
+        """Share of the step to take back where it ended uphill nearly as steep as it began downhill, else 0.
+
+        Points that stick in one iteration and slide in the next make Newton's method cycle; a secant of the slope
+        stops it between the two.
+        """
+        if self.slope * slope >= 0 or abs(slope) < _UPHILL * abs(self.slope):
+            return 0.0
+        return float(np.clip(slope / (slope - self.slope), 0.1, 0.9))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
     """A solid, its held unknowns and the obstacle over it.
 
@@ -141,7 +164,7 @@ class Problem:
         for target, guess in zip_longest(targets, guesses):
             reached = None if guess is None else self._from_guess(guess, target, control, out[-1] if out else None)
             if reached is None:
-                start = out[-1] if out else self._first(first)
+                start = out[-1] if out else self._first(first, target, control)
                 reached = self._walk(start, target, control, first, progress)
             out.append(self._tightened(reached, control))
             if progress is not None:
@@ -195,18 +218,23 @@ class Problem:
                 progress(self._where(here))
         return here
 
-    def _first(self, depth: float) -> Equilibrium:
-        """The first step from rest, halved until it converges."""
+    def _first(self, depth: float, target: float, control: str) -> Equilibrium:
+        """The first step from rest, halved until it converges; with friction it must not pass what it leads to."""
         rest = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
-        for halving in range(8):
+        most = target / _FRICTION_STEPS if self.contact.friction else np.inf
+        for halving in range(12):
+            step = depth / 2**halving
+            if control == "depth" and step > most:
+                continue
             try:
-                here = self._newton(rest, depth / 2**halving, None, 0, tight=_LOOSE)
+                here = self._newton(rest, step, None, 0, tight=_LOOSE)
             except _FAILURES as error:
                 _LOG.info("first step halved: %s", error)
                 continue
-            self.contact.settle(here.touch)
-            return here
-        raise PathError(f"no convergence even at a depth of {depth / 128 * self.units.length:.3g} m", None)
+            if control == "depth" or here.load <= most:
+                self.contact.settle(here.touch)
+                return here
+        raise PathError(f"no convergence even at a depth of {step * self.units.length:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""
@@ -227,12 +255,13 @@ class Problem:
     def _newton(self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float) -> Equilibrium:
         """Solve at a depth, or, where a load is given, for the depth as well."""
         state = state.copy()
-        system = None
+        system, step = None, None
         most = _FRICTION_ITERATIONS if self.contact.friction else _ITERATIONS
         for iteration in range(most):
             internal, stiffness = self.solid.linearise(state)
             touch = self.contact.at(state, depth, curved=iteration >= _STRAIGHT)
-            if iteration and self._balanced(internal + touch.force, touch, load, tight):
+            balanced = iteration and self._balanced(internal + touch.force, touch, load, tight)
+            if balanced and self.contact.renew_cone(touch) <= max(tight, _CONE):
                 return Equilibrium(
                     state=state,
                     depth=depth,
@@ -241,19 +270,37 @@ class Problem:
                     reaction=internal,
                     iterations=used + iteration,
                 )
-            system = ConstrainedSystem(stiffness + touch.tangent, self.fixed, like=system)
-            if load is None:
-                state += system.solve(-internal - touch.force)
+            if balanced:
+                touch, step = self.contact.at(state, depth), None
+            if step is not None and (back := step.back(self._slope(step, internal, touch, load))):
+                state -= back * step.state
+                depth -= back * step.depth
+                step = None
                 continue
-            if touch.stiffness == 0:
-                raise ConvergenceError("the indenter lost touch with the cover")
-            right = np.column_stack([-internal - touch.force, -touch.depth_force])
-            at_rest, per_depth = system.solve(right).T
-            lift = touch.depth_force * self.contact.multiple
-            change = (load - touch.total - lift @ at_rest) / (touch.stiffness + lift @ per_depth)
-            state += at_rest + change * per_depth
-            depth += float(change)
+            system = ConstrainedSystem(stiffness + touch.tangent, self.fixed, like=system)
+            step = self._step(system, internal, touch, load)
+            step = replace(step, slope=self._slope(step, internal, touch, load)) if self.contact.friction else step
+            state += step.state
+            depth += step.depth
+            step = step if self.contact.friction else None
         raise ConvergenceError(f"Newton's method did not converge in {most} iterations")
+
+    def _step(self, system: ConstrainedSystem, internal: FloatArray, touch: Touch, load: float | None) -> _Step:
+        """Newton's step at a depth, or, where a load is given, with the depth."""
+        if load is None:
+            return _Step(state=system.solve(-internal - touch.force), depth=0.0)
+        if touch.stiffness == 0:
+            raise ConvergenceError("the indenter lost touch with the cover")
+        right = np.column_stack([-internal - touch.force, -touch.depth_force])
+        at_rest, per_depth = system.solve(right).T
+        lift = touch.depth_force * self.contact.multiple
+        change = float((load - touch.total - lift @ at_rest) / (touch.stiffness + lift @ per_depth))
+        return _Step(state=at_rest + change * per_depth, depth=change)
+
+    def _slope(self, step: _Step, internal: FloatArray, touch: Touch, load: float | None) -> float:
+        """Slope of the potential along a step [J]."""
+        along = float((internal + touch.force) @ step.state)
+        return along if load is None else along + (touch.total - load) / self.contact.multiple * step.depth
 
     def _balanced(self, residual: FloatArray, touch: Touch, load: float | None, tight: float) -> bool:
         """Whether forces, volumes and the load are met."""

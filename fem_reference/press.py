@@ -172,7 +172,8 @@ def press_path(
                 array=array,
                 pose=place.pose,
                 sharp=sharp,
-                least=solver.least_order(indenter),
+                # What friction changes is no smoother than the pressure under an edge.
+                least=1.0 if friction else solver.least_order(indenter),
                 assumptions=dict(assumptions),
                 seconds=seconds,
                 solver_error=base_error,

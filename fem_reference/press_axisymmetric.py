@@ -86,11 +86,13 @@ def press_axisymmetric(
     fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
     size = min(1.0, radius) / elements_per_thickness
     growth = 1 + 1.2 / elements_per_thickness
+    top = size
     if isinstance(indenter, Flat):
-        radii = toward_edge(fillet * 6 / elements_per_thickness, size, radius, reach, growth)
+        top = fillet * 6 / elements_per_thickness
+        radii = toward_edge(top, size, radius, reach, growth)
     else:
         radii = graded(size, 1.25 * radius, reach, growth)
-    mesh, region = tensor_mesh(thin, elements_per_thickness, radii)
+    mesh, region = tensor_mesh(thin, elements_per_thickness, radii, top=top)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
     obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length, steepness=steepness)
     problem = Problem(

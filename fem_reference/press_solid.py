@@ -175,10 +175,10 @@ def follow_block(
     units = Units.of(cover)
     thin = units.thin(cover)
     counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in thin.layers]
-    heights = layer_heights(thin, counts)
+    heights, region = layer_heights(thin, counts, top=block.size)
     mesh = skfem.MeshHex.init_tensor(*block.sides, heights)
     row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
-    elements = mixed_elements(mesh, region=np.repeat(np.arange(len(counts)), counts)[row])
+    elements = mixed_elements(mesh, region=region[row])
     multiple = float((1 + block.mirrored[0]) * (1 + block.mirrored[1]))
     problem = Problem(
         solid=Solid.of_cover(elements, cover, units),

@@ -6,9 +6,9 @@ The penalty is moderate, so that steps may be long; the overlap it leaves is tak
 Laursen 1992) and what remains is reported.
 
 Friction: a point in touch is tied to where it touched by a tangential spring, whose traction is returned to Coulomb's
-cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).  What a traction at the cone owes to a change of
-the pressure is left out of the tangent, which so stays symmetric; Newton's method is linear in those points.  Slip
-counts from the last settled state: steps must be small where the contact grows.
+cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).  The cone's width is frozen while Newton's method
+runs, which leaves the tangent symmetric and exact, and renewed until it no longer changes.  Slip counts from the last
+settled state: steps must be small where the contact grows.
 """
 
 from __future__ import annotations
@@ -35,6 +35,11 @@ class Rigid(Protocol):
         """Height over its lowest point with its derivatives, at points in the mesh's frame."""
 
 
+#: Tangential over normal penalty where points may slide: stiffer springs leave the cone on one side and come back on
+#: the other.  What a spring gives is taken away as slip is settled [-].
+_ALONG = 1 / 40
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Touch:
     """Contact at one state and depth.
@@ -50,6 +55,7 @@ class Touch:
         pressure: Contact pressure at the points, per reference area [Pa].
         traction: Frictional traction on the points, per reference area, shape (..., d); None without friction [Pa].
         place: Where the points are over the indenter, shape (..., d) [m].
+        sticks: Which points friction holds where they are, shape (...,).
     """
 
     force: FloatArray
@@ -62,6 +68,7 @@ class Touch:
     pressure: FloatArray
     traction: FloatArray | None
     place: FloatArray
+    sticks: npt.NDArray[np.bool_]
 
 
 class SurfaceContact:
@@ -101,6 +108,8 @@ class SurfaceContact:
         self.friction = friction
         self._settled_place = self._place
         self._settled_traction = np.zeros_like(self._place)
+        self._cone = np.zeros_like(self._weight)
+        self._spring = penalty * (_ALONG if np.isfinite(friction) else 1.0)
         self._unknowns = (self._d * self._nodes[:, :, None] + np.arange(self._d)).reshape(len(self._nodes), -1)
 
     def at(self, state: FloatArray, depth: float, *, curved: bool = True) -> Touch:
@@ -127,9 +136,9 @@ class SurfaceContact:
         force = pressure[..., None] * normal
         per_depth = active[..., None] * normal
         place = moved + depth * np.eye(d)[-1]
-        traction = None
+        traction, sticks = None, np.zeros_like(touching)
         if self.friction:
-            traction, along = self._drag(place, normal, pressure / self._weight)
+            traction, along, sticks = self._drag(place, normal, pressure / self._weight)
             force = force + traction * self._weight[..., None]
             along *= self._weight[..., None, None]
             curve, per_depth = curve + along, per_depth + along[..., -1]
@@ -144,10 +153,13 @@ class SurfaceContact:
             pressure=pressure / self._weight,
             traction=traction,
             place=place,
+            sticks=sticks,
         )
 
-    def _drag(self, place: FloatArray, normal: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Frictional traction that holds the points back, and its derivative by their place.
+    def _drag(
+        self, place: FloatArray, normal: FloatArray, pressure: FloatArray
+    ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+        """Frictional traction that holds the points back, its derivative by their place, and which points stick.
 
         Args:
             place: Points over the indenter, shape (f, q, d) [m].
@@ -157,24 +169,33 @@ class SurfaceContact:
         length = np.linalg.norm(normal, axis=-1)
         unit = normal / length[..., None]
         plane = np.eye(self._d) - unit[..., :, None] * unit[..., None, :]
-        spring = self._penalty * (pressure > 0)
-        trial = self._settled_traction + self._penalty * (place - self._settled_place)
+        spring = self._spring * (pressure > 0)
+        trial = self._settled_traction + self._spring * (place - self._settled_place)
         trial = np.einsum("fqij,fqj->fqi", plane, trial) * (pressure > 0)[..., None]
         size = np.linalg.norm(trial, axis=-1)
         slips = np.zeros_like(size, dtype=bool)
         kept = np.ones_like(size)
         if np.isfinite(self.friction):
-            limit = self.friction * pressure * length
+            limit = self.friction * self._cone * length
             slips = size > limit
             kept[slips] = limit[slips] / size[slips]
         way = trial / np.maximum(size, 1e-300)[..., None]
         across = plane - slips[..., None, None] * way[..., :, None] * way[..., None, :]
-        return kept[..., None] * trial, (kept * spring)[..., None, None] * across
+        return kept[..., None] * trial, (kept * spring)[..., None, None] * across, (pressure > 0) & ~slips
+
+    def renew_cone(self, touch: Touch) -> float:
+        """Take the pressures found for the width of Coulomb's cone; return how much of them changed [-]."""
+        if not self.friction:
+            return 0.0
+        change = float((np.abs(touch.pressure - self._cone) * self._weight).sum())
+        self._cone = touch.pressure
+        return change * self.multiple / max(touch.total, 1e-300)
 
     def settle(self, touch: Touch) -> None:
-        """Count slip from this converged state on."""
+        """Count slip from this converged state on; points that stick are pulled back to where they stuck."""
         if touch.traction is not None:
-            self._settled_place, self._settled_traction = touch.place, touch.traction
+            self._settled_place = np.where(touch.sticks[..., None], self._settled_place, touch.place)
+            self._settled_traction = touch.traction
 
     def augment(self, touch: Touch) -> None:
         """Take the pressures found as multipliers, so that the next solve leaves less overlap (Uzawa)."""
