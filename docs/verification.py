@@ -1,50 +1,127 @@
-"""Print the table of measured errors in docs/reference.md: the elements against the exact bonded layer.
+"""Print the tables of measured errors in docs/reference.md, all against answers that share nothing with the elements.
 
-Run it in the repository root: `.venv/bin/python docs/verification.py` (a minute).
+Run it in the repository root: `.venv/bin/python docs/verification.py` (five minutes), or name `layer`, `shapes` or
+`disks` for one table.
 """
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from functools import cache
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fem_reference import closed_form, point_spread, press
-from meshes import Cover, Cylinder, Layer, Material, Sphere, TexelArray
+from fem_reference import closed_form, compress_disk, point_spread, press
+from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
+from meshes.indenter import Roller
 
 ARRAY = ARRAYS["wts-0614-34"]
-RATIOS = (0.0, 0.3, 0.45, 0.49, 0.5)
+RATIOS = (0.0, 0.3, 0.45, 0.49, 0.499, 0.5)
+#: Square punch, and a cylinder on its side, with their depths; cells along a quarter's side of the boundary elements.
+SHAPES = ((Box(size=(4e-3, 4e-3, 4e-3)), 0.05e-3), (Roller(radius=4e-3, length=8e-3), 0.2e-3))
+CELLS = 24
+FACTORS = (0.25, 0.5, 1.0, 2.0, 3.0)
 
 
 def main() -> None:
-    """Print one row per Poisson ratio."""
+    """Print the tables that are named, or all."""
+    tables = {"layer": layer_table, "shapes": shape_table, "disks": disk_table}
+    for name in sys.argv[1:] or tables:
+        tables[name]()
+        print()
+
+
+def head(*columns: str) -> None:
+    """Print the head of a table."""
+    print("| " + " | ".join(columns) + " |\n|" + "---|" * len(columns))
+
+
+def row(name: str, errors: Iterable[float]) -> None:
+    """Print errors in percent."""
+    print(f"| {name} | " + " | ".join(f"{100 * error:.2g} %" for error in errors) + " |", flush=True)
+
+
+def layer_table() -> None:
+    """One row per Poisson ratio: loads at points, spheres and punches on one bonded layer."""
     heads = ("Poisson ratio", "radial profile", "texel, point load", "texel, uniform", "balance")
-    heads += ("sphere, a/h 0.5", "sphere, a/h 1", "punch, a/h 1")
-    print("| " + " | ".join(heads) + " |\n|" + "---|" * len(heads))
+    head(*heads, "sphere, a/h 0.5", "sphere, a/h 1", "punch, a/h 1")
     for ratio in RATIOS:
-        cover = bonded(ratio)
-        errors = (*spread_errors(cover), *press_errors(cover))
-        print(f"| {ratio} | " + " | ".join(f"{100 * error:.2g} %" for error in errors) + " |")
+        cover = of(ratio)
+        row(str(ratio), (*spread_errors(cover), *press_errors(cover)))
 
 
-def bonded(poisson_ratio: float) -> Cover:
-    """The 2 mm cover, 1 MPa, bonded."""
+def shape_table() -> None:
+    """Square punch and roller against boundary elements on the exact compliance: force, any texel over the peak."""
+    head("cover", "punch, force", "punch, texel", "roller, force", "roller, texel")
+    covers = {f"bonded, {ratio}": of(ratio) for ratio in RATIOS[1:]}
+    covers |= {f"sliding, {ratio}": of(ratio, base="sliding") for ratio in (0.3, 0.5)}
+    covers |= {f"foil on 0.45, {base}": foil_on_foam(base=base) for base in ("bonded", "sliding")}
+    for name, cover in covers.items():
+        errors: list[float] = []
+        for shape, depth in SHAPES:
+            exact = closed_form.pressed_shape(cover, shape, depth, cells=CELLS)
+            found, forces = press(cover, ARRAY, shape, depth=depth), exact.texel_forces(ARRAY)
+            errors.append(abs(found.total_force / exact.total_force - 1))
+            errors.append(float(np.abs(found.texel_forces - forces).max() / forces.max()))
+        row(name, errors)
+
+
+def disk_table() -> None:
+    """Incompressible disks between bonded plates: apparent over Young's modulus, elements over series, estimates."""
+    columns = ("shape factor", "series", "Gent-Lindley", "elements, small strain", "5 %", "10 %", "15 %")
+    head(*columns, "error, small strain", "estimate there", "estimate at 15 %")
+    rubber = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 1e6 / 3}, poisson_ratio=0.5)
+    for factor in FACTORS:
+        radius, height = 4e-3 * factor, 2e-3
+        found = compress_disk(rubber, radius=radius, height=height, strains=[1e-4, 0.05, 0.1, 0.15])
+        apparent = found.force / (np.pi * radius**2 * found.strain * rubber.youngs_modulus)
+        series = closed_form.bonded_disk(factor)
+        numbers = [series, closed_form.gent_lindley(factor), *apparent]
+        errors = [abs(apparent[0] / series - 1), found.error_estimate[0], found.error_estimate[-1]]
+        row(" | ".join([str(factor), *(f"{number:.4g}" for number in numbers)]), errors)
+
+
+def of(poisson_ratio: float, base: Literal["bonded", "sliding"] = "bonded") -> Cover:
+    """The 2 mm cover, 1 MPa."""
     material = Material(
         name="linear", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=poisson_ratio
     )
-    return Cover(layers=(Layer(thickness=2e-3, material=material),))
+    return Cover(layers=(Layer(thickness=2e-3, material=material),), base=base)
+
+
+def foil_on_foam(base: Literal["bonded", "sliding"]) -> Cover:
+    """A foil a tenth as thick as the cover and a hundred times as stiff as what is under it."""
+    moduli = {"soft": (1e6, 0.45, 1.8e-3), "foil": (1e8, 0.35, 0.2e-3)}
+    layers = [
+        Layer(
+            thickness=thickness,
+            material=Material(
+                name=name, model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
+            ),
+        )
+        for name, (modulus, ratio, thickness) in moduli.items()
+    ]
+    return Cover(layers=tuple(layers), base=base)
 
 
 def spread_errors(cover: Cover) -> tuple[float, float, float, float]:
-    """Of the peak of the profile; of the load, largest over texels, twice; of the load."""
+    """Of the peak of the profile; of the load, largest over texels, twice; of the load.
+
+    The point load stands over a texel's centre, the middle of its edge and its corner.
+    """
     spread = point_spread(cover)
     radius = np.linspace(0, spread.reach, 3000)
     exact = closed_form.point_response(cover, radius)
     profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()
     centre = ARRAY.centres[ARRAY.middle, :2]
-    point = np.abs(spread.texel_response(ARRAY) - exact_forces(cover, centre)).max()
+    half = np.array(ARRAY.pitch) / 2
+    loaded = [centre, centre + half * (1, 0), centre + half]
+    influence = spread.texel_influence(ARRAY, np.array(loaded))
+    point = max(np.abs(each - exact_forces(cover, x)).max() for each, x in zip(influence, loaded, strict=True))
     nodes, weights = np.polynomial.legendre.leggauss(6)
     exact_uniform = sum(
         a * b / 4 * exact_forces(cover, centre + np.array([x, y]) * ARRAY.texel_size[0] / 2)

@@ -31,7 +31,7 @@ GRIDS = (4, 6, 9)
 _ORDER = 1.19
 #: A node this close to a boundary lies on it, in half heights [-].
 _TOUCH = 1e-9
-_ITERATIONS = 12
+_ITERATIONS = 16
 #: Residuals relative to the plate's largest nodal force, and to a pressure unknown's share of the volume.
 _TIGHT = 1e-8
 #: Shortest step, relative to the travel wanted.
