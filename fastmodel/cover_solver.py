@@ -116,8 +116,7 @@ class CoverSolver:
         found = self._find(operator, constraints, start)
         if not found.converged and any(load.tilts for load in loads):
             # moments that no pressure on these cells can carry: the pose that the engine gives stands for the tilt
-            upright = [Load(force=load.force, moment=load.moment, tilts=False) for load in loads]
-            constraints = _Constraints(samples, upright)
+            constraints = _Constraints(samples, [load.upright() for load in loads])
             found = self._find(operator, constraints, start)
         if not found.balanced:
             # numbers that got out of hand: springs carry the loads, whatever the cells
@@ -223,21 +222,18 @@ class _Constraints:
     def __init__(self, samples: Samples, loads: Sequence[Load]) -> None:
         self.total = sum(load.force for load in loads)
         columns: list[FloatArray] = []
-        target: list[float] = []
+        target: list[FloatArray] = []
         self.approach: list[int] = []
         for body, load in enumerate(loads):
-            mine = (samples.body == body).astype(np.float64)
-            self.approach.append(len(columns))
-            columns.append(mine)
-            target.append(load.force)
-            if load.tilts and mine.sum() >= 3:  # noqa: PLR2004 -- a plane takes three points
-                middle = load.moment / load.force
-                dx, dy = mine * (samples.x - middle[0]), mine * (samples.y - middle[1])
-                size = max(float(np.abs(dx).max()), float(np.abs(dy).max()), 1e-9)
-                columns += [dx / size, dy / size]
-                target += [0.0, 0.0]
-        self.columns = np.column_stack(columns)
-        self.target = np.array(target)
+            mine = (samples.body == body).nonzero()[0]
+            own, wanted = load.constraints(samples, mine)
+            whole = np.zeros((samples.count, len(wanted)))
+            whole[mine] = own
+            self.approach.append(sum(map(len, target)))
+            columns.append(whole)
+            target.append(wanted)
+        self.columns = np.concatenate(columns, axis=1)
+        self.target = np.concatenate(target)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -39,17 +39,12 @@ def _one_body(
     samples: Samples, mine: npt.NDArray[np.int64], load: Load, stiffness: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     gap = samples.gap[mine]
-    if load.tilts and len(mine) >= 3:  # noqa: PLR2004 -- a plane takes three points
-        # about the point of pressure and in units of the contact's size, so that the unknowns are alike
-        middle = load.moment / load.force
-        place = np.column_stack([samples.x[mine], samples.y[mine]]) - middle
-        size = max(float(np.abs(place).max()), 1e-9)
-        columns = np.column_stack([np.ones(len(mine)), place / size])
-        found = _matched(columns, gap, stiffness, np.array([load.force, 0.0, 0.0]))
+    for each in (load, load.upright()) if load.tilts else (load,):
+        columns, target = each.constraints(samples, mine)
+        found = _matched(columns, gap, stiffness, target)
         if found is not None:
             return found
-    found = _matched(np.ones((len(mine), 1)), gap, stiffness, np.array([load.force]))
-    return (np.full(len(mine), load.force / len(mine)), gap) if found is None else found
+    return np.full(len(mine), target[0] / columns[:, 0].sum()), gap
 
 
 def _matched(
@@ -68,7 +63,7 @@ def _matched(
         forces = stiffness * depth
         miss = target - forces @ columns
         if np.abs(miss).max() <= 1e-9 * target[0]:
-            return forces * (target[0] / forces.sum()), columns @ motion
+            return forces * (target[0] / (forces @ columns[:, 0])), columns @ motion
         touching = depth > 0
         weighted = columns[touching] * stiffness[touching, None]
         tangent = columns[touching].T @ weighted

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -120,6 +121,31 @@ class Load:
     force: float
     moment: FloatArray
     tilts: bool
+
+    def upright(self) -> Load:
+        """The same without moments: the pose that the engine gives stands for the tilt."""
+        return dataclasses.replace(self, tilts=False)
+
+    def alike(self, other: Load, distance: float) -> bool:
+        """Whether another load presses at the same point, up to a distance [m]; a guided body's point is the guide's."""
+        return not self.tilts or bool(np.abs(self.moment / self.force - other.moment / other.force).max() <= distance)
+
+    def constraints(self, samples: Samples, mine: IntArray) -> tuple[FloatArray, FloatArray]:
+        """What the body's cell forces are summed with, shape (m, k), and what these sums must be, shape (k,).
+
+        The first column gives the load itself, so its multiplier is the approach.
+
+        Args:
+            samples: Cells under all bodies.
+            mine: Which of them are this body's, shape (m,).
+        """
+        if not self.tilts or len(mine) < 3:  # noqa: PLR2004 -- a plane takes three points
+            return np.ones((len(mine), 1)), np.array([self.force])
+        # about the point of pressure and in units of the contact's size, so that the unknowns are alike
+        middle = self.moment / self.force
+        place = np.column_stack([samples.x[mine], samples.y[mine]]) - middle
+        size = max(float(np.abs(place).max()), 1e-9)
+        return np.column_stack([np.ones(len(mine)), place / size]), np.array([self.force, 0.0, 0.0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -221,8 +221,7 @@ def _stands_still(before: Touching, now: Touching, distance: float) -> bool:
 def _presses_alike(before: Touching, now: Touching, distance: float) -> bool:
     """Whether every body presses as before, with the same point of pressure where that counts."""
     return all(
-        abs(a.force - b.force) <= _STILL * a.force
-        and (not b.tilts or np.abs(a.moment / a.force - b.moment / b.force).max() <= distance)
+        abs(a.force - b.force) <= _STILL * a.force and b.alike(a, distance)
         for a, b in zip(before.loads, now.loads, strict=True)
     )
 
