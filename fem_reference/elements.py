@@ -120,12 +120,13 @@ class MixedElements:
         if self.hoop is not None:
             gradient = _axisymmetric(slope, self.hoop[part])
             return product(gradient, np.matmul(moduli, gradient))
-        e, _, a, d = slope.shape
+        e, q, a, d = slope.shape
+        right = slope.transpose(0, 1, 3, 2).reshape(e, q * d, a)
         out = np.empty((e, a, d, a, d))
         tensor = moduli.reshape(*slope.shape[:2], d, d, d, d)
         for i in range(d):
             for k in range(i, d):
-                block = _contracted(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]))
+                block = _contracted(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]), right)
                 out[:, :, i, :, k] = block
                 out[:, :, k, :, i] = block.transpose(0, 2, 1)
         return out.reshape(e, a * d, a * d)
@@ -268,11 +269,10 @@ def _axisymmetric(slope: FloatArray, hoop: FloatArray) -> FloatArray:
     return out.reshape(e, q, 5, 2 * a)
 
 
-def _contracted(slope: FloatArray, tensor: FloatArray) -> FloatArray:
-    """sum_q slope tensor slope^T: (e, q, a, J), (e, q, J, L) to (e, a, b), as one product over (q, L)."""
+def _contracted(slope: FloatArray, tensor: FloatArray, right: FloatArray) -> FloatArray:
+    """sum_q slope tensor slope^T: (e, q, a, J), (e, q, J, L), (e, qL, b) to (e, a, b), as one product over (q, L)."""
     e, q, a, d = slope.shape
     left = np.matmul(slope, tensor).transpose(0, 2, 1, 3).reshape(e, a, q * d)
-    right = slope.transpose(0, 1, 3, 2).reshape(e, q * d, a)
     return np.asarray(np.matmul(left, right))
 
 
