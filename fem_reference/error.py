@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 
 def grid_convergence(
@@ -40,11 +41,18 @@ def grid_convergence(
     return float(factor * abs(fine) / (ratio**order - 1))
 
 
-def extrapolated(values: Sequence[float], sizes: Sequence[float]) -> float:
+def extrapolated(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> npt.NDArray[np.float64]:
     """Limit of a first-order sequence from its two finest values (Richardson).
 
+    Where a third, coarser value shows that the sequence goes back and forth there is no order to extrapolate by, and
+    the finest value stands.
+
     Args:
-        values: Results, finest grid last.
+        values: Results, finest grid last, two or three of the same shape.
         sizes: Element sizes of the grids in the same order, descending.
     """
-    return float(values[-1] + (values[-1] - values[-2]) / (sizes[-2] / sizes[-1] - 1))
+    known = np.asarray(values, dtype=float)
+    change = np.asarray(known[-1] - known[-2])
+    if len(known) > 2:  # noqa: PLR2004 -- coarse, middle, fine
+        change = np.where(change * (known[-2] - known[-3]) < 0, 0.0, change)
+    return np.asarray(known[-1] + change / (sizes[-2] / sizes[-1] - 1))

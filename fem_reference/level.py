@@ -53,12 +53,12 @@ class ExtrapolatedLevel:
     @property
     def total_force(self) -> float:
         """Force on the indenter [N]."""
-        return extrapolated([level.total_force for level in self.levels], self.sizes)
+        return float(extrapolated([level.total_force for level in self.levels], self.sizes))
 
     @property
     def depth(self) -> float:
         """Approach from first touch [m]."""
-        return extrapolated([level.depth for level in self.levels], self.sizes)
+        return float(extrapolated([level.depth for level in self.levels], self.sizes))
 
     @property
     def area(self) -> float:
@@ -72,8 +72,7 @@ class ExtrapolatedLevel:
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
         """Force on each texel for a pose, shape (n,) [N]."""
-        last, before = (level.texel_forces(array, at, yaw) for level in (self.levels[-1], self.levels[-2]))
-        return np.asarray(last + (last - before) / (self.sizes[-2] / self.sizes[-1] - 1))
+        return extrapolated([level.texel_forces(array, at, yaw) for level in self.levels], self.sizes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

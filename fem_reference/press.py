@@ -292,14 +292,17 @@ def _value(values: Sequence[float], sizes: Sequence[float], *, sharp: bool) -> f
     """
     if not sharp:
         return float(values[-1])
-    return extrapolated(values, sizes)
+    return float(extrapolated(values, sizes))
 
 
 def _uncertainty(values: Sequence[float], sizes: Sequence[float], *, sharp: bool, least: float) -> float:
-    """Estimated error of `_value`, relative: what extrapolating a grid earlier would change, or the usual index."""
+    """Estimated error of `_value`, relative: what extrapolating a grid earlier would change, or the usual index.
+
+    The index also serves where the grids go back and forth and nothing is extrapolated.
+    """
     answer = _value(values, sizes, sharp=sharp)
     if answer == 0:
         return 0.0
-    if sharp:
-        return _SAFETY * abs(answer - extrapolated(values[:2], sizes[:2])) / abs(answer)
+    if sharp and (values[1] - values[0]) * (values[2] - values[1]) >= 0:
+        return _SAFETY * abs(answer - float(extrapolated(values[:2], sizes[:2]))) / abs(answer)
     return grid_convergence(values, sizes, least=least) / abs(answer)

@@ -1,0 +1,127 @@
+"""The 2015 report's static campaign at finite strain: does every case converge, how well, and how long does it take?
+
+    python benchmarks/campaign.py
+
+Shapes, loads and turns of the report, sizes and cover fixed here: 2 mm neo-Hookean, E = 1 MPa, nu = 0.49, frictionless,
+wide.  The campaign runs twice, each time in a process of its own: with an empty store, and from the store.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+from fem_reference.press import Indentation, press, press_path
+from fem_reference.press_together import Body, press_together
+from meshes import Cover, Layer, Material, TexelArray
+from meshes.indenter import Box, Cylinder, LetterH, Nut
+
+NU, E = 0.49, 1e6
+LOADS = (0.1 * 9.80665, 0.5 * 9.80665)
+#: Shape and the turns that tell it from itself, in degrees.
+SHAPES = {
+    "small square": (Box(size=(6e-3, 6e-3, 10e-3)), (0, 45)),
+    "big square": (Box(size=(12e-3, 12e-3, 10e-3)), (0, 45)),
+    "circle": (Cylinder(radius=5e-3), (0,)),
+    "big rectangle": (Box(size=(6e-3, 18e-3, 10e-3)), (0, 45, 90)),
+    "small rectangle": (Box(size=(4e-3, 10e-3, 10e-3)), (0, 45, 90)),
+    "nut": (Nut(across=13e-3, bore=8e-3), (0, 45, 90)),
+    "H": (LetterH(size=(12e-3, 16e-3), bar=4e-3), (0, 45, 90)),
+}
+
+
+def cover(model: str) -> Cover:
+    """The campaign's cover, with a stored energy or for small strain."""
+    parameters = {"shear_modulus": E / (2 * (1 + NU))} if model == "neo-hookean" else {"youngs_modulus": E}
+    material = Material(name="campaign", model=model, parameters=parameters, poisson_ratio=NU)
+    return Cover(layers=(Layer(thickness=2e-3, material=material),))
+
+
+def row(name: str, load: float, turn: float, found: Indentation) -> dict[str, object]:
+    """What is reported of a case."""
+    return {
+        "case": f"{name}, {load:.3g} N, {turn} deg",
+        "depth": found.depth,
+        "peak": float(found.texel_forces.max()),
+        "peak_error": found.error_estimate["peak_texel"],
+        "force_error": found.error_estimate["total_force"],
+    }
+
+
+def two_squares(array: TexelArray) -> dict[str, object]:
+    """Both at once: each alone at finite strain, and what the other changes at small strain."""
+    bodies = [
+        Body(indenter=SHAPES[name][0], load=load, at=(0.0, y))
+        for name, load, y in (("big square", LOADS[1], -8e-3), ("small square", LOADS[0], 8e-3))
+    ]
+    finite, small = cover("neo-hookean"), cover("linear-elastic")
+    alone = [press_path(finite, array, body.indenter, loads=LOADS, at=body.at) for body in bodies]
+    deep = [path[LOADS.index(body.load)] for path, body in zip(alone, bodies, strict=True)]
+    flat = [press(small, array, body.indenter, load=body.load, at=body.at) for body in bodies]
+    both = press_together(small, array, bodies)
+    forces = both.texel_forces + sum(d.texel_forces - f.texel_forces for d, f in zip(deep, flat, strict=True))
+    peak = int(np.argmax(forces))
+    return {
+        "case": "two squares, 4.9 and 0.981 N",
+        "depth": float(both.depths[0]),
+        "peak": float(forces[peak]),
+        "peak_error": deep[0].error_estimate["peak_texel"] + both.error_estimate["misplaced"],
+        "force_error": deep[0].error_estimate["total_force"],
+    }
+
+
+def work() -> None:
+    """Run the campaign in this process and print it as JSON."""
+    array = TexelArray.grid(14, 6, pitch=3.4e-3)
+    rows, seconds = [], {}
+    for name, (shape, turns) in SHAPES.items():
+        started = time.perf_counter()
+        for turn in turns:
+            path = press_path(cover("neo-hookean"), array, shape, loads=LOADS, yaw=float(np.radians(turn)))
+            rows += [row(name, load, turn, found) for load, found in zip(LOADS, path, strict=True)]
+        seconds[name] = time.perf_counter() - started
+        print(f"{name}: {seconds[name]:.1f} s", file=sys.stderr)
+    rows.append(two_squares(array))
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    print(
+        json.dumps({"rows": rows, "seconds": seconds, "cpu": usage.ru_utime + usage.ru_stime, "kib": usage.ru_maxrss})
+    )
+
+
+def run(store: str) -> tuple[dict, float]:
+    """The campaign in a process of its own, and its wall time."""
+    started = time.perf_counter()
+    environment = {**os.environ, "SOFTCOVER_STORE": store}
+    done = subprocess.run(
+        [sys.executable, __file__, "--work"], env=environment, stdout=subprocess.PIPE, check=True, text=True
+    )
+    return json.loads(done.stdout), time.perf_counter() - started
+
+
+def main() -> None:
+    """Run twice and print."""
+    with tempfile.TemporaryDirectory() as store:
+        cold, wall = run(store)
+        warm, again = run(store)
+    print("| case | depth [mm] | peak texel [N] | its estimated error [%] | of the force [%] |")
+    print("|---|---|---|---|---|")
+    for each in cold["rows"]:
+        print(
+            f"| {each['case']} | {1e3 * each['depth']:.4f} | {each['peak']:.4f} "
+            f"| {100 * each['peak_error']:.2f} | {100 * each['force_error']:.2f} |"
+        )
+    errors = [each["peak_error"] for each in cold["rows"]]
+    print(f"\n{len(errors)} cases; peak texel: estimated error {100 * max(errors):.2f} % at most")
+    print(f"empty store: {wall:.0f} s wall, {cold['cpu']:.0f} s of CPU, {cold['kib'] / 2**20:.2f} GiB")
+    print(f"from the store: {again:.1f} s wall; same answers: {cold['rows'] == warm['rows']}")
+
+
+if __name__ == "__main__":
+    work() if "--work" in sys.argv else main()
