@@ -13,6 +13,7 @@ import time
 
 import felupe as fem
 import numpy as np
+import scipy.sparse as sp
 from felupe.math import cdya_il, det, dya, inv, transpose
 from scipy.sparse.linalg import spsolve
 
@@ -51,24 +52,30 @@ def solver(name: str):  # noqa: ANN201 -- either library's function
 
 
 def body_of(task: dict) -> tuple[fem.FieldContainer, fem.SolidBody]:
-    """Half a disk as the rectangle z (first axis), r (second axis), or an eighth of a square block."""
+    """Half a disk or a layer as the rectangle z (first axis), r (second axis), or an eighth of a square block."""
     n, m, extent = task["through"], task["across"], task["radius"]
     fields = 3 if task["fields"] == "three" else 2
-    if task["shape"] == "disk":
-        mesh = fem.Rectangle(b=(1.0, extent), n=(n + 1, m + 1)).add_midpoints_edges().add_midpoints_faces()
+    if task["shape"] != "block":
+        mesh = fem.Rectangle(b=(1.0, extent), n=(n + 1, m + 1))
+        if task["shape"] == "ball":
+            mesh.points[:, 1] = np.array(task["radii"])[np.round(mesh.points[:, 1] * m / extent).astype(int)]
+        mesh = mesh.add_midpoints_edges().add_midpoints_faces()
         region = fem.RegionBiQuadraticQuad(mesh)
     else:
         mesh = fem.Cube(b=(1.0, extent, extent), n=(n + 1, m + 1, m + 1))
         mesh = mesh.add_midpoints_edges().add_midpoints_faces().add_midpoints_volumes()
         region = fem.RegionTriQuadraticHexahedron(mesh)
-    field = fem.FieldsMixed(region, n=fields, axisymmetric=task["shape"] == "disk", disconnect=False)
+    field = fem.FieldsMixed(region, n=fields, axisymmetric=task["shape"] != "block", disconnect=False)
     neo = fem.NeoHooke(mu=1.0)
     law = fem.NearlyIncompressible(neo, bulk=task["bulk"]) if fields == 3 else TwoFields(neo, task["bulk"])
     return field, fem.SolidBody(law, field)
 
 
 def held_of(task: dict, u: fem.Field) -> dict[str, fem.Boundary]:
-    """The plate at the first axis's end, the planes of symmetry."""
+    """The plate at the first axis's end, the planes of symmetry; under a ball the base, the axis and the far edge."""
+    if task["shape"] == "ball":
+        axis, far = fem.Boundary(u, fy=0.0, skip=(1, 0)), fem.Boundary(u, fy=task["radii"][-1])
+        return {"base": fem.Boundary(u, fx=0.0), "axis": axis, "far": far}
     across = [(1, 0)] if task["shape"] == "disk" else [(1, 0, 1), (1, 1, 0)]
     along = (0, 1) if task["shape"] == "disk" else (0, 1, 1)
     found = {f"plate {skip}": fem.Boundary(u, fx=1.0, skip=skip) for skip in across}
@@ -76,8 +83,62 @@ def held_of(task: dict, u: fem.Field) -> dict[str, fem.Boundary]:
     return found | {"middle": fem.Boundary(u, fx=0.0, skip=along), "plate": fem.Boundary(u, fx=1.0, skip=along)}
 
 
-def converged(tolerance: float):  # noqa: ANN201 -- felupe calls it
-    """Converged as softcover means it: largest residuals beside the plate's force and a pressure's volume."""
+class Ball:
+    """Softcover's contact law as an item of FElupe: penalty on the overlap at three Gauss points of each top edge."""
+
+    def __init__(self, field: fem.FieldContainer, radius: float, penalty: float) -> None:
+        mesh = field.region.mesh
+        top = np.flatnonzero(mesh.points[:, 0] == 1)
+        top = top[np.argsort(mesh.points[top, 1])]
+        nodes = top[2 * np.arange(len(top) // 2)[:, None] + np.arange(3)]
+        t, weight = (np.polynomial.legendre.leggauss(3)[0] + 1) / 2, np.polynomial.legendre.leggauss(3)[1] / 2
+        self.shape = np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)], axis=-1)
+        r = mesh.points[nodes, 1]
+        self.r = r @ self.shape.T
+        self.weight = 2 * np.pi * self.r * weight * (r[:, -1:] - r[:, :1])
+        self.dof = 2 * nodes[..., None] + np.arange(2)
+        self.nodes, self.radius, self.penalty, self.depth, self.curved = nodes, radius, penalty, 0.0, True
+        self.field = field
+        self.size = mesh.npoints * 2
+        self.assemble = fem.mechanics.Assemble(vector=self._vector, matrix=self._matrix)
+        self.results = fem.mechanics.Results(stress=False, elasticity=False)
+
+    def _at(self) -> tuple:
+        u = np.einsum("qa,fai->fqi", self.shape, self.field[0].values[self.nodes])
+        r = self.r + u[..., 1]
+        round_ = np.minimum(r, self.radius * np.sin(np.pi / 3))  # from 60 degrees on a cone, as softcover has it
+        root = np.sqrt(self.radius**2 - round_**2)
+        height = self.radius - root + np.tan(np.pi / 3) * (r - round_)
+        pressed = self.penalty * (u[..., 0] + self.depth - height)
+        touching = pressed > 0
+        normal = np.stack([np.ones_like(r), -round_ / root], axis=-1)
+        curvature = (r == round_) * self.radius**2 / root**3
+        return np.where(touching, pressed, 0.0) * self.weight, touching * self.weight, normal, curvature
+
+    def _vector(self, field: fem.FieldContainer | None = None, **_: object):  # noqa: ANN202 -- sparse
+        self.field = field or self.field
+        pressure, _, normal, _ = self._at()
+        self.total = pressure.sum()
+        each = np.einsum("qa,fq,fqi->fai", self.shape, pressure, normal)
+        full = np.bincount(self.dof.ravel(), each.ravel(), minlength=self.size)
+        self.largest = np.abs(full).max()
+        return sp.csr_matrix(full[:, None])
+
+    def _matrix(self, field: fem.FieldContainer | None = None, **_: object):  # noqa: ANN202 -- sparse
+        self.field = field or self.field
+        pressure, active, normal, curvature = self._at()
+        curve = self.penalty * active[..., None, None] * normal[..., :, None] * normal[..., None, :]
+        if self.iteration >= 2:  # as softcover does: false overlaps times a curvature lead astray
+            curve[..., 1, 1] -= pressure * curvature
+        self.iteration += 1
+        block = np.einsum("qa,fqij,qb->faibj", self.shape, curve, self.shape)
+        i = np.broadcast_to(self.dof[:, :, :, None, None], block.shape).ravel()
+        j = np.broadcast_to(self.dof[:, None, None, :, :], block.shape).ravel()
+        return sp.coo_matrix((block.ravel(), (i, j)), shape=(self.size, self.size)).tocsr()
+
+
+def converged(tolerance: float, ball: Ball | None):  # noqa: ANN201 -- felupe calls it
+    """Converged as softcover means it: largest residuals beside the rigid body's force and a pressure's volume."""
 
     def check(dx, x, f, xtol, ftol, dof1=None, dof0=None, items=None, eps=1e-3):  # noqa: ANN001, ANN202, ARG001, PLR0917
         split = x.fields[0].values.size
@@ -85,7 +146,10 @@ def converged(tolerance: float):  # noqa: ANN201 -- felupe calls it
         forces = np.abs(free[dof1 < split]).max()
         volumes = np.abs(free[dof1 >= split]).max()
         share = x.region.dV.sum() / (f.size - split)
-        met = forces < tolerance * np.abs(f[dof0]).max() and volumes < tolerance * share
+        met = (
+            forces < tolerance * (np.abs(f[dof0]).max() if ball is None else ball.largest)
+            and volumes < tolerance * share
+        )
         return np.abs(dx).max(), forces, met
 
     return check
@@ -95,25 +159,35 @@ def run(task: dict) -> tuple[list[float], int, int]:
     """Forces at every travel, unknowns and iterations."""
     field, body = body_of(task)
     boundaries = held_of(task, field[0])
-    moved = boundaries["plate"]
-    iterations, forces = 0, []
+    moved = boundaries.get("plate")
+    ball = None if moved else Ball(field, task["ball"], task["penalty"])
+    iterations, forces, before = 0, [], None
     for travel in task["travels"]:
-        moved.value = -travel
+        if moved:
+            moved.value = -travel
+        else:
+            ball.depth, ball.iteration = travel, 0
+            now = [values.values.copy() for values in field.fields]
+            if before is not None:
+                for values, old, new in zip(field.fields, before, now, strict=True):
+                    values.values[:] = 2 * new - old
+            before = now if forces else None
         held, free = fem.dof.partition(field, boundaries)
         wanted = fem.dof.apply(field, boundaries, held)
         found = fem.newtonraphson(
-            items=[body],
+            items=[body] if moved else [body, ball],
+            maxiter=40,
             x0=field,
             dof0=held,
             dof1=free,
             ext0=wanted,
-            check=converged(task["tolerance"]),
+            check=converged(task["tolerance"], ball),
             solver=solver(task["solver"]),
             verbose=0,
         )
         field.link(found.x)
         iterations += found.iterations
-        forces.append(float(-found.fun[moved.dof].sum()))
+        forces.append(float(-found.fun[moved.dof].sum() if moved else ball.total))
     return forces, int(np.sum(field.fieldsizes)), iterations
 
 
