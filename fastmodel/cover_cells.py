@@ -99,6 +99,11 @@ class CoverCells:
                 f"the cover's cells measure {self.cell} m but array {array.name!r} has a pitch of {array.pitch} m: "
                 f"{self.per_texel} cells a pitch take {tuple(edges)} m"
             )
+        if self.table is not None and not array.even:
+            raise ShapeError(
+                f"array {array.name!r} is not a flat, even grid, and the table of a cover with free side edges is for "
+                f"one; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"
+            )
         wanted = (array.count, array.rows * self.per_texel, array.columns * self.per_texel)
         if self.table is not None and self.table.shape != wanted:
             raise ShapeError(

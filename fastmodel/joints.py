@@ -22,6 +22,7 @@ class Joints:
         self._model = model
         self._own = set(self._chain(body))
         self._known: dict[int, bool] = {}
+        self._slides: dict[int, list[int]] = {}
 
     def tilts(self, data: Any, body: int, normal: FloatArray) -> bool:  # noqa: ANN401 -- MjData
         """Whether a joint between a body and the array lets the one tilt against the other.
@@ -32,10 +33,19 @@ class Joints:
             normal: The array's normal in the world, shape (3,) [-].
         """
         if body not in self._known:
-            chain = self._own ^ set(self._chain(body))
-            joints = [joint for each in chain for joint in self._of(each)]
-            self._known[body] = any(self._tilts(data, joint, normal) for joint in joints)
+            self._known[body] = any(self._tilts(data, joint, normal) for joint in self._between(body))
         return self._known[body]
+
+    def slides(self, data: Any, body: int) -> FloatArray:  # noqa: ANN401 -- MjData
+        """Axes in the world of the slides between a body and the array, shape (k, 3) [-]."""
+        if body not in self._slides:
+            kinds, slide = self._model.jnt_type, mujoco.mjtJoint.mjJNT_SLIDE
+            self._slides[body] = [joint for joint in self._between(body) if kinds[joint] == slide]
+        return np.asarray(data.xaxis[self._slides[body]]).reshape(-1, 3)
+
+    def _between(self, body: int) -> list[int]:
+        """Joints between a body and the array."""
+        return [joint for each in sorted(self._own ^ set(self._chain(body))) for joint in self._of(each)]
 
     def _chain(self, body: int) -> list[int]:
         chain = []

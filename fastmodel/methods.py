@@ -8,9 +8,8 @@ from types import MappingProxyType
 
 from fastmodel.area import AreaTexels
 from fastmodel.contact import BoxTexels, TexelContact
-from fastmodel.errors import FastModelError, UnknownNameError
+from fastmodel.errors import UnknownNameError
 from fastmodel.parameters import Parameters
-from fastmodel.plate import require_grid
 from fastmodel.surface_contact import CoverContact, Foundation
 
 #: Contact methods by name.
@@ -24,8 +23,7 @@ DEFAULT = "default"
 def choose(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
     """A contact method by name, or the one given.
 
-    `default` is `cover` where the parameters hold the cover's cells and the array is a flat, even grid, and the boxes
-    of the 2015 report elsewhere.
+    `default` is `cover` where the parameters hold the cover's cells, and the boxes of the 2015 report elsewhere.
 
     Args:
         method: Name or settings.
@@ -54,10 +52,4 @@ def _within_sides(method: TexelContact, parameters: Parameters) -> TexelContact:
 
 
 def _best(parameters: Parameters) -> str:
-    if parameters.cells is None:
-        return "boxes"
-    try:
-        require_grid(parameters.array)
-    except FastModelError:
-        return "boxes"
-    return "cover"
+    return "boxes" if parameters.cells is None else "cover"

@@ -6,6 +6,7 @@ from the shapes themselves, sampled over the cells of the array.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,13 +15,14 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FastModelError, LifeCycleError, StateError
+from fastmodel.errors import LifeCycleError, StateError
 from fastmodel.joints import Joints
+from fastmodel.layout import Panel, panels
 from fastmodel.lower_surface import solid
 from fastmodel.native import choose_kernel
 from fastmodel.plate_forces import plate_loops, plate_numpy
-from fastmodel.pose import Pose, rotate
-from fastmodel.sampling import CellGrid, Load, Shape, Standing
+from fastmodel.pose import Pose, multiply, quaternions, rotate
+from fastmodel.sampling import CellGrid, Load, Samples, Shape, Standing, sample
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -56,46 +58,32 @@ class Plate:
             raise ValueError(f"contact_bit must lie in 0..30, not {self.contact_bit}")
 
     def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
-        """Add the plate to a body of a spec.
-
-        Raises:
-            FastModelError: If the array is not a flat, even grid.
-        """
-        require_grid(array)
-        middle = array.centres.mean(axis=0) - [0, 0, self.height / 2]
+        """Add the plate to a body of a spec: one for every flat panel of the array."""
         bit = 1 << self.contact_bit
-        half = (np.array([array.columns, array.rows]) / 2 + self.margin) * array.pitch
-        body.add_geom(
-            name=plate_name(name),
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[*half, self.height / 2],
-            pos=pose.position + rotate(pose.quaternion, middle[None])[0],
-            quat=pose.quaternion,
-            mass=0.0,
-            contype=bit,
-            conaffinity=0x7FFFFFFF & ~bit,
-            rgba=[0.25, 0.27, 0.3, 1.0],
-        )
+        for part, geom in zip(*self.panels(array, name), strict=True):
+            middle = part.origin - 0.5 * self.height * part.axes[:, 2]
+            body.add_geom(
+                name=geom,
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[*part.half, self.height / 2],
+                pos=pose.position + rotate(pose.quaternion, middle[None])[0],
+                quat=multiply(pose.quaternion, quaternions(part.axes[None])[0]),
+                mass=0.0,
+                contype=bit,
+                conaffinity=0x7FFFFFFF & ~bit,
+                rgba=[0.25, 0.27, 0.3, 1.0],
+            )
+
+    def panels(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:
+        """The array's flat panels, and the names of their geoms."""
+        parts = panels(array, self.margin)
+        one = len(parts) == 1
+        return parts, [plate_name(name) if one else f"{plate_name(name)}{k}" for k in range(len(parts))]
 
 
 def plate_name(name: str) -> str:
-    """Name of a sensor's plate."""
+    """Name of a sensor's plate; the plates of a curved array are numbered."""
     return f"{name}/plate"
-
-
-def require_grid(array: TexelArray) -> None:
-    """Check that cells can divide the array.
-
-    Raises:
-        FastModelError: If it is not a flat, even grid.
-    """
-    grid = TexelArray.grid(array.rows, array.columns, array.pitch)
-    offset = array.centres - grid.centres
-    if not array.planar or np.ptp(offset, axis=0).max() > 1e-6 * min(array.pitch):
-        raise FastModelError(
-            f"array {array.name!r} is not a flat, even grid; the contact methods 'foundation' and 'cover' need one; "
-            f"'boxes' and 'area' take any layout"
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,6 +118,7 @@ class PlateReader:
         array: TexelArray,
         name: str,
         *,
+        grid: CellGrid,
         edge: float,
         native: bool | None = None,
     ) -> None:
@@ -140,20 +129,24 @@ class PlateReader:
             model: The compiled model.
             array: The array that was attached.
             name: The sensor's name.
+            grid: The cells.
             edge: Distance by which sharp edges stand out [m].
             native: True for the numba kernel, False for numpy, None for whichever is there.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        self._geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, plate_name(name))
-        if self._geom < 0:
+        parts, names = plate.panels(array, name)
+        self._geoms = np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names])
+        if self._geoms.min() < 0:
             raise LifeCycleError(
-                f"geom {plate_name(name)!r} is not in this model; bind a model compiled from the spec that sensor "
-                f"{name!r} was attached to"
+                f"geom {names[int(self._geoms.argmin())]!r} is not in this model; bind a model compiled from the spec "
+                f"that sensor {name!r} was attached to"
             )
-        self._model, self._edge, self._name = model, edge, plate_name(name)
-        self._middle = array.centres.mean(axis=0) - [0, 0, plate.height / 2]
+        self._geom = int(self._geoms[0])
+        self._model, self._edge, self._name, self._grid, self._native = model, edge, names[0], grid, native
+        self._turn = parts[0].axes.T
+        self._middle = parts[0].origin - 0.5 * plate.height * parts[0].axes[:, 2]
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
         self._group = model.body_weldid[model.geom_bodyid].astype(np.int64)
         self._shapes: dict[int, tuple[IntArray, Shape]] = {}
@@ -164,8 +157,30 @@ class PlateReader:
         """What presses on the plate now; None where nothing does."""
         if not data.nefc:
             return None
-        axes = data.geom_xmat[self._geom].reshape(3, 3)
+        axes = data.geom_xmat[self._geom].reshape(3, 3) @ self._turn
         origin = data.geom_xpos[self._geom] - axes @ self._middle
+        pressing = self._loads(data, axes, origin)
+        if not all(math.isfinite(load.force) for _, load in pressing):
+            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
+        if not pressing:
+            return None
+        return Touching(
+            bodies=tuple(body for body, _ in pressing),
+            loads=tuple(load for _, load in pressing),
+            standing=tuple(self._stand(data, body, axes, origin) for body, _ in pressing),
+        )
+
+    def look(self, touching: Touching, reach: Sequence[float]) -> Samples:
+        """Look at every body from below.
+
+        Args:
+            touching: The bodies.
+            reach: Height over each body's lowest point up to which it is looked at [m].
+        """
+        return sample(self._grid, touching.standing, reach, native=self._native)
+
+    def _loads(self, data: Any, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:  # noqa: ANN401
+        """Bodies that press, and their loads; not finite where the state is not."""
         contact = data.contact
         bodies, sums = np.empty(data.ncon, dtype=np.int64), np.empty((data.ncon, 3))
         count = self._press(
@@ -184,23 +199,18 @@ class PlateReader:
             bodies,
             sums,
         )
-        if not np.isfinite(sums[:count]).all():
-            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
-        pressing = [k for k in range(count) if sums[k, 0] > 0]
-        if not pressing:
-            return None
-        return Touching(
-            bodies=tuple(int(bodies[k]) for k in pressing),
-            loads=tuple(
+        return [
+            (
+                int(bodies[k]),
                 Load(
-                    force=float(sums[k, 0]),
+                    force=float(sums[k].sum() if not np.isfinite(sums[k]).all() else sums[k, 0]),
                     moment=sums[k, 1:],
                     tilts=self._joints.tilts(data, int(bodies[k]), axes[:, 2]),
-                )
-                for k in pressing
-            ),
-            standing=tuple(self._stand(data, int(bodies[k]), axes, origin) for k in pressing),
-        )
+                ),
+            )
+            for k in range(count)
+            if not sums[k, 0] <= 0
+        ]
 
     def _stand(self, data: Any, body: int, axes: FloatArray, origin: FloatArray) -> Standing:  # noqa: ANN401
         """A body's solids in the array's frame."""
@@ -217,12 +227,9 @@ class PlateReader:
             model, plate = self._model, self._geom
             types, affinities = model.geom_contype, model.geom_conaffinity
             touches = (types & affinities[plate]) | (affinities & types[plate])
-            geoms = ((self._group == body) & (touches != 0) & (np.arange(model.ngeom) != plate)).nonzero()[0]
+            geoms = ((self._group == body) & (touches != 0) & ~np.isin(np.arange(model.ngeom), self._geoms)).nonzero()[
+                0
+            ]
             solids = tuple(solid(model, int(geom), self._edge) for geom in geoms)
             self._shapes[body] = (geoms, Shape(solids=solids, edge=self._edge))
         return self._shapes[body]
-
-
-def grid_of(array: TexelArray, per_texel: int, plate: Plate) -> CellGrid:
-    """The cells over an array and its plate's margin."""
-    return CellGrid.over(array, per_texel, plate.margin)

@@ -152,15 +152,9 @@ def running_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_a
     """
     if array.count <= DENSE_MOST:
         return spread.operator(array)
-    if isinstance(spread, Gaussian) and _is_even_grid(array):
+    if isinstance(spread, Gaussian) and array.even:
         return _banded(spread, array)
     return sp.csr_array(spread.operator(array))
-
-
-def _is_even_grid(array: TexelArray) -> bool:
-    grid = TexelArray.grid(array.rows, array.columns, array.pitch)
-    offset = array.centres - grid.centres
-    return array.planar and bool(np.ptp(offset, axis=0).max() <= 1e-6 * min(array.pitch))
 
 
 def _banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:

@@ -19,10 +19,12 @@ from fastmodel.contact import ContactReader, Reading
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_solver import CoverSolver, Settings
 from fastmodel.errors import ParametersError
+from fastmodel.facets import FacetReader
 from fastmodel.foundation import foundation_forces
-from fastmodel.plate import Plate, PlateReader, Touching, grid_of
+from fastmodel.layout import Layout, ScatteredBase, ScatteredGrid, lay_out, panels
+from fastmodel.plate import Plate, PlateReader, Touching
 from fastmodel.pose import Pose
-from fastmodel.sampling import CellGrid, Load, Samples, sample
+from fastmodel.sampling import CellGrid, Load, Samples
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,10 +85,11 @@ class Foundation:
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
         count = self.per_texel or (cells.per_texel if cells else 4)
-        grid = grid_of(array, count, self.plate)
-        first = _FIRST * min(array.pitch)
-        layer = _FoundationLayer(grid, modulus)
-        return _reader(self.plate, model, array, name, grid, layer, first=first, native=native)
+        ground = _Ground.under(self.plate, array, count)
+        layer = _FoundationLayer(ground.grid, modulus)
+        return _SurfaceReader(
+            ground.reader(model, array, name, native=native), layer, ground.grid, first=_FIRST * min(array.pitch)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,10 +134,39 @@ class CoverContact:
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
         cells.check(array)
-        grid = grid_of(array, cells.per_texel, self.plate)
-        layer = _CoverLayer(grid, array, cells, Settings(tolerance=self.tolerance, steps=self.steps), native=native)
-        first = _FIRST * cells.thickness
-        return _reader(self.plate, model, array, name, grid, layer, first=first, native=native)
+        ground = _Ground.under(self.plate, array, cells.per_texel, apart=max(cells.compliance.shape))
+        settings = Settings(tolerance=self.tolerance, steps=self.steps)
+        layer = _CoverLayer(ground, array, cells, settings, native=native)
+        return _SurfaceReader(
+            ground.reader(model, array, name, native=native), layer, ground.grid, first=_FIRST * cells.thickness
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ground:
+    """The cells under an array: one grid where it is flat and even, else panels on a lattice."""
+
+    plate: Plate
+    grid: CellGrid
+    layout: Layout | None = None
+
+    @classmethod
+    def under(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Ground:
+        if array.even:
+            return cls(plate=plate, grid=CellGrid.over(array, per_texel, plate.margin))
+        layout = lay_out(array, panels(array, plate.margin), per_texel, apart)
+        return cls(plate=plate, grid=layout.grid, layout=layout)
+
+    def reader(self, model: Any, array: TexelArray, name: str, *, native: bool | None) -> PlateReader:  # noqa: ANN401
+        edge = _EDGE * float(np.sqrt(self.grid.edge[0] * self.grid.edge[1]))
+        if self.layout is None:
+            return PlateReader(self.plate, model, array, name, grid=self.grid, edge=edge, native=native)
+        return FacetReader(self.plate, model, array, name, layout=self.layout, edge=edge, native=native)
+
+    def base(self, cells: CoverCells, array: TexelArray) -> BaseForces | ScatteredBase:
+        if self.layout is not None and isinstance(self.grid, ScatteredGrid):
+            return ScatteredBase(cells, self.layout, self.grid, array)
+        return BaseForces(cells, self.grid, array)
 
 
 class _Layer(Protocol):
@@ -150,11 +182,10 @@ class _Layer(Protocol):
 class _SurfaceReader:
     """Samples what touches, up to a height that follows the contact; what stands still is not sampled again."""
 
-    def __init__(
-        self, touching: PlateReader, layer: _Layer, grid: CellGrid, *, first: float, native: bool | None
-    ) -> None:
-        self._touching, self._layer, self._grid, self._native = touching, layer, grid, native
+    def __init__(self, touching: PlateReader, layer: _Layer, grid: CellGrid, *, first: float) -> None:
+        self._touching, self._layer, self._grid = touching, layer, grid
         self._first, self._most = first, _MOST * first
+        self._axes = 3 if isinstance(touching, FacetReader) else 2
         self._reach: dict[int, float] = {}
         self._last: tuple[Touching, Reading] | None = None
         self._samples: Samples | None = None
@@ -170,7 +201,7 @@ class _SurfaceReader:
         if touching is None:
             self._last = self._samples = None
             return self._nothing
-        if self._last is not None and _stands_still(self._last[0], touching, self._still):
+        if self._last is not None and _stands_still(self._last[0], touching, self._still, self._axes):
             if _presses_alike(self._last[0], touching, self._still):
                 return _scaled(self._last[1], touching.force / self._last[0].force)
         else:
@@ -187,7 +218,7 @@ class _SurfaceReader:
         reach = [self._reach.get(body, self._first) for body in touching.bodies]
         while True:
             if self._samples is None:
-                self._samples = sample(self._grid, touching.standing, reach, native=self._native)
+                self._samples = self._touching.look(touching, reach)
             kept = self._samples.seen
             if len(kept) < len(reach):
                 # beside the cells: nothing of it is felt here
@@ -209,10 +240,13 @@ class _SurfaceReader:
         return reading
 
 
-def _stands_still(before: Touching, now: Touching, distance: float) -> bool:
-    """Whether the same bodies touch and none of them moved along the array; approach and tilt follow from the loads."""
+def _stands_still(before: Touching, now: Touching, distance: float, axes: int) -> bool:
+    """Whether the same bodies touch and none of them moved along the array; approach and tilt follow from the loads.
+
+    On a flat array that is along two axes, on any other along all three.
+    """
     return before.bodies == now.bodies and all(
-        np.abs(a.position[:, :2] - b.position[:, :2]).max() <= distance
+        np.abs(a.position[:, :axes] - b.position[:, :axes]).max() <= distance
         and np.abs(a.rotation - b.rotation).max() <= _TURNED
         for a, b in zip(before.standing, now.standing, strict=True)
     )
@@ -252,11 +286,12 @@ class _FoundationLayer:
 
 class _CoverLayer:
     def __init__(
-        self, grid: CellGrid, array: TexelArray, cells: CoverCells, settings: Settings, *, native: bool | None
+        self, ground: _Ground, array: TexelArray, cells: CoverCells, settings: Settings, *, native: bool | None
     ) -> None:
-        self._grid = grid
-        self._solver = CoverSolver(cells, grid, settings, native=native)
-        self._base = BaseForces(cells, grid, array)
+        self._grid = ground.grid
+        self._solver = CoverSolver(cells, ground.grid, settings, native=native)
+        self._base = ground.base(cells, array)
+        self._deep = ground.layout is None
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         self._solver.reset()
@@ -272,22 +307,6 @@ class _CoverLayer:
             contact_forces=self._grid.on_texels(samples, solution.forces),
             texel_forces=self._base.of_window(solution.on_cells, solution.origin),
             carried=float(solution.forces.sum()),
-            approach=solution.approach,
+            approach=solution.approach if self._deep else None,
         )
         return reading, solution.level
-
-
-def _reader(  # noqa: PLR0917 -- what attach and bind were given
-    plate: Plate,
-    model: Any,  # noqa: ANN401 -- MjModel
-    array: TexelArray,
-    name: str,
-    grid: CellGrid,
-    layer: _Layer,
-    *,
-    first: float,
-    native: bool | None,
-) -> ContactReader:
-    edge = _EDGE * float(np.sqrt(grid.edge[0] * grid.edge[1]))
-    touching = PlateReader(plate, model, array, name, edge=edge, native=native)
-    return _SurfaceReader(touching, layer, grid, first=first, native=native)

@@ -10,6 +10,9 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+#: Share of a pitch by which texels of an even grid may stand off it [-].
+_EVEN = 1e-6
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TexelArray:
@@ -111,6 +114,14 @@ class TexelArray:
     def planar(self) -> bool:
         """Whether all texels lie in the plane z = 0 and look along +z."""
         return bool(np.allclose(self.centres[:, 2], 0) and np.allclose(self.normals, [0, 0, 1]))
+
+    @property
+    def even(self) -> bool:
+        """Whether it is flat and its texels lie on a grid of the pitch."""
+        if not self.planar:
+            return False
+        grid = TexelArray.grid(self.rows, self.columns, self.pitch)
+        return bool(np.ptp(self.centres - grid.centres, axis=0).max() <= _EVEN * min(self.pitch))
 
     @property
     def extent(self) -> tuple[float, float]:

@@ -221,20 +221,14 @@ def _outside(spread: PointSpread | SolidInfluence, array: TexelArray) -> tuple[f
 
 def _cells(sensor: SensorDescription, spread: PointSpread | SolidInfluence) -> CoverCells | None:
     """The cover between cells, where the array is even and no other spread asked for."""
-    from fastmodel.errors import FastModelError
-    from fastmodel.plate import require_grid
     from fem_reference.point_spread import PointSpread
     from validation.cover_cells import cells_with_sides, cover_cells
 
-    try:
-        require_grid(sensor.array)
-    except FastModelError:
-        return None
     if sensor.spread is not None:
         return None
     if isinstance(spread, PointSpread):
         return cover_cells(sensor.cover, sensor.array, spread)
-    return cells_with_sides(sensor.cover, sensor.array, spread)
+    return cells_with_sides(sensor.cover, sensor.array, spread) if sensor.array.even else None
 
 
 def _fit(spread: PointSpread | SolidInfluence, array: TexelArray, point: FloatArray | None, uniform: FloatArray) -> Fit:
