@@ -13,6 +13,7 @@ from validation.errors import InputError
 from validation.sensor_tables import ArrayTable
 
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
+_OR_POSITIONS = 'give rows, columns and pitch, or positions = "texels.csv" for any layout'
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
 
 
@@ -43,26 +44,59 @@ _MOST = 10_000
 
 
 def _texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
+    if table.positions is not None:
+        return _anywhere(table, folder / table.positions, name=name)
+    if table.rows is None or table.columns is None or table.pitch is None:
+        raise InputError("array: give rows, columns and pitch")
     if table.rows * table.columns > _MOST:
         raise InputError(
             f"array: {table.rows} rows of {table.columns} texels are too many; at most {_MOST} texels are supported"
         )
-    active = _mask(table)
-    if table.positions is None:
-        return TexelArray.grid(
-            table.rows, table.columns, table.pitch, texel_size=table.texel_size, active=active, name=name
+    active = _mask(table, table.rows, table.columns)
+    return TexelArray.grid(
+        table.rows, table.columns, table.pitch, texel_size=table.texel_size, active=active, name=name
+    )
+
+
+def _anywhere(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
+    """Texels where a table says; without rows and columns their image is one row, in the table's order."""
+    if (table.rows is None) != (table.columns is None):
+        raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
+    centres, normals = _read_positions(path)
+    rows, columns = table.rows or 1, table.columns or len(centres)
+    if rows * columns != len(centres):
+        raise InputError(
+            f"array.positions: {path} holds {len(centres)} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
         )
-    centres, normals = _read_positions(folder / table.positions, table.rows * table.columns)
+    pitch = table.pitch or _spacing(centres, normals)
+    active = _mask(table, rows, columns)
     return TexelArray(
         centres=centres,
         normals=normals,
-        texel_size=table.texel_size or table.pitch,
-        pitch=table.pitch,
-        rows=table.rows,
-        columns=table.columns,
+        texel_size=table.texel_size or pitch,
+        pitch=pitch,
+        rows=rows,
+        columns=columns,
         active=np.ones(len(centres), dtype=bool) if active is None else active.ravel(),
         name=name,
     )
+
+
+def _spacing(centres: npt.NDArray[np.float64], normals: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Edge of the largest squares about all texels that do not overlap [m]: the least distance along x or y.
+
+    Between curved neighbours it is taken along the surface by their distance, which is no shorter than either.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(centres) < 2:  # noqa: PLR2004 -- a distance takes two
+        raise InputError('array.pitch: is missing, and one texel has no neighbour; write for example pitch = "3.4 mm"')
+    flat = bool(np.allclose(normals, normals[0]) and np.allclose(normals[0], [0, 0, 1]))
+    places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
+    distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())
+    if not distance > 0:
+        raise InputError("array.positions: two texels have the same place; every texel needs its own")
+    return (distance, distance)
 
 
 def _refuse_overlap(array: TexelArray) -> None:
@@ -80,20 +114,20 @@ def _refuse_overlap(array: TexelArray) -> None:
         )
 
 
-def _mask(table: ArrayTable) -> npt.NDArray[np.bool_] | None:
+def _mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.bool_] | None:
     if table.mask is None:
         return None
-    rows = [[str(entry) for entry in row] for row in table.mask]
-    if len(rows) != table.rows or any(len(row) != table.columns or set(row) - {"0", "1"} for row in rows):
-        example = "0" + "1" * (table.columns - 1)
+    lines = [[str(entry) for entry in line] for line in table.mask]
+    if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
+        example = "0" + "1" * (columns - 1)
         raise InputError(
-            f"array.mask: must have {table.rows} rows of {table.columns} entries 0 or 1, "
+            f"array.mask: must have {rows} rows of {columns} entries 0 or 1, "
             f"row 0 (smallest y) first; write for example '{example}' for one row"
         )
-    return np.array([[entry == "1" for entry in row] for row in rows])
+    return np.array([[entry == "1" for entry in line] for line in lines])
 
 
-def _read_positions(path: Path, count: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _read_positions(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     if not path.is_file():
         raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
     with path.open(newline="", encoding="utf-8") as stream:
@@ -105,7 +139,10 @@ def _read_positions(path: Path, count: int) -> tuple[npt.NDArray[np.float64], np
         numbers = np.array([[float(entry) for entry in line] for line in lines[1:]]).reshape(-1, len(header))
     except ValueError as error:
         raise InputError(f"array.positions: {path}: {error}; {_EXAMPLE}") from None
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        raise InputError(f"array.positions: {path} holds {len(numbers)} texels, rows x columns is {count}; {_EXAMPLE}")
-    normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (count, 1))  # noqa: PLR2004 -- x, y, z
+    if not 1 <= len(numbers) <= _MOST or not np.isfinite(numbers).all():
+        raise InputError(
+            f"array.positions: {path} holds {len(numbers)} texels or a number that is not finite; "
+            f"1..{_MOST} texels are supported; {_EXAMPLE}"
+        )
+    normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (len(numbers), 1))  # noqa: PLR2004 -- x, y, z
     return numbers[:, :3].copy(), normals.copy()

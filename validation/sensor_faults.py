@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _EXAMPLES = {
     "rows": "rows = 14",
     "columns": "columns = 6",
-    "pitch": 'pitch = "3.4 mm"',
+    "pitch": 'pitch = "3.4 mm" (positions = "texels.csv" alone makes any layout)',
     "thickness": 'thickness = "2 mm"',
     "material": 'material = "dragon-skin-30"',
     "model": 'model = "linear-elastic"',

@@ -127,6 +127,9 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
     name = tables.name or source.stem
     array, cover = build_array(tables.array, name=name, source=source), _cover(tables)
     _refuse_uncovered(array, cover, source)
+    gains = tables.electronics.gains
+    if gains is not None and len(gains) != array.count:
+        raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {len(gains)}")
     return SensorDescription(
         name=name,
         array=array,
@@ -170,14 +173,12 @@ def _check_together(tables: SensorTables, source: Path) -> None:
 
 
 def _electronics_faults(tables: SensorTables) -> Iterator[str]:
-    electronics, texels = tables.electronics, tables.array.rows * tables.array.columns
+    electronics = tables.electronics
     largest = 2**electronics.bits - 1
     if (electronics.sensitivity is None) == (electronics.characteristic is None):
         yield "electronics: give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k])"
     if electronics.characteristic is not None and len(electronics.characteristic) != _COEFFICIENTS:
         yield f"electronics.characteristic: takes {_COEFFICIENTS} numbers c0..c5 [1/N^k]"
-    if electronics.gains is not None and len(electronics.gains) != texels:
-        yield f"electronics.gains: takes one number per texel ({texels}), not {len(electronics.gains)}"
     if electronics.output_max is not None and electronics.output_max > largest:
         yield (
             f"electronics.output_max: {electronics.output_max} does not fit {electronics.bits} bits; "

@@ -71,6 +71,13 @@ def _later(what: str) -> BeforeValidator:
     return BeforeValidator(refuse)
 
 
+def _with_positions(value: object) -> object:
+    """Let a grid's keys be left out, which the table would else miss, where positions stand in for them."""
+    if isinstance(value, Mapping) and "positions" in value:
+        return dict.fromkeys(("rows", "columns", "pitch")) | dict(value)
+    return value
+
+
 def _lengths(value: object) -> tuple[float, float]:
     """One length for both directions, or [x, y]."""
     pair = value if isinstance(value, list) else [value, value]
@@ -105,11 +112,11 @@ Lengths = Annotated[tuple[float, float], BeforeValidator(_lengths)]
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ArrayTable:
-    """`[array]`."""
+    """`[array]`; a table of positions says how many texels there are, and how far apart, where these keys do not."""
 
-    rows: Count
-    columns: Count
-    pitch: Lengths
+    rows: Count | None
+    columns: Count | None
+    pitch: Lengths | None
     positions: str | None = None
     texel_size: Lengths | None = None
     mask: list[str] | list[list[Annotated[int, _bounded(0, 1)]]] | None = None
@@ -243,7 +250,7 @@ class ElectronicsTable:
 class SensorTables:
     """A whole sensor file."""
 
-    array: ArrayTable
+    array: Annotated[ArrayTable, BeforeValidator(_with_positions)]
     cover: CoverTable
     electronics: ElectronicsTable
     contact: ContactTable = Field(default_factory=ContactTable)
