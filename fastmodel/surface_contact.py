@@ -291,7 +291,7 @@ class _CoverLayer:
         self._grid = ground.grid
         self._solver = CoverSolver(cells, ground.grid, settings, native=native)
         self._base = ground.base(cells, array)
-        self._deep = ground.layout is None
+        self._deep = ground.layout is None or len(ground.layout.facets) == 1
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         self._solver.reset()

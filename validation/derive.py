@@ -34,6 +34,8 @@ Progress = Callable[[str], None]
 #: Relative step of thickness and absolute step of Poisson ratio in the sensitivities [-].
 _THICKNESS_STEP = 0.02
 _POISSON_STEP = 0.005
+#: Rows and columns of the grid that the kernel is fitted on where texels lie on none.
+_WIDE = 15
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,14 +129,17 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     tell = progress or (lambda _: None)
     array = sensor.array
     if not array.planar:
-        raise InputError(f"{sensor.source}: array: curved layouts are not yet supported; all z must be 0")
+        raise InputError(
+            f"{sensor.source}: array: the reference knows planar covers only; derive a flat array of its pitch, and "
+            f"give its parameters the curved one: dataclasses.replace(fastmodel.load(folder), array=..., tables={{}})"
+        )
     wide = sensor.cover.size is None
     tell("point spread function by finite elements")
     spread = point_spread(sensor.cover) if wide else solid_influence(sensor.cover, array, progress=progress)
     point = np.asarray(spread.texel_response(array, load="point"))
     uniform = np.asarray(spread.texel_response(array, load="uniform"))
     tell("kernel fit")
-    fit = _fit(spread, array, point, uniform)
+    fit = _fit_on(spread, array, point, uniform)
     tell("cover between cells")
     cells = _cells(sensor, spread)
     radial = spread if isinstance(spread, PointSpread) else None
@@ -231,6 +236,22 @@ def _cells(sensor: SensorDescription, spread: PointSpread | SolidInfluence) -> C
     return cells_with_sides(sensor.cover, sensor.array, spread) if sensor.array.even else None
 
 
+def _fit_on(
+    spread: PointSpread | SolidInfluence, array: TexelArray, point: FloatArray | None, uniform: FloatArray
+) -> Fit:
+    """The fit on the array's own image where that is a grid, else on the image of a grid of its pitch."""
+    if array.even:
+        return _fit(spread, array, point, uniform)
+    grid = _grid_of(array)
+    responses = (np.asarray(spread.texel_response(grid, load=load)) for load in ("point", "uniform"))
+    return _fit(spread, grid, *responses)
+
+
+def _grid_of(array: TexelArray) -> TexelArray:
+    """A grid of an array's pitch and texels, wide enough for a kernel."""
+    return TexelArray.grid(_WIDE, _WIDE, array.pitch, texel_size=array.texel_size)
+
+
 def _fit(spread: PointSpread | SolidInfluence, array: TexelArray, point: FloatArray | None, uniform: FloatArray) -> Fit:
     from fem_reference.point_spread import PointSpread
 
@@ -251,23 +272,23 @@ def _sensitivity(sensor: SensorDescription, spread: PointSpread) -> dict[str, fl
 
     Of the uncut kernel: the smallest ksize that holds 99.9 % jumps, and the cut kernel's sigma with it.
     """
-    array, height = sensor.array, sensor.cover.thickness
+    array, height = sensor.array if sensor.array.even else _grid_of(sensor.array), sensor.cover.thickness
     # The response of a cover scaled by s to an array equals that of the cover itself to the array scaled by 1 / s.
     thicker, thinner = (_sigma(spread, _scaled(array, 1 / (1 + step))) for step in (_THICKNESS_STEP, -_THICKNESS_STEP))
     return {
         "thickness": (thicker - thinner) / (2 * _THICKNESS_STEP * height),
-        "poisson_ratio": sum(_poisson_slope(sensor, spread, index) for index in range(len(sensor.cover.layers))),
+        "poisson_ratio": sum(_poisson_slope(sensor, array, spread, index) for index in range(len(sensor.cover.layers))),
         # Multiplying all moduli by a number multiplies all displacements by its inverse, and no force.
         "youngs_modulus": 0.0,
     }
 
 
-def _poisson_slope(sensor: SensorDescription, spread: PointSpread, index: int) -> float:
+def _poisson_slope(sensor: SensorDescription, array: TexelArray, spread: PointSpread, index: int) -> float:
     """Derivative of sigma_x by one layer's Poisson ratio: slope of a parabola through three ratios in their range."""
     here = sensor.cover.layers[index].material.poisson_ratio
     middle = float(np.clip(here, _POISSON_STEP, 0.5 - _POISSON_STEP))
     low, centre, high = (
-        _sigma(_exact(_with_poisson_ratio(sensor.cover, index, middle + step), spread), sensor.array)
+        _sigma(_exact(_with_poisson_ratio(sensor.cover, index, middle + step), spread), array)
         for step in (-_POISSON_STEP, 0.0, _POISSON_STEP)
     )
     bend = (high - 2 * centre + low) / _POISSON_STEP**2

@@ -75,6 +75,22 @@ def test_a_flat_array_cut_in_two_answers_as_before(shape, method):
 
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
+def test_a_cut_without_a_step_changes_nothing(method, monkeypatch):
+    up = parameters(dataclasses.replace(WTS, centres=WTS.centres + [0, 0, 1e-6]), cells=CELLS)
+    shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
+    whole = indent(up, shape, load=2.0, at=at, method=method)
+    monkeypatch.setattr("fastmodel.layout._blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
+    halves = indent(up, shape, load=2.0, at=at, method=method)
+    assert 0 < np.abs(halves.texel_forces - whole.texel_forces).max() < 2e-6
+
+
+def test_boxes_on_a_ridge_carry_too_little():
+    array = bent(10e-3)
+    found = indent(parameters(array, cells=CELLS), Sphere(radius=5e-3), load=2.0, at=(0, 1.7e-3), method="boxes")
+    assert 0.03 < 1 - found.contact_forces @ array.normals[:, 2] / 2.0 < 0.08
+
+
+@pytest.mark.parametrize("method", ["foundation", "cover"])
 def test_order_of_texels_does_not_matter_in_a_plane(method):
     anyhow, order = shuffled(WTS)
     here, there = (

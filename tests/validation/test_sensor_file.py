@@ -165,7 +165,10 @@ def test_positions_alone_make_a_list_of_texels_as_large_as_they_may_be(sensor, t
     assert (array.rows, array.columns) == (1, 3)
     assert array.pitch == array.texel_size == pytest.approx((3.4641e-3, 3.4641e-3))
     for text, fault in (
-        (alone.replace("positions = 'texels.csv'", "rows = 3\ncolumns = 2"), "array.pitch: is missing; write for example pitch"),
+        (
+            alone.replace("positions = 'texels.csv'", "rows = 3\ncolumns = 2"),
+            "array.pitch: is missing; write for example pitch",
+        ),
         (alone.replace("[array]", "[array]\nrows = 3"), "array: give both rows and columns, or leave both out"),
         (alone.replace("[array]", "[array]\nmask = ['01']"), "array.mask: must have 1 rows of 3 entries"),
     ):
