@@ -76,7 +76,7 @@ def test_a_flat_array_cut_in_two_answers_as_before(shape, method):
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
 def test_a_cut_without_a_step_changes_nothing(method, monkeypatch):
-    up = parameters(dataclasses.replace(WTS, centres=WTS.centres + [0, 0, 1e-6]), cells=CELLS)
+    up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), cells=CELLS)
     shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
     whole = indent(up, shape, load=2.0, at=at, method=method)
     monkeypatch.setattr("fastmodel.layout._blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
