@@ -21,6 +21,7 @@ class BaseForces:
         along, across = cells.influence_factors
         self._terms = len(along)
         self._rows = _placed(along, array.rows, grid.rows, cells, grid.margin)
+        self._kept: tuple[tuple[tuple[int, ...], tuple[int, ...]], FloatArray, FloatArray] | None = None
         self._columns = _placed(across, array.columns, grid.columns, cells, grid.margin)
 
     def of_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
@@ -46,10 +47,22 @@ class BaseForces:
         )
         texels = np.zeros((self._array.rows, self._array.columns))
         if r0 < r1 and c0 < c1:
-            first = self._rows[:, r0:r1, row : row + forces.shape[0]] @ forces
-            second = self._columns[:, c0:c1, column : column + forces.shape[1]]
-            texels[r0:r1, c0:c1] = np.matmul(first, second.transpose(0, 2, 1)).sum(axis=0)
+            along, across = self._factors((r0, r1, row, forces.shape[0]), (c0, c1, column, forces.shape[1]))
+            first = (along @ forces).reshape(r1 - r0, -1)  # all terms in one product each way
+            texels[r0:r1, c0:c1] = first @ across
         return self._felt(texels.ravel())
+
+    def _factors(
+        self, down: tuple[int, int, int, int], right: tuple[int, int, int, int]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Factors of a window, (texel rows * terms, rows) and (terms * columns, texel columns); the last are kept."""
+        if self._kept is None or self._kept[0] != (down, right):
+            r0, r1, row, rows = down
+            c0, c1, column, columns = right
+            along = self._rows[:, r0:r1, row : row + rows].transpose(1, 0, 2).reshape(-1, rows)
+            across = self._columns[:, c0:c1, column : column + columns].transpose(0, 2, 1).reshape(-1, c1 - c0)
+            self._kept = (down, right), along, across
+        return self._kept[1:]
 
     def _of_table(self, table: FloatArray, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
         """The part of a window that lies on the array, through the table: beyond it no texel feels anything."""

@@ -1,9 +1,12 @@
+# ruff: noqa: PLR0917 -- numba kernels take positions
 """The inner loop of `cover_solver`: one function that runs as it stands, and compiled by numba where numba is there."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+
+from fastmodel.native import called_by_kernels
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -14,7 +17,64 @@ _KEPT = 0.2
 _CORRECTIONS = 40
 
 
-def iterate(  # noqa: C901, PLR0915, PLR0917 -- one loop as published; numba kernels take positions
+def _yields_loops(
+    target: IntArray, weight: FloatArray, soft: FloatArray, first: FloatArray, second: FloatArray, forces: FloatArray
+) -> FloatArray:
+    """The same as loops, for numba."""
+    rows, cols = first.shape[1], second.shape[1]
+    terms = first.shape[0] // rows
+    window = np.zeros(rows * cols)
+    for i in range(len(forces)):
+        for s in range(target.shape[0]):
+            window[target[s, i]] += weight[s, i] * forces[i]
+    half, beside = np.dot(first, window.reshape(rows, cols)), np.empty((rows, terms * cols))
+    for t in range(terms):
+        beside[:, t * cols : (t + 1) * cols] = half[t * rows : (t + 1) * rows]
+    flat = np.dot(beside, second).ravel()
+    moved = soft * forces
+    for i in range(len(forces)):
+        for s in range(target.shape[0]):
+            moved[i] += weight[s, i] * flat[target[s, i]]
+    return moved
+
+
+@called_by_kernels(_yields_loops)
+def _yields(
+    target: IntArray, weight: FloatArray, soft: FloatArray, first: FloatArray, second: FloatArray, forces: FloatArray
+) -> FloatArray:
+    """Displacements of the sampled cells, shape (m,) [m]."""
+    rows, cols = first.shape[1], second.shape[1]
+    window = np.bincount(target.ravel(), (weight * forces).ravel(), rows * cols)
+    half = np.dot(first, window.reshape(rows, cols)).reshape(-1, rows, cols)
+    flat = np.dot(half.transpose(1, 0, 2).reshape(rows, -1), second).ravel()
+    return np.asarray(soft * forces + np.einsum("sm,sm->m", weight, flat.take(target)))
+
+
+@called_by_kernels()
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """Inverse of a small matrix, kept regular."""
+    ridge = 1e-12 * np.trace(matrix) + 1e-300
+    # linalg returns columns first; products want rows first
+    return np.ascontiguousarray(np.linalg.inv(matrix + ridge * np.eye(len(matrix))))
+
+
+@called_by_kernels()
+def _balanced(forces: FloatArray, columns: FloatArray, wanted: FloatArray) -> tuple[FloatArray, float, bool]:
+    """Forces scaled until they add up to what is wanted, what they still miss, and whether they were changed."""
+    scale, changed, missed = np.abs(wanted).max(), False, np.inf
+    for _ in range(_CORRECTIONS):
+        miss = wanted - np.dot(forces, columns)
+        missed = np.abs(miss).max()
+        if missed <= 1e-9 * scale:
+            break
+        changed = True
+        weighted = columns * forces.reshape(len(forces), 1)
+        factor = 1 + np.dot(columns, np.dot(_inverse(np.dot(np.ascontiguousarray(columns.T), weighted)), miss))
+        forces = forces * np.maximum(factor, _KEPT)
+    return forces, missed, changed
+
+
+def iterate(
     target: IntArray,
     weight: FloatArray,
     soft: FloatArray,
@@ -45,66 +105,37 @@ def iterate(  # noqa: C901, PLR0915, PLR0917 -- one loop as published; numba ker
         tolerance: Change of the forces in one step at which to stop [N].
         most: Most steps.
     """
-    rows, cols = first.shape[1], second.shape[1]
-    terms = first.shape[0] // rows
-    shares, count, k = target.shape[0], gap.shape[0], columns.shape[1]
+    count, k = columns.shape
     scale = np.abs(wanted).max()
-
-    def yields(forces: FloatArray) -> FloatArray:
-        """Displacements of the sampled cells [m]."""
-        window = np.bincount(target[0], weight[0] * forces, rows * cols)
-        for s in range(1, shares):
-            window += np.bincount(target[s], weight[s] * forces, rows * cols)
-        half = np.dot(first, window.reshape(rows, cols)).reshape(terms, rows, cols)
-        beside = np.ascontiguousarray(half.transpose(1, 0, 2)).reshape(rows, terms * cols)
-        flat = np.dot(beside, second).ravel()
-        moved = soft * forces
-        for s in range(shares):
-            moved += weight[s] * flat[target[s]]
-        return moved
-
-    def solved(matrix: FloatArray, side: FloatArray) -> FloatArray:
-        """Solution of a small system, kept regular."""
-        ridge = 1e-12 * np.trace(matrix) + 1e-300
-        return np.linalg.solve(matrix + ridge * np.eye(k), side)
-
     forces, before, motion = start.copy(), start, np.zeros(k)
-    overlap, direction = np.zeros(count), np.zeros(count)
+    overlap, direction, masked, inverse = np.zeros(count), np.zeros(count), columns, np.zeros((k, k))
     previous, conjugate, anew = 1.0, 0.0, True
     for step in range(most + 1):
-        missed = np.inf
-        for _ in range(_CORRECTIONS):
-            miss = wanted - np.dot(forces, columns)
-            missed = np.abs(miss).max()
-            if missed <= 1e-9 * scale:
-                break
-            anew = True
-            weighted = columns * forces.reshape(count, 1)
-            factor = 1 + np.dot(columns, solved(np.dot(columns.T, weighted), miss))
-            forces = forces * np.maximum(factor, _KEPT)
+        forces, missed, corrected = _balanced(forces, columns, wanted)
         if missed > 1e-3 * scale:
             return forces, motion, step, False
         if step > 0 and np.abs(forces - before).sum() < tolerance:
             return forces, motion, step, True
-        active = (forces > 0).astype(np.float64)
-        if anew:
-            overlap = yields(forces) + gap
-        masked = columns * active.reshape(count, 1)
-        gram = np.dot(masked.T, columns)
-        motion = solved(gram, np.dot(masked.T, overlap))
+        if anew or corrected:
+            overlap = _yields(target, weight, soft, first, second, forces) + gap
+            masked = columns * (forces > 0).reshape(count, 1)
+            inverse = _inverse(np.dot(np.ascontiguousarray(masked.T), columns))
+        active = forces > 0
+        motion = np.dot(inverse, np.dot(overlap, masked))
         residual = overlap - np.dot(columns, motion)
-        came = (forces <= 0) & (residual < 0)
+        came = ~active & (residual < 0)
         energy = (residual * residual * active).sum()
         if energy <= 1e-20 * (overlap * overlap * active).sum() and not came.any():
             return forces, motion, step, True
         direction = active * (residual + conjugate * energy / previous * direction)
-        image = yields(direction)
-        reduced = image - np.dot(columns, solved(gram, np.dot(masked.T, image)))
-        curvature = (reduced * direction).sum()
+        image = _yields(target, weight, soft, first, second, direction)
+        curvature = np.dot(image, direction) - np.dot(
+            np.dot(image, masked), np.dot(inverse, np.dot(direction, columns))
+        )
         if not curvature > 0:
             return forces, motion, step, True
         previous, conjugate = energy, 1.0
-        length = (residual * direction).sum() / curvature
+        length = np.dot(residual, direction) / curvature
         before, forces = forces, forces - length * direction
         anew = (forces < 0).any() or came.any()
         if anew:

@@ -90,6 +90,7 @@ class CoverSolver:
         known = kernel[:2, :2]
         self.near[: known.shape[0], : known.shape[1]] = known
         self.shares = choose_kernel(shares_loops, shares_numpy, native=native)
+        self._native = native
         self._modulus = cells.foundation_modulus()
         self.convolution = cells.convolution
         self._iterate = choose_kernel(iterate, iterate, native=native)
@@ -158,7 +159,7 @@ class CoverSolver:
     def _springs(self, samples: Samples, loads: Sequence[Load]) -> FloatArray:
         """The elastic foundation's answer, shape (m,) [N]."""
         area = self._cells.cell[0] * self._cells.cell[1]
-        return foundation_forces(samples, loads, self._modulus * area * samples.coverage)[0]
+        return foundation_forces(samples, loads, self._modulus * area * samples.coverage, native=self._native)[0]
 
     def _start(self, samples: Samples, loads: Sequence[Load]) -> FloatArray:
         """The last solution on the cells that are still there, else the elastic foundation's."""
@@ -225,8 +226,11 @@ class _Constraints:
         target: list[FloatArray] = []
         self.approach: list[int] = []
         for body, load in enumerate(loads):
-            mine = (samples.body == body).nonzero()[0]
+            mine = np.arange(samples.count) if len(loads) == 1 else (samples.body == body).nonzero()[0]
             own, wanted = load.constraints(samples, mine)
+            if len(loads) == 1:
+                self.approach, self.columns, self.target = [0], own, wanted
+                return
             whole = np.zeros((samples.count, len(wanted)))
             whole[mine] = own
             self.approach.append(sum(map(len, target)))

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.native import Kernel, choose_kernel
 from fastmodel.sampling import Load, Samples
 
 FloatArray = npt.NDArray[np.float64]
@@ -19,58 +20,68 @@ FloatArray = npt.NDArray[np.float64]
 _STEPS = 60
 
 
-def foundation_forces(samples: Samples, loads: Sequence[Load], stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+def foundation_forces(
+    samples: Samples, loads: Sequence[Load], stiffness: FloatArray, *, native: bool | None = False
+) -> tuple[FloatArray, FloatArray]:
     """Force on each cell, shape (m,) [N], and height of each over which its spring would stand free, shape (m,) [m].
 
     Args:
         samples: Cells under each body.
         loads: What each body presses with.
         stiffness: Force per depth of each cell, shape (m,) [N/m].
+        native: True for compiled loops, False for numpy, None for whichever is there.
     """
+    match = choose_kernel(match_springs, match_springs, native=native)
+    if len(loads) == 1:
+        return _one_body(match, samples, np.arange(samples.count), loads[0], stiffness)
     forces, levels = np.zeros(samples.count), np.zeros(samples.count)
     for body, load in enumerate(loads):
         mine = (samples.body == body).nonzero()[0]
         if len(mine):
-            forces[mine], levels[mine] = _one_body(samples, mine, load, stiffness[mine])
+            forces[mine], levels[mine] = _one_body(match, samples, mine, load, stiffness[mine])
     return forces, levels
 
 
 def _one_body(
-    samples: Samples, mine: npt.NDArray[np.int64], load: Load, stiffness: FloatArray
+    match: Kernel, samples: Samples, mine: npt.NDArray[np.int64], load: Load, stiffness: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     gap = samples.gap[mine]
     for each in (load, load.upright()) if load.tilts else (load,):
         columns, target = each.constraints(samples, mine)
-        found = _matched(columns, gap, stiffness, target)
-        if found is not None:
-            return found
+        forces, levels, found = match(columns, gap, stiffness, target)
+        if found:
+            return forces, levels
     return np.full(len(mine), target[0] / columns[:, 0].sum()), gap
 
 
-def _matched(
+def match_springs(
     columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
-) -> tuple[FloatArray, FloatArray] | None:
-    """Forces whose products with the columns are the target, and levels; None where no pressure gives them."""
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Forces whose products with the columns are the target, levels, and whether any pressure gives them.
+
+    Runs as it stands and compiled by numba.
+    """
     motion = np.zeros(len(target))
     motion[0] = gap.min() + target[0] / stiffness.sum()
-
-    def energy(at: FloatArray) -> float:
-        return float(0.5 * stiffness @ np.maximum(columns @ at - gap, 0.0) ** 2 - at @ target)
-
-    value = energy(motion)
+    level = np.dot(columns, motion)
+    depth = np.maximum(level - gap, 0.0)
+    forces = stiffness * depth
+    value = 0.5 * np.dot(forces, depth) - np.dot(motion, target)
     for _ in range(_STEPS):
-        depth = np.maximum(columns @ motion - gap, 0.0)
-        forces = stiffness * depth
-        miss = target - forces @ columns
+        miss = target - np.dot(forces, columns)
         if np.abs(miss).max() <= 1e-9 * target[0]:
-            return forces * (target[0] / (forces @ columns[:, 0])), columns @ motion
-        touching = depth > 0
-        weighted = columns[touching] * stiffness[touching, None]
-        tangent = columns[touching].T @ weighted
-        tangent[np.diag_indices_from(tangent)] += 1e-9 * stiffness.sum()
-        step = np.linalg.solve(tangent, miss)
-        share = 1.0
-        while (fresh := energy(motion + share * step)) > value and share > 1e-6:  # noqa: PLR2004 -- nothing is left
+            return forces * (target[0] / np.dot(forces, columns)[0]), level, True
+        weighted = columns * (stiffness * (depth > 0)).reshape(len(gap), 1)
+        tangent = np.dot(np.ascontiguousarray(weighted.T), columns) + 1e-9 * stiffness.sum() * np.eye(len(target))
+        step, share = np.linalg.solve(tangent, miss), 1.0
+        before = value
+        while True:
+            level = np.dot(columns, motion + share * step)
+            depth = np.maximum(level - gap, 0.0)
+            forces = stiffness * depth
+            value = 0.5 * np.dot(forces, depth) - np.dot(motion + share * step, target)
+            if value <= before or share <= 1e-6:  # noqa: PLR2004 -- nothing is left
+                break
             share /= 2
-        motion, value = motion + share * step, fresh
-    return None
+        motion = motion + share * step
+    return forces, level, False

@@ -10,6 +10,23 @@ from fastmodel.errors import FastModelError
 
 Kernel = Callable[..., Any]
 
+#: Functions that kernels call, with what is compiled in their place; emptied when numba gets to know them.
+_CALLED: list[tuple[Kernel, Kernel]] = []
+
+
+def called_by_kernels(loops: Kernel | None = None) -> Callable[[Kernel], Kernel]:
+    """Decorate a function that kernels call, so that numba compiles it with them.
+
+    Args:
+        loops: What to compile in its place; the function itself when not given.
+    """
+
+    def mark(function: Kernel) -> Kernel:
+        _CALLED.append((function, loops or function))
+        return function
+
+    return mark
+
 
 def choose_kernel(loops: Kernel, plain: Kernel, *, native: bool | None) -> Kernel:
     """The compiled loops or the numpy function that does the same.
@@ -36,6 +53,10 @@ def _compiled(loops: Kernel) -> Kernel | None:
         import numba
     except ImportError:
         return None
+    while _CALLED:
+        function, compiled = _CALLED.pop()
+        # the way of numba.extending.register_jitable, which takes no other function
+        numba.extending.overload(function, strict=False)(lambda *_, compiled=compiled: compiled)
     try:
         kernel: Kernel = numba.njit(cache=True)(loops)
     except RuntimeError:  # no folder to cache in: compile in every process

@@ -25,6 +25,10 @@ _OFFSETS = (np.arange(POINTS) + 0.5) / POINTS - 0.5
 _SPARSE = 0.25
 
 
+#: Row, column, coverage, x, y, gap.
+_Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
     """A solid where it stands: axes as columns (3, 3) and origin (3,) in the array's frame [m]."""
@@ -127,7 +131,7 @@ class Load:
         return dataclasses.replace(self, tilts=False)
 
     def alike(self, other: Load, distance: float) -> bool:
-        """Whether another load presses at the same point, up to a distance [m]; a guided body's point is the guide's."""
+        """Whether another load presses at the same point, up to a distance [m]; a guided body's point is a guide's."""
         return not self.tilts or bool(np.abs(self.moment / self.force - other.moment / other.force).max() <= distance)
 
     def constraints(self, samples: Samples, mine: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -193,8 +197,13 @@ class CellGrid:
 
     def on_texels(self, samples: Samples, forces: FloatArray) -> FloatArray:
         """Sums of cell forces (m,) over texels, those in the margin left out, shape (n,) [N]."""
-        texel = self.texel(samples.row, samples.column)
-        return np.bincount(texel + 1, forces, self.texels + 1)[1:].astype(np.float64)
+        felt = self._felt.take(samples.row * self.columns + samples.column)
+        return np.bincount(felt, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
+
+    @cached_property
+    def _felt(self) -> IntArray:
+        """One more than the texel of each cell, 0 in the margin, shape (rows * columns,)."""
+        return self.texel(*np.divmod(np.arange(self.rows * self.columns), self.columns)) + 1
 
     def texel(self, row: IntArray, column: IntArray) -> IntArray:
         """Texel of each cell, -1 in the margin, same shape."""
@@ -269,29 +278,26 @@ def sample(
     """
     kernel = choose_kernel(sample_loops, _no_kernel, native=native)
     if kernel is _no_kernel:
-        found = [_sample_body(grid, body) for body in bodies]
+        found = [_sample_body(grid, body, height) for body, height in zip(bodies, reach, strict=True)]
     else:
-        found = [_sample_native(kernel, grid, body) for body in bodies]
-    found = [
-        each[:, each[5] <= each[5].min(initial=np.inf) + height] for each, height in zip(found, reach, strict=True)
-    ]
-    body = np.repeat(np.arange(len(found)), [each.shape[1] for each in found])
-    row, column, coverage, x, y, gap = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
-    return Samples(
-        body=body, row=row.astype(np.int64), column=column.astype(np.int64), coverage=coverage, x=x, y=y, gap=gap
-    )
+        found = [_sample_native(kernel, grid, body, height) for body, height in zip(bodies, reach, strict=True)]
+    if len(found) == 1:
+        row, column, coverage, x, y, gap = found[0]
+        body = np.zeros(len(row), dtype=np.int64)
+    else:
+        row, column, coverage, x, y, gap = (np.concatenate(each) for each in zip(*found, strict=True))
+        body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
+    return Samples(body=body, row=row, column=column, coverage=coverage, x=x, y=y, gap=gap)
 
 
 def _no_kernel() -> None:
     """Stands for numpy."""
 
 
-def _sample_native(kernel: Kernel, grid: CellGrid, body: Standing) -> FloatArray:
-    """Row, column, coverage, x, y, gap of the cells under one body, shape (6, m)."""
-    shape, windows = body.shape, body.windows(grid)
-    width, height = (windows[:, 2:].max(axis=0) - windows[:, :2].min(axis=0)).tolist()
-    found = np.empty((6, max(width, 0) * max(height, 0)))
-    count = kernel(
+def _sample_native(kernel: Kernel, grid: CellGrid, body: Standing, reach: float) -> _Cells:
+    """Row, column, coverage, x, y, gap of the cells under one body, each of shape (m,)."""
+    shape = body.shape
+    cells: _Cells = kernel(
         shape.kinds,
         shape.sizes,
         shape.edge,
@@ -299,17 +305,18 @@ def _sample_native(kernel: Kernel, grid: CellGrid, body: Standing) -> FloatArray
         shape.first_plane,
         body.rotation,
         body.position,
-        windows,
+        body.windows(grid),
         grid.low,
         np.array(grid.edge),
         POINTS,
-        found,
+        _SPARSE,
+        reach,
     )
-    return found[:, :count]
+    return cells
 
 
-def _sample_body(grid: CellGrid, body: Standing) -> FloatArray:
-    """Row, column, coverage, x, y, gap of the cells under one body, shape (6, m).
+def _sample_body(grid: CellGrid, body: Standing, reach: float) -> _Cells:
+    """Row, column, coverage, x, y, gap of the cells under one body, each of shape (m,).
 
     A cell whose corners all lie under one part lies under it altogether, because parts are convex.  Only cells around
     an outline are looked at in more points.  Where parts overlap or share an edge the lowest one counts, once.
@@ -318,7 +325,7 @@ def _sample_body(grid: CellGrid, body: Standing) -> FloatArray:
     low = windows[:, :2].min(axis=0)
     columns, rows = windows[:, 2:].max(axis=0) - low
     if rows <= 0 or columns <= 0:
-        return np.zeros((6, 0))
+        return (np.zeros(0, dtype=np.int64),) * 2 + (np.zeros(0),) * 4
     height, outline = np.full((rows, columns), np.inf), np.zeros((rows, columns), dtype=bool)
     for part, first, last in zip(parts, windows[:, :2], windows[:, 2:], strict=True):
         if (first < last).all():
@@ -334,7 +341,8 @@ def _sample_body(grid: CellGrid, body: Standing) -> FloatArray:
     row, column = row + low[1], column + low[0]
     x = grid.low[0] + (column + 0.5 + right) * grid.edge[0]
     y = grid.low[1] + (row + 0.5 + up) * grid.edge[1]
-    return np.stack([row, column, share, x, y, gap])
+    kept = gap <= gap.min(initial=np.inf) + reach
+    return row[kept], column[kept], share[kept], x[kept], y[kept], gap[kept]
 
 
 def _look_at_corners(

@@ -1,16 +1,18 @@
-# ruff: noqa: C901, PLR0912, PLR0915, PLR2004 -- one flat loop over plain numbers, as numba likes it
-"""The sampling of `sampling.py` as one loop over cells, for numba."""
+# ruff: noqa: PLR0917, PLR2004 -- flat loops over plain numbers, as numba likes them
+"""The sampling of `sampling.py` as loops over cells, for numba."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.native import called_by_kernels
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def sample_loops(  # noqa: PLR0917 -- numba kernels take positions
+def sample_loops(  # noqa: C901 -- every cell of every part
     kinds: IntArray,
     sizes: FloatArray,
     edge: float,
@@ -22,9 +24,10 @@ def sample_loops(  # noqa: PLR0917 -- numba kernels take positions
     low: FloatArray,
     cell: FloatArray,
     points: int,
-    found: FloatArray,
-) -> int:
-    """Row, column, coverage, x, y and gap of every cell under a body's parts; the number of cells.
+    sparse: float,
+    reach: float,
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Row, column, coverage, x, y and gap of every cell under a body's parts, each of shape (m,).
 
     Args:
         kinds: Of each part: 0 polytope, 1 ellipsoid, 2 cylinder, 3 capsule, shape (p,).
@@ -38,122 +41,247 @@ def sample_loops(  # noqa: PLR0917 -- numba kernels take positions
         low: Lowest corner of the grid, shape (2,) [m].
         cell: Edge lengths of a cell, shape (2,) [m].
         points: Points along each edge of a cell at which the gap is taken.
-        found: Filled with the result, shape (6, cells of all windows).
+        sparse: Share of corners under a part below which all of its cells are looked at closely.
+        reach: Height over the lowest cell up to which cells are kept [m].
     """
-
-    def under(p: int, x: float, y: float) -> float:
-        """Height of one part's underside; inf where there is none."""
-        dx, dy, dz = x - position[p, 0], y - position[p, 1], -position[p, 2]
-        ox = rotation[p, 0, 0] * dx + rotation[p, 1, 0] * dy + rotation[p, 2, 0] * dz
-        oy = rotation[p, 0, 1] * dx + rotation[p, 1, 1] * dy + rotation[p, 2, 1] * dz
-        oz = rotation[p, 0, 2] * dx + rotation[p, 1, 2] * dy + rotation[p, 2, 2] * dz
-        ux, uy, uz = rotation[p, 2, 0], rotation[p, 2, 1], rotation[p, 2, 2]
-        bottom, top = -np.inf, np.inf
-        if kinds[p] == 0:
-            for f in range(first_plane[p], first_plane[p + 1]):
-                slope = planes[f, 0] * ux + planes[f, 1] * uy + planes[f, 2] * uz
-                room = planes[f, 3] - planes[f, 0] * ox - planes[f, 1] * oy - planes[f, 2] * oz
-                if slope < -1e-9:
-                    bottom = max(bottom, room / slope)
-                elif slope > 1e-9:
-                    top = min(top, room / slope)
-                elif room < 0:
-                    return np.inf
-        elif kinds[p] == 1:
-            a, b, c = sizes[p, 0], sizes[p, 1], sizes[p, 2]
-            square = (ux / a) ** 2 + (uy / b) ** 2 + (uz / c) ** 2
-            half = ox * ux / a**2 + oy * uy / b**2 + oz * uz / c**2
-            root = half**2 - square * ((ox / a) ** 2 + (oy / b) ** 2 + (oz / c) ** 2 - 1)
-            if root < 0:
-                return np.inf
-            bottom = (-half - np.sqrt(root)) / square
-        else:
-            radius, length = sizes[p, 0], sizes[p, 1]
-            if kinds[p] == 2:
-                radius += edge * uz**2
-                length += edge
-            if abs(uz) > 1e-9:
-                bottom = (-np.sign(uz) * length - oz) / uz
-                top = (np.sign(uz) * length - oz) / uz
-            elif abs(oz) > length:
-                top = -np.inf
-            square = ux**2 + uy**2
-            if square < 1e-18:
-                if ox**2 + oy**2 > radius**2:
-                    top = -np.inf
-            else:
-                half = ox * ux + oy * uy
-                root = half**2 - square * (ox**2 + oy**2 - radius**2)
-                if root < 0:
-                    top = -np.inf
-                else:
-                    bottom = max(bottom, (-half - np.sqrt(root)) / square)
-                    top = min(top, (-half + np.sqrt(root)) / square)
-            if kinds[p] == 3:
-                best = bottom if bottom <= top else np.inf
-                for sign in (-1.0, 1.0):
-                    ez = oz + sign * length
-                    half = ox * ux + oy * uy + ez * uz
-                    root = half**2 - (ox**2 + oy**2 + ez**2 - radius**2)
-                    if root >= 0:
-                        best = min(best, -half - np.sqrt(root))
-                return best
-        return bottom if bottom <= top and bottom > -np.inf else np.inf
-
-    first_x, first_y = windows[:, 0].min(), windows[:, 1].min()
-    columns, rows = windows[:, 2].max() - first_x, windows[:, 3].max() - first_y
-    if rows <= 0 or columns <= 0:
-        return 0
-    height = np.full((rows, columns), np.inf)
-    near = np.zeros((rows, columns), dtype=np.bool_)
+    c0, r0 = windows[:, 0].min(), windows[:, 1].min()
+    columns, rows = max(windows[:, 2].max() - c0, 0), max(windows[:, 3].max() - r0, 0)
+    top = np.empty(max(columns + 1, points))
+    lines = _lines(planes, first_plane, rotation, position)
+    height, near = np.full((rows, columns), np.inf), np.zeros((rows, columns), dtype=np.bool_)
     for p in range(len(kinds)):
-        c0, r0 = windows[p, 0] - first_x, windows[p, 1] - first_y
-        c1, r1 = windows[p, 2] - first_x, windows[p, 3] - first_y
-        if c1 <= c0 or r1 <= r0:
-            continue
-        corner = np.empty((r1 - r0 + 1, c1 - c0 + 1))
-        for i in range(r1 - r0 + 1):
-            for j in range(c1 - c0 + 1):
-                x = low[0] + (first_x + c0 + j) * cell[0]
-                y = low[1] + (first_y + r0 + i) * cell[1]
-                corner[i, j] = under(p, x, y)
-        for i in range(r1 - r0):
-            for j in range(c1 - c0):
-                mean = 0.25 * (corner[i, j] + corner[i + 1, j] + corner[i, j + 1] + corner[i + 1, j + 1])
-                height[r0 + i, c0 + j] = min(height[r0 + i, c0 + j], mean)
-                near[r0 + i, c0 + j] = True
-    count = 0
+        left, first, right, last = windows[p]
+        if left < right and first < last:
+            corner = np.empty((last - first + 1, right - left + 1))
+            x = low[0] + np.arange(left, right + 1) * cell[0]
+            y = low[1] + np.arange(first, last + 1) * cell[1]
+            _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, corner)
+            _look_at_corners(corner, sparse, first - r0, left - c0, height, near)
+    row, column = np.empty(rows * columns, dtype=np.int64), np.empty(rows * columns, dtype=np.int64)
+    found, gaps = np.empty((4, rows * columns)), np.empty((2, points, points))
+    offsets = (np.arange(points) + 0.5) / points - 0.5
+    fine_x = low[0] + (c0 + 0.5 + (np.arange(columns).reshape(-1, 1) + offsets).ravel()) * cell[0]
+    fine_y = low[1] + (r0 + 0.5 + (np.arange(rows).reshape(-1, 1) + offsets).ravel()) * cell[1]
+    count, lowest = 0, np.inf
     for i in range(rows):
         for j in range(columns):
-            if not near[i, j]:
-                continue
-            share, right, up, gap = 1.0, 0.0, 0.0, height[i, j]
-            if not np.isfinite(gap):
-                hits, sum_x, sum_y, sum_gap = 0, 0.0, 0.0, 0.0
-                for a in range(points):
-                    v = (a + 0.5) / points - 0.5
-                    for b in range(points):
-                        u = (b + 0.5) / points - 0.5
-                        x = low[0] + (first_x + j + 0.5 + u) * cell[0]
-                        y = low[1] + (first_y + i + 0.5 + v) * cell[1]
-                        lowest = np.inf
-                        for p in range(len(kinds)):
-                            c, r = first_x + j, first_y + i
-                            if windows[p, 0] <= c < windows[p, 2] and windows[p, 1] <= r < windows[p, 3]:
-                                lowest = min(lowest, under(p, x, y))
-                        if np.isfinite(lowest):
-                            hits += 1
-                            sum_x += u
-                            sum_y += v
-                            sum_gap += lowest
-                if hits == 0:
+            share, sum_x, sum_y, gap = 1.0, 0.0, 0.0, height[i, j]
+            if gap == np.inf:
+                if not near[i, j]:
                     continue
-                share, right, up, gap = hits / points**2, sum_x / hits, sum_y / hits, sum_gap / hits
-            found[0, count] = first_y + i
-            found[1, count] = first_x + j
-            found[2, count] = share
-            found[3, count] = low[0] + (first_x + j + 0.5 + right) * cell[0]
-            found[4, count] = low[1] + (first_y + i + 0.5 + up) * cell[1]
-            found[5, count] = gap
+                gaps[0] = np.inf
+                x, y = fine_x[j * points : (j + 1) * points], fine_y[i * points : (i + 1) * points]
+                for p in range(len(kinds)):
+                    if windows[p, 0] <= c0 + j < windows[p, 2] and windows[p, 1] <= r0 + i < windows[p, 3]:
+                        _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, gaps[1])
+                        _lower(gaps)
+                share, sum_x, sum_y, gap = _means(gaps[0], offsets)
+                if share == 0.0:
+                    continue
+            row[count], column[count] = r0 + i, c0 + j
+            found[0, count], found[3, count] = share, gap
+            found[1, count] = low[0] + (c0 + j + 0.5 + sum_x) * cell[0]
+            found[2, count] = low[1] + (r0 + i + 0.5 + sum_y) * cell[1]
+            lowest = min(lowest, gap)
             count += 1
-    return count
+    kept = 0
+    for k in range(count):
+        if found[3, k] <= lowest + reach:
+            row[kept], column[kept] = row[k], column[k]
+            for each in range(4):
+                found[each, kept] = found[each, k]
+            kept += 1
+    return row[:kept], column[:kept], found[0, :kept], found[1, :kept], found[2, :kept], found[3, :kept]
+
+
+@called_by_kernels()
+def _lines(planes: FloatArray, first_plane: IntArray, rotation: FloatArray, position: FloatArray) -> FloatArray:
+    """Of each face: which end of a vertical line it bounds (-1 lower, 1 upper, 0 whether there is any), and the plane.
+
+    The plane is height (or, where it stands upright, room) = a + b dx + c dy from the part's origin, shape (f, 4).
+    """
+    lines = np.empty((len(planes), 4))
+    for p in range(len(first_plane) - 1):
+        r, z = rotation[p], position[p, 2]
+        for f in range(first_plane[p], first_plane[p + 1]):
+            u, v, w, offset = planes[f]
+            nx = r[0, 0] * u + r[0, 1] * v + r[0, 2] * w
+            ny = r[1, 0] * u + r[1, 1] * v + r[1, 2] * w
+            nz = r[2, 0] * u + r[2, 1] * v + r[2, 2] * w
+            upright = abs(nz) <= 1e-9
+            slope = 1.0 if upright else nz
+            lines[f, 0] = 0.0 if upright else np.sign(nz)
+            lines[f, 1], lines[f, 2], lines[f, 3] = (offset + nz * z) / slope, -nx / slope, -ny / slope
+    return lines
+
+
+@called_by_kernels()
+def _undersides(
+    kinds: IntArray,
+    sizes: FloatArray,
+    edge: float,
+    lines: FloatArray,
+    first_plane: IntArray,
+    rotation: FloatArray,
+    position: FloatArray,
+    p: int,
+    x: FloatArray,
+    y: FloatArray,
+    top: FloatArray,
+    under: FloatArray,
+) -> None:
+    """Height of one part's underside at all x and y, inf where there is none, into `under` (y, x).
+
+    `top` is room to work in.  Many points at a call: handing arrays over costs more than a point does.
+    """
+    if kinds[p] == 0:
+        _under_faces(lines, first_plane[p], first_plane[p + 1], x, y, position[p, 0], position[p, 1], top, under)
+        return
+    r = rotation[p]
+    for i in range(len(y)):
+        for j in range(len(x)):
+            dx, dy, dz = x[j] - position[p, 0], y[i] - position[p, 1], -position[p, 2]
+            under[i, j] = _under_round(
+                kinds[p], sizes[p, 0], sizes[p, 1], sizes[p, 2], edge,
+                r[0, 0] * dx + r[1, 0] * dy + r[2, 0] * dz,
+                r[0, 1] * dx + r[1, 1] * dy + r[2, 1] * dz,
+                r[0, 2] * dx + r[1, 2] * dy + r[2, 2] * dz,
+                r[2, 0], r[2, 1], r[2, 2],
+            )  # fmt: skip
+
+
+@called_by_kernels()
+def _under_faces(
+    lines: FloatArray,
+    first: int,
+    last: int,
+    x: FloatArray,
+    y: FloatArray,
+    middle_x: float,
+    middle_y: float,
+    top: FloatArray,
+    under: FloatArray,
+) -> None:
+    """Height of a polytope's underside; rows of points at a time, so that the processor takes several at once."""
+    for i in range(len(y)):
+        for j in range(len(x)):
+            under[i, j], top[j] = -np.inf, np.inf
+        for f in range(first, last):
+            side, level, slope = lines[f, 0], lines[f, 1] + lines[f, 3] * (y[i] - middle_y), lines[f, 2]
+            for j in range(len(x)):
+                value = level + slope * (x[j] - middle_x)
+                if side < 0:
+                    under[i, j] = value if value > under[i, j] else under[i, j]  # noqa: FURB136 -- max() is slower here
+                elif side > 0:
+                    top[j] = value if value < top[j] else top[j]  # noqa: FURB136
+                elif value < 0:
+                    top[j] = -np.inf
+        for j in range(len(x)):
+            under[i, j] = under[i, j] if -np.inf < under[i, j] <= top[j] else np.inf
+
+
+@called_by_kernels()
+def _under_round(
+    kind: int,
+    a: float,
+    b: float,
+    c: float,
+    edge: float,
+    ox: float,
+    oy: float,
+    oz: float,
+    ux: float,
+    uy: float,
+    uz: float,
+) -> float:
+    """Height of the underside of an ellipsoid, cylinder or capsule of size a, b, c; inf where there is none."""
+    if kind == 1:
+        square = (ux / a) ** 2 + (uy / b) ** 2 + (uz / c) ** 2
+        half = ox * ux / a**2 + oy * uy / b**2 + oz * uz / c**2
+        root = half**2 - square * ((ox / a) ** 2 + (oy / b) ** 2 + (oz / c) ** 2 - 1)
+        return np.inf if root < 0 else (-half - np.sqrt(root)) / square
+    best = _under_cylinder(a, b, edge if kind == 2 else 0.0, ox, oy, oz, ux, uy, uz)
+    if kind == 3:
+        for sign in (-1.0, 1.0):
+            ez = oz + sign * b
+            half = ox * ux + oy * uy + ez * uz
+            root = half**2 - (ox**2 + oy**2 + ez**2 - a**2)
+            if root >= 0:
+                best = min(best, -half - np.sqrt(root))
+    return float(best)
+
+
+@called_by_kernels()
+def _under_cylinder(
+    radius: float, length: float, edge: float, ox: float, oy: float, oz: float, ux: float, uy: float, uz: float
+) -> float:
+    """Height of a cylinder's underside; inf where there is none."""
+    bottom, top = -np.inf, np.inf
+    radius += edge * uz**2
+    length += edge
+    if abs(uz) > 1e-9:
+        bottom = (-np.sign(uz) * length - oz) / uz
+        top = (np.sign(uz) * length - oz) / uz
+    elif abs(oz) > length:
+        return np.inf
+    square = ux**2 + uy**2
+    if square < 1e-18:
+        if ox**2 + oy**2 > radius**2:
+            return np.inf
+    else:
+        half = ox * ux + oy * uy
+        root = half**2 - square * (ox**2 + oy**2 - radius**2)
+        if root < 0:
+            return np.inf
+        bottom = max(bottom, (-half - np.sqrt(root)) / square)
+        top = min(top, (-half + np.sqrt(root)) / square)
+    return bottom if bottom <= top and bottom > -np.inf else np.inf
+
+
+@called_by_kernels()
+def _look_at_corners(
+    corner: FloatArray, sparse: float, row: int, column: int, height: FloatArray, near: npt.NDArray[np.bool_]
+) -> None:
+    """Take the mean of a cell's corners where all lie under the part; else mark cells that its outline may cross."""
+    rows, columns = corner.shape
+    hits = 0
+    for i in range(rows):
+        for j in range(columns):
+            hits += corner[i, j] < np.inf
+    thin = hits < sparse * corner.size
+    for i in range(rows - 1):
+        for j in range(columns - 1):
+            mean = 0.25 * (corner[i, j] + corner[i + 1, j] + corner[i, j + 1] + corner[i + 1, j + 1])
+            if mean < np.inf:
+                height[row + i, column + j] = min(height[row + i, column + j], mean)
+                continue
+            around = thin
+            # any corner within one cell of the cell's own corners
+            for a in range(max(i - 1, 0), min(i + 3, rows)):
+                for b in range(max(j - 1, 0), min(j + 3, columns)):
+                    around = around or corner[a, b] < np.inf
+            near[row + i, column + j] |= around
+
+
+@called_by_kernels()
+def _lower(gaps: FloatArray) -> None:
+    """Keep the smaller of both gaps (2, points, points) in the first."""
+    for a in range(gaps.shape[1]):
+        for b in range(gaps.shape[2]):
+            gaps[0, a, b] = min(gaps[0, a, b], gaps[1, a, b])
+
+
+@called_by_kernels()
+def _means(gaps: FloatArray, offsets: FloatArray) -> tuple[float, float, float, float]:
+    """Share of points with a gap, their mean place along x and y, and the mean gap."""
+    hits, sum_x, sum_y, sum_gap = 0, 0.0, 0.0, 0.0
+    for a in range(len(offsets)):
+        for b in range(len(offsets)):
+            if gaps[a, b] < np.inf:
+                hits += 1
+                sum_x += offsets[b]
+                sum_y += offsets[a]
+                sum_gap += gaps[a, b]
+    if hits == 0:
+        return 0.0, 0.0, 0.0, np.inf
+    return hits / gaps.size, sum_x / hits, sum_y / hits, sum_gap / hits

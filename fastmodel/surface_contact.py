@@ -86,7 +86,7 @@ class Foundation:
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
         count = self.per_texel or (cells.per_texel if cells else 4)
         ground = _Ground.under(self.plate, array, count)
-        layer = _FoundationLayer(ground.grid, modulus)
+        layer = _FoundationLayer(ground.grid, modulus, native=native)
         return _SurfaceReader(
             ground.reader(model, array, name, native=native), layer, ground.grid, first=_FIRST * min(array.pitch)
         )
@@ -271,14 +271,14 @@ def _scaled(reading: Reading, factor: float) -> Reading:
 
 
 class _FoundationLayer:
-    def __init__(self, grid: CellGrid, modulus: float) -> None:
-        self._grid, self._stiffness = grid, modulus * grid.edge[0] * grid.edge[1]
+    def __init__(self, grid: CellGrid, modulus: float, *, native: bool | None) -> None:
+        self._grid, self._stiffness, self._native = grid, modulus * grid.edge[0] * grid.edge[1], native
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
 
     def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
-        forces, levels = foundation_forces(samples, loads, self._stiffness * samples.coverage)
+        forces, levels = foundation_forces(samples, loads, self._stiffness * samples.coverage, native=self._native)
         contact = self._grid.on_texels(samples, forces)
         reading = Reading(contact_forces=contact, texel_forces=None, carried=float(forces.sum()))
         return reading, samples.largest(levels) - samples.lowest
