@@ -34,6 +34,19 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
     flat: int = -1,
 ) -> float:
     """All contacts of one dimension at a time; `flat` is a texel's geom when all normals are parallel, else -1."""
+    if flat >= 0 and len(dim) and (dim == dim[0]).all() and address.min() >= 0:
+        return _press_parallel(
+            geom,
+            address,
+            frame,
+            friction,
+            efc_force,
+            geom_xmat[flat, 2::3],
+            texel_of,
+            signals,
+            int(dim[0]),
+            pyramidal=pyramidal,
+        )
     total = signals[:-1]
     total[:] = 0.0
     stands = address >= 0
@@ -43,16 +56,37 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
         hit = ((texel >= 0) & stands).nonzero()[0]
         for size, k in _by_dimension(dim, hit):
             local = decode(efc_force, address[k], friction[k] if pyramidal else friction, size, pyramidal=pyramidal)
-            axes = frame[k].reshape(-1, 3, 3)
-            if flat >= 0:
-                along = axes.reshape(-1, 3) @ geom_xmat[flat, 2::3]
-                along = along.reshape(-1, 3)
-            else:
-                along = np.einsum("kij,kj->ki", axes, geom_xmat.take(geom[:, side][k], axis=0)[:, 2::3])
+            normals = geom_xmat.take(geom[:, side][k], axis=0)[:, 2::3]
+            along = np.einsum("kij,kj->ki", frame[k].reshape(-1, 3, 3), normals)
             pressed = np.einsum("ki,ki->k", local, along[:, : local.shape[1]])
             total += sign * np.bincount(texel[k], pressed, len(total))
     signals[-1] = np.add.reduce(total)
     return float(np.minimum.reduce(total))
+
+
+def _press_parallel(  # noqa: PLR0917 -- as above
+    geom: IntArray,
+    address: IntArray,
+    frame: FloatArray,
+    friction: FloatArray,
+    efc_force: FloatArray,
+    normal: FloatArray,
+    texel_of: IntArray,
+    signals: FloatArray,
+    size: int,
+    *,
+    pyramidal: bool,
+) -> float:
+    """All contacts at once, where all are of one size and texels share a normal (3,) and a body: they never touch."""
+    texels = texel_of.take(geom)
+    local = decode(efc_force, address, friction, size, pyramidal=pyramidal)
+    along = (frame.reshape(-1, 3) @ normal).reshape(-1, 3)
+    pressed = np.einsum("ki,ki->k", local, along[:, : local.shape[1]])
+    np.negative(pressed, out=pressed, where=texels[:, 1] >= 0)
+    sums = np.bincount(np.maximum(texels[:, 0], texels[:, 1]) + 1, pressed, len(signals))
+    signals[:-1] = sums[1:]
+    signals[-1] = np.add.reduce(sums[1:])
+    return float(np.minimum.reduce(sums[1:]))
 
 
 def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray | slice]]:

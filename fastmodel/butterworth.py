@@ -83,8 +83,8 @@ class Butterworth:
 class FilterBank:
     """The running filter: one cascade, its state for each of `count` texels.
 
-    Transposed direct form II, shape (sections, 2, count).  The numba kernel is used when numba is installed;
-    both paths do the same operations in the same order.
+    Transposed direct form II, shape (sections, 2, count).  The numba kernel is used when numba is installed; without it
+    a step is one product of matrices, input and state to output and state, equal to the kernel's but for rounding.
     """
 
     def __init__(self, design: Butterworth, rate_hz: float, count: int, *, native: bool | None = None) -> None:
@@ -103,6 +103,7 @@ class FilterBank:
         self._sections = design.sections(rate_hz)
         self._state = np.zeros((len(self._sections), 2, count))
         self._advance = choose_kernel(_advance_loops, _advance_numpy, native=native)
+        self._coefficients = _product(self._sections) if self._advance is _advance_numpy else self._sections
 
     def settle(self, values: npt.ArrayLike = 0.0) -> None:
         """Put the filter into the state it would reach under constant input.
@@ -128,7 +129,7 @@ class FilterBank:
         sample = np.array(values, dtype=np.float64)
         if sample.shape != self._state.shape[2:]:
             raise ShapeError(f"the filter runs over shape {self._state.shape[2:]}, not {sample.shape}")
-        self._advance(self._sections, self._state, sample)
+        self._advance(self._coefficients, self._state, sample)
         return sample
 
 
@@ -143,26 +144,22 @@ def _first_order(K: float) -> list[float]:
     return [b, b, 0.0, 1.0, (K - 1) / (K + 1), 0.0]
 
 
-def _advance_numpy(sections: FloatArray, state: FloatArray, sample: FloatArray) -> None:
+def _product(sections: FloatArray) -> FloatArray:
+    """One sample through the cascade as a matrix: from input and state to output and new state [-]."""
+    units = np.eye(2 * len(sections) + 1)
+    _advance_loops(sections, units[1:].reshape(len(sections), 2, -1), units[0])
+    return units
+
+
+def _advance_numpy(product: FloatArray, state: FloatArray, sample: FloatArray) -> None:
     """One sample through the cascade, in place."""
-    filtered = np.empty_like(sample)
-    part = np.empty_like(sample)
-    for (b0, b1, b2, _, a1, a2), memory in zip(sections.tolist(), state, strict=True):
-        first, second = memory
-        np.multiply(sample, b0, out=filtered)
-        filtered += first
-        np.multiply(sample, b1, out=first)
-        np.multiply(filtered, a1, out=part)
-        first -= part
-        first += second
-        np.multiply(sample, b2, out=second)
-        np.multiply(filtered, a2, out=part)
-        second -= part
-        sample[:] = filtered
+    memory = state.reshape(len(product) - 1, -1)
+    moved = product @ np.concatenate([sample[None], memory])
+    sample[:], memory[:] = moved[0], moved[1:]
 
 
 def _advance_loops(sections: FloatArray, state: FloatArray, sample: FloatArray) -> None:
-    """The same as explicit loops, for numba."""
+    """The same as the published loops, section by section, for numba."""
     for s in range(sections.shape[0]):
         b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
         a1, a2 = sections[s, 4], sections[s, 5]

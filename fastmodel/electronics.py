@@ -153,7 +153,8 @@ class Electronics:
             signal = signal * self._gains(force.shape)
         if self.threshold != 0:
             signal = signal - self.threshold
-        return np.rint(self._saturate(np.maximum(signal, 0.0))).astype(np.int64)
+        counts = self._saturate(np.maximum(signal, 0.0))
+        return np.rint(counts, out=counts).astype(np.int64)
 
     def image(self, counts: npt.ArrayLike) -> npt.NDArray[np.uint8]:
         """Grey levels round(255 counts / output_max), same shape [-]."""
