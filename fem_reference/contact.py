@@ -92,7 +92,7 @@ def touch(
         sides: What free side edges change; None for a wide cover.
 
     Raises:
-        ConvergenceError: If conjugate gradients do not converge.
+        ConvergenceError: If conjugate gradients do not converge, or the approach is too small for any cell to touch.
     """
     middle, half = (np.zeros(2), np.array(indenter.footprint)) if sides is None else sides.window
     sharp = is_flat(indenter)
@@ -106,13 +106,18 @@ def touch(
         if sharp:
             grid = grid.matched(gap, half)
         yields = _Convolution(grid, surface, sides)
-        pressure, approach = _solve(yields, gap(*grid.inside), grid.cell, load, depth)
+        heights = gap(*grid.inside)
+        pressure, approach = _solve(yields, heights, grid.cell, load, depth)
         hit = pressure > 0
-        reach = np.array([np.abs(grid.x[hit] - middle[0]).max(), np.abs(grid.y[hit] - middle[1]).max()])
+        # where all cells' centres are higher than the approach, the contact is around the lowest of them
+        near = hit if hit.any() else heights == heights.min()
+        reach = np.array([np.abs(grid.x[near] - middle[0]).max(), np.abs(grid.y[near] - middle[1]).max()])
         reach += grid.cell / 2
         if sharp or reach.max() > 0.8 * half.max():
             break
         half = np.minimum(np.maximum(1.1 * reach, 0.05 * half), half)
+    if not hit.any():
+        raise ConvergenceError(f"nothing touches on cells of {grid.cell * 1e3:.2g} mm; press deeper")
     return Patch(x=grid.x[hit], y=grid.y[hit], force=pressure[hit] * grid.cell**2, cell=grid.cell, depth=approach)
 
 

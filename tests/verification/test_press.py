@@ -41,6 +41,14 @@ def test_small_contact_on_a_thick_layer_is_hertz(bonded, wts):
     assert found.contact_area == pytest.approx(np.pi * hertz.contact_radius**2, rel=0.02)
 
 
+def test_a_ball_that_barely_touches_is_hertz(bonded, wts):
+    # A hundredth of a first cell: no cell's centre is below the approach until the cells have closed in.
+    cover = bonded(0.3, thickness=20e-3)
+    hertz = closed_form.hertz(cover.layers[0], 5e-3, 1e-6)
+    found = press(cover, wts, Sphere(radius=5e-3), depth=hertz.depth)
+    assert found.total_force == pytest.approx(1e-6, rel=5e-3)
+
+
 def test_balance_and_linearity(bonded, wts):
     cover = bonded(0.49)
     one = press(cover, wts, Box(size=(8e-3, 8e-3, 5e-3)), load=1.0)
