@@ -36,6 +36,7 @@ from fastmodel.batch import Batch
 from fastmodel.butterworth import Butterworth, FilterBank
 from fastmodel.contact import BoxTexels, TexelContact
 from fastmodel.cover_cells import CoverCells
+from fastmodel.depth_fit import ContactFit, FoundationFit, fit_contact, fit_foundation
 from fastmodel.electronics import WTS_0614_34, Electronics
 from fastmodel.errors import (
     FastModelError,
@@ -65,6 +66,7 @@ __all__ = [
     "Batch",
     "BoxTexels",
     "Butterworth",
+    "ContactFit",
     "CoverCells",
     "CoverContact",
     "Electronics",
@@ -74,6 +76,7 @@ __all__ = [
     "FilterError",
     "Fit",
     "Foundation",
+    "FoundationFit",
     "Frame",
     "Gaussian",
     "LifeCycleError",
@@ -93,6 +96,8 @@ __all__ = [
     "UnknownNameError",
     "add_geoms",
     "attach",
+    "fit_contact",
+    "fit_foundation",
     "fit_gaussian",
     "indent",
     "indent_together",

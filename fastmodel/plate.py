@@ -38,17 +38,23 @@ class Plate:
         margin: Pitches by which plate and cover reach beyond the outermost texels on each side; force there is
             outside [-].
         contact_bit: The plate's own collision bit, 0..30 [-].
+        solref: Time constant and damping ratio of its contacts, see `fit_contact`; MuJoCo's, shared with what touches,
+            when not given [s, -].
+        solimp: Impedance of its contacts, as MuJoCo takes it, given with `solref` [-, -, m, -, -].
     """
 
     height: float = 2e-3
     margin: int = 1
     contact_bit: int = 30
+    solref: tuple[float, float] | None = None
+    solimp: tuple[float, float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers.
 
         Raises:
-            ValueError: If the height is not positive, the margin negative or the bit not 0..30.
+            ValueError: If the height is not positive, the margin negative, the bit not 0..30, or only one of solref
+                and solimp given.
         """
         if not 0 < self.height < np.inf:
             raise ValueError(f"height must be positive, not {self.height} m")
@@ -56,10 +62,14 @@ class Plate:
             raise ValueError(f"margin must be a whole number of pitches from 0 on, not {self.margin}")
         if not 0 <= self.contact_bit <= 30:  # noqa: PLR2004 -- MuJoCo's collision masks are signed 32-bit
             raise ValueError(f"contact_bit must lie in 0..30, not {self.contact_bit}")
+        if (self.solref is None) != (self.solimp is None):
+            raise ValueError("solref and solimp belong together; give both or neither")
 
     def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
         """Add the plate to a body of a spec: one for every flat panel of the array."""
         bit = 1 << self.contact_bit
+        # with priority, what touches has no say in the contact's softness
+        soft = {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
         for part, geom in zip(*self.panels(array, name), strict=True):
             middle = part.origin - 0.5 * self.height * part.axes[:, 2]
             body.add_geom(
@@ -72,6 +82,7 @@ class Plate:
                 contype=bit,
                 conaffinity=0x7FFFFFFF & ~bit,
                 rgba=[0.25, 0.27, 0.3, 1.0],
+                **soft,
             )
 
     def panels(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from fastmodel.fit import Fit, fit_gaussian
 from fastmodel.spread import Spread, Tabulated
 from meshes import Cover, TexelArray
+from validation.depth import DepthFits, fit_depth, not_determined
 from validation.errors import InputError
 from validation.resolution import texel_separation, two_point_separation
 from validation.sensor_file import SensorDescription
@@ -56,6 +57,8 @@ class Derivation:
         resolution_on_array: The same for texel values, in the worst alignment; nan if there is none [m].
         sensitivity: Derivatives of sigma_x of the uncut kernel, all layers changed together: `thickness` [pitches/m],
             `poisson_ratio` [pitches] and `youngs_modulus`, which is exactly 0 [pitches/Pa]; none with free side edges.
+        depth: Fits to how deep a ball goes; None with free side edges.
+        undetermined: What the data cannot tell, a line each.
         seconds: Wall time [s].
     """
 
@@ -70,6 +73,8 @@ class Derivation:
     resolution: float | None
     resolution_on_array: float | None
     sensitivity: Mapping[str, float]
+    depth: DepthFits | None
+    undetermined: tuple[str, ...]
     seconds: float
 
     @property
@@ -106,6 +111,8 @@ class Derivation:
             "resolution": self.resolution,
             "resolution_on_array": self.resolution_on_array,
             "sensitivity": dict(self.sensitivity),
+            "depth": None if self.depth is None else self.depth.as_plain(),
+            "undetermined": list(self.undetermined),
             "seconds": self.seconds,
         }
 
@@ -145,6 +152,8 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     radial = spread if isinstance(spread, PointSpread) else None
     if radial is not None:
         tell("resolution and sensitivities")
+    depth = fit_depth(sensor.cover) if wide else None
+    undetermined = not_determined(sensor, fit, depth)
     return Derivation(
         sensor=sensor,
         influence=spread,
@@ -157,7 +166,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
             spread=sensor.spread or _spread(spread, array, fit),
             filter=sensor.filter,
             electronics=sensor.electronics,
-            provenance=_provenance(sensor, fit),
+            provenance=_provenance(sensor, fit, depth, undetermined),
             cells=cells,
             tables={}
             if radial is None
@@ -170,6 +179,8 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         resolution=None if radial is None else two_point_separation(radial),
         resolution_on_array=None if radial is None else texel_separation(radial, array),
         sensitivity={} if radial is None else _sensitivity(sensor, radial),
+        depth=depth,
+        undetermined=undetermined,
         seconds=time.perf_counter() - started,
     )
 
@@ -324,7 +335,9 @@ def _with_poisson_ratio(cover: Cover, index: int, ratio: float) -> Cover:
     return dataclasses.replace(cover, layers=tuple(layers))
 
 
-def _provenance(sensor: SensorDescription, fit: Fit) -> dict[str, Any]:
+def _provenance(
+    sensor: SensorDescription, fit: Fit, depth: DepthFits | None, undetermined: tuple[str, ...]
+) -> dict[str, Any]:
     from importlib.metadata import version
 
     return {
@@ -334,4 +347,6 @@ def _provenance(sensor: SensorDescription, fit: Fit) -> dict[str, Any]:
         "estimator": "given in the sensor file" if sensor.spread else fit.estimator,
         "residual": fit.residual,
         "outside_kernel": fit.outside_kernel,
+        "undetermined": undetermined,
+        "depth": None if depth is None else depth.as_plain(),
     }

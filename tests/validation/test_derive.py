@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fem_reference import point_spread
+from fem_reference import point_spread, press
 from fem_reference.closed_form import point_response
-from meshes import Cover, Cylinder, Layer, Material
+from meshes import Cover, Cylinder, Layer, Material, Sphere
+from validation.depth import not_determined
 from validation.derive import _sensitivity, _sigma, derive
 from validation.errors import InputError
 from validation.plain import plain
@@ -200,6 +201,25 @@ def test_parameters_come_back_from_their_folder(derivation, tmp_path):
     again = fastmodel.load(tmp_path)
     assert again.spread == derivation.parameters.spread
     assert again.provenance["cover_assumed"] is True
+    assert tuple(again.provenance["undetermined"]) == derivation.undetermined
+    assert again.provenance["depth"]["foundation"]["modulus"] == derivation.depth.foundation.modulus
+
+
+def test_depths_are_those_of_the_elements_and_what_they_leave_open_is_said(derivation):
+    depth = derivation.depth
+    description, ball = derivation.sensor, Sphere(radius=depth.ball_radius)
+    pressed = press(description.cover, description.array, ball, load=depth.load[2])
+    assert depth.depth[2] == pytest.approx(pressed.depth, rel=3e-3)
+    lightest, heaviest = (depth.foundation.estimates[name] for name in ("lightest", "heaviest"))
+    assert lightest != pytest.approx(heaviest, rel=0.1)
+    assert abs(depth.contact.misses[2]) < 1e-3 < abs(depth.contact.misses[[0, -1]]).min()
+    told = " ".join(derivation.undetermined)
+    for word in ("Young's modulus", "cut-off", "nobody measured", "foundation modulus", "g only", "friction"):
+        assert word in told
+    hard = dataclasses.replace(derivation.sensor.cover, assumed=False)
+    assert "nobody measured" not in " ".join(
+        not_determined(dataclasses.replace(derivation.sensor, cover=hard), derivation.fit, None)
+    )
 
 
 def test_curved_array_is_refused():

@@ -51,12 +51,27 @@ def derivation_table(derivation: Derivation) -> Table:
         ("outside kernel", f"{100 * fit.outside_kernel:.2f} % of the load"),
         *_everywhere_alike(derivation),
         ("sigma / Young's modulus", _modulus_text(sensor.cover)),
+        *_depth_rows(derivation),
         ("error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())),
         ("time", f"{derivation.seconds:.2f} s"),
+        *(("not determined" if not k else "", line) for k, line in enumerate(derivation.undetermined)),
     )
     for name, value in rows:
         table.add_row(name, value)
     return table
+
+
+def _depth_rows(derivation: Derivation) -> tuple[tuple[str, str], ...]:
+    """What depths under a ball say."""
+    if derivation.depth is None:
+        return ()
+    foundation, contact = derivation.depth.foundation, derivation.depth.contact
+    modulus = f"{1e-9 * foundation.modulus:.3g} +- {1e-9 * foundation.uncertainty:.2g} N/mm3"
+    softness = f"solref {contact.solref[0]:.3g} s, 1; impedance {contact.solimp[0]:.4f}"
+    return (
+        ("foundation modulus", f"{modulus} ({foundation.estimator})"),
+        ("MuJoCo's plate", f"{softness}: {1e3 * contact.depth:.3g} mm under {1e3 * contact.mass:.3g} g"),
+    )
 
 
 def _modulus_text(cover: Cover) -> str:
