@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from meshes import Indenter, Prism, read_stl
 from meshes.indenter import SHAPES
+from meshes.stl import SIZES
 from validation.errors import InputError, nearest
 from validation.quantity import QuantityError, read, read_vector
 
@@ -60,8 +61,8 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
         place: What to call it in a fault.
 
     Raises:
-        InputError: With one line per fault: an unknown shape or parameter, a missing one, a bad quantity, a file that
-            cannot be read.
+        InputError: With one line per fault: an unknown shape or parameter, a missing one or one given twice, a bad
+            quantity, an unlikely size, a file that cannot be read.
     """
     shape, _, rest = text.strip().partition(":")
     if shape not in _MAKERS:
@@ -73,6 +74,8 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     given: set[str] = set()
     for part in filter(None, _NEXT.split(rest)):
         name, equals, value = (piece.strip() for piece in part.partition("="))
+        if name in given:
+            faults.append(f"{place}: {shape}.{name} stands there twice; write for example {_example(shape)}")
         given.add(name)
         if name not in known or not equals:
             hint = nearest(name, known)
@@ -94,6 +97,10 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     except ValueError as error:
         remedy = "" if shape == "mesh" else f"; write for example {_example(shape)}"
         raise InputError(f"{place}: {error}{remedy}") from None
+    width = 2 * max(made.footprint)
+    if shape != "mesh" and not SIZES[0] <= width <= SIZES[1]:
+        low, high = (f"{1e3 * size:g}" for size in SIZES)
+        raise InputError(f"{place}: {1e3 * width:.3g} mm is no width for an indenter; accepted: {low}..{high} mm")
     return made
 
 

@@ -164,6 +164,10 @@ BAD = [
     (["press", "wts-0614-34", "--indenter", "sphere:radius=-5mm", "--load", "1N"], "positive"),
     (["press", "wts-0614-34", "--indenter", "box:size=1mmx2mm", "--load", "1N"], "is not 3 values"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm"], "give one of them"),
+    (
+        ["press", "wts-0614-34", "--indenter", "tip", "--load", "1N", "--model", "fast", "--friction", "0.4"],
+        "--friction: the fast model has none",
+    ),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "5"], "--load: '5' has no unit"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "0N"], "--load: must be positive"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "3mm"], "pierce the cover"),

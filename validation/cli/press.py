@@ -64,6 +64,8 @@ def press(
     force, approach = collect(faults, lambda: _read_force(load, depth)) or (None, None)
     if description and place:
         faults.extend(_beside(description.array, place))
+    if sticking and models and "fem" not in models and depth is None:
+        faults.append("--friction: the fast model has none; leave it out, or let --model name fem")
     if faults or not (description and shape and place and models) or angle is None or sticking is None:
         raise InputError(*faults)
     case = Case(
