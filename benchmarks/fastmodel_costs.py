@@ -1,8 +1,9 @@
 """What the fast model costs: every contact method against a bare plate, and the signal chain, in one run.
 
-Ratios of medians of interleaved runs, so that a busy machine hits all alike.  1 kHz physics, 271 Hz frames.
+Ratios of medians of interleaved runs in processor time, so that a busy machine hits all alike.  1 kHz physics, 271 Hz
+frames, one core.  The picture shows cost and memory against the number of texels.
 
-    python benchmarks/fastmodel_costs.py [--numpy] [--json FILE]
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/fastmodel_costs.py [--numpy] [--json FILE] [--picture FILE]
 """
 
 from __future__ import annotations
@@ -81,14 +82,14 @@ class Scene:
 
     def run(self, steps: int, *, sliding: bool = False) -> float:
         """Seconds per step of a short run."""
-        start = time.perf_counter()
+        start = time.process_time()
         for _ in range(steps):
             if sliding:
                 self.data.qvel[0] = SPEED if self.data.time % 0.4 < 0.2 else -SPEED
             mujoco.mj_step(self.model, self.data)
             if self.sensor is not None:
                 self.sensor.step(self.data)
-        return (time.perf_counter() - start) / steps
+        return (time.process_time() - start) / steps
 
 
 def interleaved(runs: dict[str, Callable[[], float]]) -> dict[str, float]:
@@ -139,17 +140,46 @@ def chain(settings: Parameters, *, native: bool | None) -> dict[str, float]:
 
 def texel_counts(*, native: bool | None) -> list[dict[str, float]]:
     """Cost and memory of the default against the number of texels, a 12 mm square sliding."""
-    rows = []
-    for rows_, columns in ((4, 3), (14, 6), (20, 20), (32, 32), (60, 60), (100, 100)):
-        settings = parameters(TexelArray.grid(rows_, columns, 3.4e-3))
+    scenes = {}
+    memory = {}
+    for rows, columns in ((4, 3), (8, 4), (14, 6), (16, 16), (32, 32), (60, 60), (100, 100)):
+        settings = parameters(TexelArray.grid(rows, columns, 3.4e-3))
+        Scene(settings, SHAPES["big square"], "cover", native=native)  # what is made once in a process
         tracemalloc.start()
-        scene = Scene(settings, SHAPES["big square"], "cover", native=native)
-        memory = tracemalloc.get_traced_memory()[1]
+        scenes[rows * columns] = Scene(settings, SHAPES["big square"], "cover", native=native)
+        memory[rows * columns] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        seconds = float(np.median([scene.run(STEPS, sliding=True) for _ in range(ROUNDS)]))
-        rows.append({"texels": rows_ * columns, "seconds": seconds, "memory": memory})
-        print(f"{rows_ * columns:>6} texels: {1e6 * seconds:.0f} us a step, {memory / 1e6:.1f} MB", flush=True)
-    return rows
+    runs = {str(n): lambda scene=scene: scene.run(STEPS, sliding=True) for n, scene in scenes.items()}
+    seconds = interleaved(runs)
+    rows_ = [{"texels": n, "seconds": seconds[str(n)], "memory": memory[n]} for n in scenes]
+    for row in rows_:
+        print(
+            f"{row['texels']:>6} texels: {1e6 * row['seconds']:.0f} us a step, {row['memory'] / 1e6:.2f} MB", flush=True
+        )
+    return rows_
+
+
+def draw(rows: list[dict[str, float]], path: Path) -> None:
+    """Cost and memory over texels, both axes logarithmic, with lines of n log n."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    n = np.array([row["texels"] for row in rows], dtype=np.float64)
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), constrained_layout=True)
+    for axis, values, title in (
+        (axes[0], 1e6 * np.array([row["seconds"] for row in rows]), "processor time a step of 1 ms [µs]"),
+        (axes[1], 1e-6 * np.array([row["memory"] for row in rows]), "memory at most while it is made [MB]"),
+    ):
+        axis.loglog(n, values, "o-", label="cover, 12 mm square sliding")
+        line = n * np.log(n)
+        axis.loglog(n, values[-1] * line / line[-1], "--", color="0.5", label="n log n")
+        axis.set(xlabel="texels", title=title)
+        axis.grid(visible=True, which="both", alpha=0.3)
+        axis.legend()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
 
 
 def main() -> None:
@@ -157,6 +187,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="what the fast model costs")
     parser.add_argument("--numpy", action="store_true", help="without the native kernels")
     parser.add_argument("--json", type=Path, help="where to write every figure")
+    parser.add_argument("--picture", type=Path, help="where to draw cost against texels")
     arguments = parser.parse_args()
     native = False if arguments.numpy else None
     settings = parameters(ARRAYS["wts-0614-34"])
@@ -165,6 +196,8 @@ def main() -> None:
         "methods": methods(settings, native=native),
         "texel_counts": texel_counts(native=native),
     }
+    if arguments.picture is not None:
+        draw(result["texel_counts"], arguments.picture)
     if arguments.json is not None:
         arguments.json.write_text(json.dumps(result, indent=1))
 

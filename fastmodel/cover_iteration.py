@@ -50,12 +50,27 @@ def _yields(
     return np.asarray(soft * forces + np.einsum("sm,sm->m", weight, flat.take(target)))
 
 
-@called_by_kernels()
+def _inverse_loops(matrix: FloatArray) -> FloatArray:
+    """The same by elimination without a choice of pivots, which a positive matrix does not need, for numba."""
+    k = len(matrix)
+    left, right = matrix + (1e-12 * np.trace(matrix) + 1e-300) * np.eye(k), np.eye(k)
+    for i in range(k):
+        pivot = 1 / left[i, i]
+        left[i] *= pivot
+        right[i] *= pivot
+        for j in range(k):
+            if j != i:
+                factor = left[j, i]
+                left[j] -= factor * left[i]
+                right[j] -= factor * right[i]
+    return right
+
+
+@called_by_kernels(_inverse_loops)
 def _inverse(matrix: FloatArray) -> FloatArray:
     """Inverse of a small matrix, kept regular."""
     ridge = 1e-12 * np.trace(matrix) + 1e-300
-    # linalg returns columns first; products want rows first
-    return np.ascontiguousarray(np.linalg.inv(matrix + ridge * np.eye(len(matrix))))
+    return np.linalg.inv(matrix + ridge * np.eye(len(matrix)))
 
 
 @called_by_kernels()

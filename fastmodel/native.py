@@ -4,24 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from fastmodel.errors import FastModelError
 
 Kernel = Callable[..., Any]
+_F = TypeVar("_F", bound=Kernel)
 
 #: Functions that kernels call, with what is compiled in their place; emptied when numba gets to know them.
 _CALLED: list[tuple[Kernel, Kernel]] = []
 
 
-def called_by_kernels(loops: Kernel | None = None) -> Callable[[Kernel], Kernel]:
+def called_by_kernels(loops: Kernel | None = None) -> Callable[[_F], _F]:
     """Decorate a function that kernels call, so that numba compiles it with them.
 
     Args:
         loops: What to compile in its place; the function itself when not given.
     """
 
-    def mark(function: Kernel) -> Kernel:
+    def mark(function: _F) -> _F:
         _CALLED.append((function, loops or function))
         return function
 

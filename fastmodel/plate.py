@@ -226,10 +226,11 @@ class PlateReader:
     def _stand(self, data: Any, body: int, axes: FloatArray, origin: FloatArray) -> Standing:  # noqa: ANN401
         """A body's solids in the array's frame."""
         geoms, shape = self._shape(body)
+        # no @: between products this small, calling the library for large ones costs more than the rest
         return Standing(
             shape=shape,
-            rotation=axes.T @ data.geom_xmat[geoms].reshape(-1, 3, 3),
-            position=(data.geom_xpos[geoms] - origin) @ axes,
+            rotation=np.einsum("ji,pjk->pik", axes, data.geom_xmat.take(geoms, axis=0).reshape(-1, 3, 3)),
+            position=np.einsum("pj,ji->pi", data.geom_xpos.take(geoms, axis=0) - origin, axes),
         )
 
     def _shape(self, body: int) -> tuple[IntArray, Shape]:

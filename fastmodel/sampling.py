@@ -146,10 +146,12 @@ class Load:
         if not self.tilts or len(mine) < 3:  # noqa: PLR2004 -- a plane takes three points
             return np.ones((len(mine), 1)), np.array([self.force])
         # about the point of pressure and in units of the contact's size, so that the unknowns are alike
-        middle = self.moment / self.force
-        place = np.column_stack([samples.x[mine], samples.y[mine]]) - middle
-        size = max(float(np.abs(place).max()), 1e-9)
-        return np.column_stack([np.ones(len(mine)), place / size]), np.array([self.force, 0.0, 0.0])
+        x, y = (self.moment / self.force).tolist()
+        columns = np.ones((len(mine), 3))
+        np.subtract(samples.x.take(mine), x, out=columns[:, 1])
+        np.subtract(samples.y.take(mine), y, out=columns[:, 2])
+        columns[:, 1:] /= max(float(np.abs(columns[:, 1:]).max()), 1e-9)
+        return columns, np.array([self.force, 0.0, 0.0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -254,7 +256,7 @@ class Samples:
     @cached_property
     def lowest(self) -> FloatArray:
         """Height of each body's lowest cell, shape (bodies,) [m]."""
-        return -self.largest(-self.gap)
+        return np.array([self.gap.min()]) if self.bodies == 1 else -self.largest(-self.gap)
 
     def largest(self, values: FloatArray) -> FloatArray:
         """Largest of some values (m,) on the cells of each body, shape (bodies,)."""
@@ -305,7 +307,9 @@ def _sample_native(kernel: Kernel, grid: CellGrid, body: Standing, reach: float)
         shape.first_plane,
         body.rotation,
         body.position,
-        body.windows(grid),
+        shape.centres,
+        shape.halves,
+        np.array([grid.columns, grid.rows]),
         grid.low,
         np.array(grid.edge),
         POINTS,

@@ -12,7 +12,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def sample_loops(  # noqa: C901 -- every cell of every part
+def sample_loops(
     kinds: IntArray,
     sizes: FloatArray,
     edge: float,
@@ -20,7 +20,9 @@ def sample_loops(  # noqa: C901 -- every cell of every part
     first_plane: IntArray,
     rotation: FloatArray,
     position: FloatArray,
-    windows: IntArray,
+    centres: FloatArray,
+    halves: FloatArray,
+    size: IntArray,
     low: FloatArray,
     cell: FloatArray,
     points: int,
@@ -37,13 +39,16 @@ def sample_loops(  # noqa: C901 -- every cell of every part
         first_plane: First face of each part, and the number of all, shape (p + 1,).
         rotation: The parts' axes in the array's frame, shape (p, 3, 3) [-].
         position: Their origins, shape (p, 3) [m].
-        windows: First column, first row, one past the last column and row of each part, shape (p, 4).
+        centres: Centre of each part's bounding box in its own frame, shape (p, 3) [m].
+        halves: Half edges of these boxes, shape (p, 3) [m].
+        size: Columns and rows of the grid, shape (2,).
         low: Lowest corner of the grid, shape (2,) [m].
         cell: Edge lengths of a cell, shape (2,) [m].
         points: Points along each edge of a cell at which the gap is taken.
         sparse: Share of corners under a part below which all of its cells are looked at closely.
         reach: Height over the lowest cell up to which cells are kept [m].
     """
+    windows = _windows(rotation, position, centres, halves, size, low, cell)
     c0, r0 = windows[:, 0].min(), windows[:, 1].min()
     columns, rows = max(windows[:, 2].max() - c0, 0), max(windows[:, 3].max() - r0, 0)
     top = np.empty(max(columns + 1, points))
@@ -57,41 +62,96 @@ def sample_loops(  # noqa: C901 -- every cell of every part
             y = low[1] + np.arange(first, last + 1) * cell[1]
             _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, corner)
             _look_at_corners(corner, sparse, first - r0, left - c0, height, near)
-    row, column = np.empty(rows * columns, dtype=np.int64), np.empty(rows * columns, dtype=np.int64)
-    found, gaps = np.empty((4, rows * columns)), np.empty((2, points, points))
+    means = _look_closely(
+        kinds, sizes, edge, lines, first_plane, rotation, position, windows, low, cell, points, height, near, top
+    )
+    return _kept(height, means, r0, c0, low, cell, reach)
+
+
+@called_by_kernels()
+def _look_closely(
+    kinds: IntArray,
+    sizes: FloatArray,
+    edge: float,
+    lines: FloatArray,
+    first_plane: IntArray,
+    rotation: FloatArray,
+    position: FloatArray,
+    windows: IntArray,
+    low: FloatArray,
+    cell: FloatArray,
+    points: int,
+    height: FloatArray,
+    near: npt.NDArray[np.bool_],
+    top: FloatArray,
+) -> FloatArray:
+    """Coverage of every cell and middle of its covered part (in cells from the cell's); fills heights at outlines."""
+    rows, columns = height.shape
+    c0, r0 = windows[:, 0].min(), windows[:, 1].min()
+    gaps = np.empty((2, points, points))
     offsets = (np.arange(points) + 0.5) / points - 0.5
     fine_x = low[0] + (c0 + 0.5 + (np.arange(columns).reshape(-1, 1) + offsets).ravel()) * cell[0]
     fine_y = low[1] + (r0 + 0.5 + (np.arange(rows).reshape(-1, 1) + offsets).ravel()) * cell[1]
-    count, lowest = 0, np.inf
+    means = np.empty((rows, columns, 3))
     for i in range(rows):
         for j in range(columns):
-            share, sum_x, sum_y, gap = 1.0, 0.0, 0.0, height[i, j]
-            if gap == np.inf:
-                if not near[i, j]:
-                    continue
-                gaps[0] = np.inf
-                x, y = fine_x[j * points : (j + 1) * points], fine_y[i * points : (i + 1) * points]
-                for p in range(len(kinds)):
-                    if windows[p, 0] <= c0 + j < windows[p, 2] and windows[p, 1] <= r0 + i < windows[p, 3]:
-                        _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, gaps[1])
-                        _lower(gaps)
-                share, sum_x, sum_y, gap = _means(gaps[0], offsets)
-                if share == 0.0:
-                    continue
-            row[count], column[count] = r0 + i, c0 + j
-            found[0, count], found[3, count] = share, gap
-            found[1, count] = low[0] + (c0 + j + 0.5 + sum_x) * cell[0]
-            found[2, count] = low[1] + (r0 + i + 0.5 + sum_y) * cell[1]
-            lowest = min(lowest, gap)
-            count += 1
-    kept = 0
-    for k in range(count):
-        if found[3, k] <= lowest + reach:
-            row[kept], column[kept] = row[k], column[k]
-            for each in range(4):
-                found[each, kept] = found[each, k]
-            kept += 1
-    return row[:kept], column[:kept], found[0, :kept], found[1, :kept], found[2, :kept], found[3, :kept]
+            means[i, j] = 1.0, 0.0, 0.0
+            if height[i, j] < np.inf or not near[i, j]:
+                continue
+            gaps[0] = np.inf
+            x, y = fine_x[j * points : (j + 1) * points], fine_y[i * points : (i + 1) * points]
+            for p in range(len(kinds)):
+                if windows[p, 0] <= c0 + j < windows[p, 2] and windows[p, 1] <= r0 + i < windows[p, 3]:
+                    _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, gaps[1])
+                    _lower(gaps)
+            means[i, j, 0], means[i, j, 1], means[i, j, 2], height[i, j] = _means(gaps[0], offsets)
+    return means
+
+
+@called_by_kernels()
+def _kept(
+    height: FloatArray, means: FloatArray, r0: int, c0: int, low: FloatArray, cell: FloatArray, reach: float
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """What `sample_loops` returns, of the cells with a height up to the reach over the lowest."""
+    highest = np.inf if height.size == 0 else height.min() + reach
+    row, column = np.empty(height.size, dtype=np.int64), np.empty(height.size, dtype=np.int64)
+    found = np.empty((4, height.size))
+    count = 0
+    for i in range(height.shape[0]):
+        for j in range(height.shape[1]):
+            if height[i, j] < np.inf and height[i, j] <= highest:
+                row[count], column[count] = r0 + i, c0 + j
+                found[0, count], found[3, count] = means[i, j, 0], height[i, j]
+                found[1, count] = low[0] + (c0 + j + 0.5 + means[i, j, 1]) * cell[0]
+                found[2, count] = low[1] + (r0 + i + 0.5 + means[i, j, 2]) * cell[1]
+                count += 1
+    return row[:count], column[:count], found[0, :count], found[1, :count], found[2, :count], found[3, :count]
+
+
+@called_by_kernels()
+def _windows(
+    rotation: FloatArray,
+    position: FloatArray,
+    centres: FloatArray,
+    halves: FloatArray,
+    size: IntArray,
+    low: FloatArray,
+    cell: FloatArray,
+) -> IntArray:
+    """First column, first row, one past the last column and row of cells under each part, shape (p, 4)."""
+    windows = np.empty((len(rotation), 4), dtype=np.int64)
+    for p in range(len(rotation)):
+        for axis in range(2):
+            middle, half = position[p, axis], 0.0
+            for i in range(3):
+                middle += rotation[p, axis, i] * centres[p, i]
+                if rotation[p, axis, i] != 0.0:  # a plane has no ends
+                    half += abs(rotation[p, axis, i]) * halves[p, i]
+            first = np.floor((middle - half - low[axis]) / cell[axis])
+            last = np.ceil((middle + half - low[axis]) / cell[axis])
+            windows[p, axis] = int(min(max(first, 0.0), size[axis]))
+            windows[p, axis + 2] = int(min(max(last, 0.0), size[axis]))
+    return windows
 
 
 @called_by_kernels()
