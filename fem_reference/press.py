@@ -137,7 +137,7 @@ def press_path(
     targets, control = _targets(cover, loads, depths)
     place = Place(array=array, pose=Pose(at=at, yaw=yaw))
     _refuse_beside(cover, place.pose)
-    _check_friction(cover, friction)
+    _check_friction(friction)
     started = time.perf_counter()
     small = all(layer.material.small_strain_only for layer in cover.layers)
     linear = small and not friction
@@ -146,7 +146,7 @@ def press_path(
     if linear:
         found = press_linear.levels(cover, indenter, targets, control, progress, place=place)
     elif cover.size is not None:
-        found = press_bounded.levels(cover, indenter, targets, control, progress, place=place)
+        found = press_bounded.levels(cover, indenter, targets, control, progress, place=place, friction=friction)
     else:
         found = press_finite.levels(cover, indenter, targets, control, progress, friction=friction)
     sharp = linear and is_flat(indenter)
@@ -238,11 +238,9 @@ def _targets(
     return values, name
 
 
-def _check_friction(cover: Cover, friction: float) -> None:
+def _check_friction(friction: float) -> None:
     if not friction >= 0:
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
-    if friction and cover.size is not None:
-        raise ValueError("friction is not supported on a cover of limited size; leave out one of the two")
 
 
 def _friction(coefficient: float) -> str:

@@ -1,4 +1,4 @@
-"""Finite-strain pressing of covers of limited size, in three dimensions.
+"""Pressing covers of limited size in three dimensions, at finite strain or with friction.
 
 No two places on such a cover are alike, so the mesh lies in the array's frame, ends at the free side faces, and every
 pose is solved.  Where shape and pose mirror in the cover's own middle planes, a half or a quarter is enough.  The
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -18,7 +17,7 @@ import numpy.typing as npt
 
 from fem_reference import press_finite, press_linear, store
 from fem_reference.contact import is_flat
-from fem_reference.level import CorrectedLevel, ExtrapolatedLevel, Level
+from fem_reference.level import Level
 from fem_reference.obstacle import Height, Obstacle
 from fem_reference.pose import Place, Pose
 from fem_reference.press_solid import Block, follow_block
@@ -115,6 +114,7 @@ def levels(
     progress: Callable[[str], None] | None,
     *,
     place: Place,
+    friction: float = 0.0,
 ) -> list[list[Level]]:
     """The path on three grids, from the store where it is known; a list of grids for every target.
 
@@ -127,25 +127,17 @@ def levels(
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
     known = [press_linear.levels(cover, indenter, [t], control, progress, place=place)[0] for t in targets]
-    flat, wanted = is_flat(indenter), list(targets)
-    if flat:
+    wanted = list(targets)
+    if is_flat(indenter) and not friction:
         shallow = press_finite.SHALLOW * cover.thickness
         wanted = press_finite.resolved(targets, [grids[-1].depth / shallow for grids in known])
     stops = sorted(set(wanted))
+    linear = all(layer.material.small_strain_only for layer in cover.layers)
     deep, rest = (
-        _path(cover, indenter, stops, control, progress, place=place, steepness=steepness)
-        for steepness in (1.0, press_finite.REST)
+        _path(cover, indenter, stops, control, progress, place=place, steepness=steepness, friction=rubs)
+        for steepness, rubs in ((press_finite.REST if linear else 1.0, friction), (press_finite.REST, 0.0))
     )
-    out: list[list[Level]] = []
-    for target, stop, grids in zip(targets, wanted, known, strict=True):
-        at = stops.index(stop)
-        exact: Level = grids[-1]
-        if flat:
-            exact = ExtrapolatedLevel(levels=grids, sizes=press_linear.sizes(indenter))
-        corrected = partial(CorrectedLevel, exact=exact, control=control, share=target / stop)
-        triples = zip(rest[at], deep[at], grids, strict=True)
-        out.append([corrected(rest=a, deep=b, touched=c if flat else None) for a, b, c in triples])
-    return out
+    return press_finite.corrections(indenter, control, (targets, wanted), known=known, rest=rest, deep=deep)
 
 
 def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for all solvers
@@ -162,7 +154,8 @@ def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
     """How sharp edges and facets were treated."""
     size = _fillet(cover, indenter) * 1e3
     if is_flat(indenter):
-        return {"edge": f"sharp at small strain, rounded with at least {size:.3g} mm for what finite strain adds"}
+        rounding = f"rounded with at least {size:.3g} mm"
+        return {"edge": f"sharp at small strain, {rounding} for what finite strain or friction adds"}
     return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
 
 
@@ -180,6 +173,7 @@ def _path(
     *,
     place: Place,
     steepness: float,
+    friction: float,
 ) -> list[list[Level]]:
     path = [steepness * target for target in targets]
 
@@ -196,6 +190,7 @@ def _path(
                 control=control,
                 elements_per_thickness=n,
                 steepness=steepness,
+                friction=friction,
                 coarse=coarse,
                 progress=None if progress is None else press_finite.with_grid(progress, n),
             )
@@ -213,21 +208,23 @@ def _path(
         "steepness": steepness,
         "grids": GRIDS,
         "pose": place.pose,
+        "friction": friction,
     }
     data = store.fetch("bounded-press", inputs, compute)
-    return [[_level(data, indenter, place.pose, n, i) for n in GRIDS] for i in range(len(path))]
+    return [[_level(data, indenter, place.pose, (n, i), steepness) for n in GRIDS] for i in range(len(path))]
 
 
-def _level(data: dict[str, Any], indenter: Indenter, pose: Pose, n: int, i: int) -> Level:
+def _level(data: dict[str, Any], indenter: Indenter, pose: Pose, at: tuple[int, int], steepness: float) -> Level:
+    n, i = at
     load, depth, area = (float(value) for value in data[f"scalars_{n}_{i}"])
     return BoundedLevel(
-        total_force=load,
-        depth=depth,
+        total_force=load / steepness,
+        depth=depth / steepness,
         area=area,
         pose=pose,
         x=data[f"x_{n}_{i}"],
         y=data[f"y_{n}_{i}"],
-        pressure=data[f"pressure_{n}_{i}"],
+        pressure=data[f"pressure_{n}_{i}"] / steepness,
         half=indenter.footprint,
     )
 

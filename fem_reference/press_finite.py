@@ -155,16 +155,38 @@ def levels(
     if not _corrected(indenter):
         return deep
     rest = _on_grids(replace(whole, friction=0.0, steepness=REST), progress)
+    return corrections(indenter, control, (targets, wanted), known=known, rest=rest, deep=deep)
+
+
+def corrections(
+    indenter: Indenter,
+    control: Literal["load", "depth"],
+    targets: tuple[Sequence[float], Sequence[float]],
+    *,
+    known: Sequence[Sequence[Level]],
+    rest: Sequence[Sequence[Level]],
+    deep: Sequence[Sequence[Level]],
+) -> list[list[Level]]:
+    """Corrected levels of every target on every grid.
+
+    Args:
+        indenter: The shape.
+        control: Whether targets are loads or depths.
+        targets: What was asked for, and what was solved in its place, see `resolved`.
+        known: Small-strain grids of every target.
+        rest: Frictionless small-strain grids of every different target that was solved, ascending.
+        deep: The same with finite strain, friction or both.
+    """
+    flat, stops = is_flat(indenter), sorted(set(targets[1]))
     out: list[list[Level]] = []
-    for target, stop, grids in zip(targets, wanted, known, strict=True):
+    for target, stop, grids in zip(*targets, known, strict=True):
         at = stops.index(stop)
-        corrected = partial(CorrectedLevel, control=control, share=target / stop)
-        if is_flat(indenter):
+        exact: Level = grids[-1]
+        if flat:
             exact = ExtrapolatedLevel(levels=grids, sizes=press_linear.sizes(indenter))
-            pairs = zip(rest[at], deep[at], grids, strict=True)
-            out.append([corrected(exact=exact, rest=a, deep=b, touched=c) for a, b, c in pairs])
-        else:
-            out.append([corrected(exact=grids[-1], rest=a, deep=b) for a, b in zip(rest[at], deep[at], strict=True)])
+        corrected = partial(CorrectedLevel, exact=exact, control=control, share=target / stop)
+        triples = zip(rest[at], deep[at], grids, strict=True)
+        out.append([corrected(rest=a, deep=b, touched=c if flat else None) for a, b, c in triples])
     return out
 
 
@@ -217,7 +239,7 @@ def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
     """How sharp edges and facets were treated."""
     size = fillet(cover, indenter) * 1e3
     if is_flat(indenter):
-        return {"edge": f"sharp at small strain, rounded with {size:.3g} mm for what finite strain adds"}
+        return {"edge": f"sharp at small strain, rounded with {size:.3g} mm for what finite strain or friction adds"}
     return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
 
 

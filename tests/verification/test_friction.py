@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import cache
 
 import numpy as np
@@ -136,13 +135,6 @@ def test_a_coefficient_that_is_none_is_refused(friction):
     array = TexelArray.grid(2, 2, pitch=3.4e-3)
     with pytest.raises(ValueError, match="friction coefficient"):
         press(rubber(0.45), array, Sphere(radius=5e-3), load=1.0, friction=friction)
-
-
-def test_friction_on_a_cover_of_limited_size_is_refused():
-    array = TexelArray.grid(2, 2, pitch=3.4e-3)
-    cover = dataclasses.replace(rubber(0.45), size=(10e-3, 10e-3))
-    with pytest.raises(ValueError, match="limited size"):
-        press(cover, array, Sphere(radius=5e-3), load=1.0, friction=0.3)
 
 
 @pytest.mark.slow

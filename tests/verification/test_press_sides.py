@@ -205,3 +205,20 @@ def test_finite_strain_meets_small_strain_at_small_load(bonded, at):
     finite = press(soft(), array, BALL, load=2e-3, at=at)
     assert finite.depth == pytest.approx(small.depth, rel=2e-2)
     assert np.abs(finite.texel_forces - small.texel_forces).max() < 4e-3 * 2e-3
+
+
+@pytest.mark.slow
+def test_a_pad_held_on_both_faces_is_two_pads_of_half_the_height(bonded):
+    """No slip under a plate that covers all: the middle plane is one of symmetry, as under a smooth plate."""
+    array = TexelArray.grid(2, 2, 2.5e-3)
+    half = bonded(0.45, thickness=THICKNESS / 2, size=PAD)
+    held, smooth, two = (
+        press(cover, array, PLATE, depth=0.01 * cover.thickness, friction=friction)
+        for cover, friction in ((pad(bonded), np.inf), (pad(bonded), 0.0), (half, 0.0))
+    )
+    assert held.total_force == pytest.approx(two.total_force, rel=5e-3)
+    assert held.texel_forces == pytest.approx(two.texel_forces, rel=0.02)
+    assert held.total_force > 1.15 * smooth.total_force
+    rubbing = press(pad(bonded), array, PLATE, depth=0.01 * THICKNESS, friction=0.3)
+    assert smooth.total_force < rubbing.total_force < held.total_force
+    assert rubbing.assumptions["friction"] == "Coulomb, coefficient 0.3"
