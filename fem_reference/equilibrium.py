@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import zip_longest
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
 from fem_reference.contact import ConvergenceError
 from fem_reference.finite_strain import InvertedError, Solid
@@ -39,6 +40,8 @@ _STRAIGHT = 2
 _FRICTION_STEPS, _FRICTION_ITERATIONS = 16, 60
 #: Share of the pressures that may still change when friction counts as found.
 _CONE = 1e-4
+#: Halvings of Newton's steps that would turn an element inside out, in one solve.
+_HALVINGS = 4
 #: Slope at a step's end over that at its beginning from which it went too far.
 _UPHILL = 0.3
 #: A step that took fewer iterations than this may be followed by a longer one.
@@ -138,6 +141,7 @@ class Problem:
     contact: SurfaceContact
     fixed: npt.NDArray[np.int64]
     units: Units
+    _last: list[ConstrainedSystem] = field(default_factory=list, init=False, repr=False)
 
     def follow(
         self,
@@ -255,10 +259,18 @@ class Problem:
     def _newton(self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float) -> Equilibrium:
         """Solve at a depth, or, where a load is given, for the depth as well."""
         state = state.copy()
-        system, step = None, None
+        step, halved = None, 0
         most = _FRICTION_ITERATIONS if self.contact.friction else _ITERATIONS
         for iteration in range(most):
-            internal, stiffness = self.solid.linearise(state)
+            try:
+                internal, stiffness = self.solid.linearise(state)
+            except InvertedError:
+                if step is None or halved == _HALVINGS:
+                    raise
+                step, halved = replace(step, state=step.state / 2, depth=step.depth / 2), halved + 1
+                state -= step.state
+                depth -= step.depth
+                continue
             touch = self.contact.at(state, depth, curved=iteration >= _STRAIGHT)
             balanced = iteration and self._balanced(internal + touch.force, touch, load, tight)
             if balanced and self.contact.renew_cone(touch) <= max(tight, _CONE):
@@ -277,13 +289,17 @@ class Problem:
                 depth -= back * step.depth
                 step = None
                 continue
-            system = ConstrainedSystem(stiffness + touch.tangent, self.fixed, like=system)
+            system = self._system(stiffness + touch.tangent)
             step = self._step(system, internal, touch, load)
-            step = replace(step, slope=self._slope(step, internal, touch, load)) if self.contact.friction else step
+            step = replace(step, slope=self._slope(step, internal, touch, load))
             state += step.state
             depth += step.depth
-            step = step if self.contact.friction else None
         raise ConvergenceError(f"Newton's method did not converge in {most} iterations")
+
+    def _system(self, tangent: sp.csr_matrix) -> ConstrainedSystem:
+        """The tangent, factorised; what the analysis of the last one found is used again."""
+        self._last[:] = [ConstrainedSystem(tangent, self.fixed, like=self._last[0] if self._last else None)]
+        return self._last[0]
 
     def _step(self, system: ConstrainedSystem, internal: FloatArray, touch: Touch, load: float | None) -> _Step:
         """Newton's step at a depth, or, where a load is given, with the depth."""
