@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import brentq
 
 
 def grid_convergence(
@@ -14,7 +15,8 @@ def grid_convergence(
     """Estimate the error of the finest of three values.
 
     The observed order is limited to `least`..`most`.  The safety factor is 1.25 where the three values converge
-    monotonically with an order inside that range, 3 where they do not.
+    monotonically with an order inside that range, 3 where they do not.  Where the two finest agree better than any such
+    order allows, by chance, what the coarsest and `most` let expect stands for their difference.
 
     Args:
         values: Results, coarsest grid first, shape (3,).
@@ -30,15 +32,25 @@ def grid_convergence(
     """
     if len(values) != 3 or len(sizes) != 3 or not sizes[0] > sizes[1] > sizes[2] > 0:  # noqa: PLR2004
         raise ValueError("grid_convergence needs three values on grids of descending size")
-    coarse, fine = values[1] - values[0], values[2] - values[1]
-    if fine == 0:
+    coarse, fine = abs(values[1] - values[0]), abs(values[2] - values[1])
+    if fine == 0 and coarse == 0:
         return 0.0
-    ratio = sizes[1] / sizes[2]
-    monotonic = coarse * fine > 0
-    observed = float(np.log(abs(coarse / fine)) / np.log(ratio)) if coarse != 0 else least
-    order = min(max(observed, least), most)
-    factor = 1.25 if monotonic and least <= observed <= most + 1 else 3.0
-    return float(factor * abs(fine) / (ratio**order - 1))
+    monotonic = (values[1] - values[0]) * (values[2] - values[1]) > 0
+    seen = coarse / fine if fine else np.inf
+
+    def shrinks(order: float) -> float:
+        """First over second difference of a sequence of an order; with uneven sizes no power of one ratio."""
+        h = np.array(sizes) ** order
+        return float((h[0] - h[1]) / (h[1] - h[2]))
+
+    inside = monotonic and shrinks(least) <= seen * (1 + 1e-9) and seen <= shrinks(most + 1)
+    if seen > shrinks(most + 1):
+        fine = coarse / shrinks(most)
+    if shrinks(least) < seen < shrinks(most):
+        order = float(brentq(lambda p: shrinks(p) - seen, least, most))
+    else:
+        order = least if seen <= shrinks(least) else most
+    return float((1.25 if inside else 3.0) * fine / ((sizes[1] / sizes[2]) ** order - 1))
 
 
 def extrapolated(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> npt.NDArray[np.float64]:

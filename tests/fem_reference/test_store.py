@@ -309,6 +309,21 @@ def test_grid_convergence_of_a_second_order_sequence():
     assert estimate > abs(values[-1] - 3)
 
 
+@pytest.mark.parametrize("order", [1, 1.5, 2, 3, 4])
+@pytest.mark.parametrize("elements", [(2, 3, 4), (6, 9, 13), (64, 96, 144)])
+def test_grid_convergence_sees_the_order_on_grids_of_any_ratio(order, elements):
+    sizes = [1 / n for n in elements]
+    estimate = grid_convergence([3 - 0.4 * h**order for h in sizes], sizes)
+    assert estimate == pytest.approx(1.25 * 0.4 * sizes[-1] ** order)
+
+
+def test_grid_convergence_is_not_taken_in_by_two_grids_that_agree_by_chance():
+    sizes = [3, 2, 1]
+    chance = [grid_convergence([1.0, 1.1, 1.1 + fine], sizes) for fine in (0.0, 1e-9, -1e-9)]
+    quick = grid_convergence([1 + h**4 * 0.1 / 65 for h in sizes], sizes)  # as fast as is believed, the same start
+    assert chance == pytest.approx(3 * [3 / 1.25 * quick])
+
+
 def test_grid_convergence_is_careful_where_values_wander():
     wander = grid_convergence([1.0, 1.1, 1.05], [3, 2, 1])
     assert wander >= 3 * 0.05 / (2**4 - 1)
