@@ -3,7 +3,7 @@
 Ratios of medians of interleaved runs in processor time, so that a busy machine hits all alike.  1 kHz physics, 271 Hz
 frames, one core.  The picture shows cost and memory against the number of texels.
 
-    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/fastmodel_costs.py [--numpy] [--json FILE] [--picture FILE]
+    OMP_NUM_THREADS=1 python benchmarks/fastmodel_costs.py [--numpy] [--json FILE] [--picture FILE]
 """
 
 from __future__ import annotations

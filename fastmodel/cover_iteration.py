@@ -1,5 +1,9 @@
 # ruff: noqa: PLR0917 -- numba kernels take positions
-"""The inner loop of `cover_solver`: one function that runs as it stands, and compiled by numba where numba is there."""
+"""The inner loop of `cover_solver`: functions that run as they stand, and compiled by numba where numba is there.
+
+Polonsky and Keer's conjugate gradients on the touching cells, with linear constraints projected out.  While no cell
+comes or goes the residual is carried on; else it is computed anew.
+"""
 
 from __future__ import annotations
 
@@ -90,11 +94,7 @@ def _balanced(forces: FloatArray, columns: FloatArray, wanted: FloatArray) -> tu
 
 
 def iterate(
-    target: IntArray,
-    weight: FloatArray,
-    soft: FloatArray,
-    first: FloatArray,
-    second: FloatArray,
+    cover: tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray],
     gap: FloatArray,
     columns: FloatArray,
     wanted: FloatArray,
@@ -104,15 +104,10 @@ def iterate(
 ) -> tuple[FloatArray, FloatArray, int, bool]:
     """Cell forces, motions of the bodies, steps taken, and whether the tolerance was met.
 
-    Polonsky and Keer's conjugate gradients on the touching cells, with linear constraints projected out.  While no
-    cell comes or goes the residual is carried on; else it is computed anew.
-
     Args:
-        target: Cells of the window that each sampled cell acts on, shape (shares, m).
-        weight: Its shares, shape (shares, m) [-].
-        soft: What each yields under its own force beyond that, shape (m,) [m/N].
-        first: Stacked row matrices of the compliance, shape (terms * rows, rows).
-        second: Stacked column matrices, shape (terms * cols, cols) [m/N].
+        cover: Cells of the window that each sampled cell acts on and its shares [-], both of shape (shares, m); what
+            each yields under its own force beyond that, shape (m,) [m/N]; stacked row matrices of the compliance, shape
+            (terms * rows, rows), and column matrices, shape (terms * cols, cols) [m/N].
         gap: Heights of the undeformed gap, shape (m,) [m].
         columns: What the forces are summed with, shape (m, k).
         wanted: What these sums must be, shape (k,).
@@ -132,7 +127,7 @@ def iterate(
         if step > 0 and np.abs(forces - before).sum() < tolerance:
             return forces, motion, step, True
         if anew or corrected:
-            overlap = _yields(target, weight, soft, first, second, forces) + gap
+            overlap = _yields(*cover, forces) + gap
             masked = columns * (forces > 0).reshape(count, 1)
             inverse = _inverse(np.dot(np.ascontiguousarray(masked.T), columns))
         active = forces > 0
@@ -143,13 +138,12 @@ def iterate(
         if energy <= 1e-20 * (overlap * overlap * active).sum() and not came.any():
             return forces, motion, step, True
         direction = active * (residual + conjugate * energy / previous * direction)
-        image = _yields(target, weight, soft, first, second, direction)
-        curvature = np.dot(image, direction) - np.dot(
-            np.dot(image, masked), np.dot(inverse, np.dot(direction, columns))
-        )
+        image = _yields(*cover, direction)
+        shifts = np.dot(inverse, np.dot(direction, columns))
+        curvature = np.dot(image, direction) - np.dot(np.dot(image, masked), shifts)
         if not curvature > 0:
             return forces, motion, step, True
-        previous, conjugate = energy, 1.0
+        previous, conjugate = energy, 0.0 if came.any() else 1.0
         length = np.dot(residual, direction) / curvature
         before, forces = forces, forces - length * direction
         anew = (forces < 0).any() or came.any()
@@ -157,6 +151,4 @@ def iterate(
             forces = np.where(came, -length * residual, np.maximum(forces, 0.0))
         else:
             overlap = overlap - length * image
-        if came.any():
-            conjugate = 0.0
     return forces, motion, most, False

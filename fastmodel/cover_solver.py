@@ -136,10 +136,7 @@ class CoverSolver:
 
     def _find(self, operator: _Operator, constraints: _Constraints, start: FloatArray) -> _Found:
         forces, motion, steps, converged = self._iterate(
-            operator.target,
-            operator.weight,
-            operator.soft,
-            *operator.matrices,
+            (operator.target, operator.weight, operator.soft, *operator.matrices),
             operator.samples.gap,
             constraints.columns,
             constraints.target,
