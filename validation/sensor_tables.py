@@ -86,7 +86,13 @@ def _lengths(value: object) -> tuple[float, float]:
     numbers = (read(pair[0], "length"), read(pair[1], "length"))
     if min(numbers) <= 0:
         raise ValueError(f"must be positive, not {value!r}")
+    if max(numbers) > _LONGEST:
+        raise ValueError(f"must be at most {_LONGEST:g} m, not {value!r}")
     return numbers
+
+
+#: Pitch of texels or edge of a cover at most: beyond, the unit is wrong [m].
+_LONGEST = 1.0
 
 
 def _material(value: object, read_table: Callable[[object], Any]) -> Material:

@@ -121,6 +121,7 @@ friction = 0.3
         ("[electronics]", "[cover]\nsize = '30'\n[electronics]", "cover.size: '30' has no unit"),
         ("[electronics]", "[cover]\nsize = ['1 mm']\n[electronics]", "cover.size: must be one length or [x, y]"),
         ("[electronics]", "[cover]\nsize = '0 mm'\n[electronics]", "cover.size: must be positive"),
+        ("[electronics]", "[cover]\nsize = '24 km'\n[electronics]", "cover.size: must be at most 1 m, not '24 km'"),
         ("[electronics]", "[cover]\nfree_edges = true\n[electronics]", "a cover with a size has free side edges"),
         (
             "[electronics]",
