@@ -8,7 +8,8 @@ Laursen 1992) and what remains is reported.
 Friction: a point in touch is tied to where it touched by a tangential spring, whose traction is returned to Coulomb's
 cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).  The cone's width is frozen while Newton's method
 runs, which leaves the tangent symmetric and, but for the turn of the tangent plane on curved shapes, exact; it is
-renewed until it no longer changes.  Slip counts from the last settled state: steps must be small where the contact grows.
+renewed until it no longer changes.  Slip counts from the last settled state: steps must be small where the contact
+grows.
 """
 
 from __future__ import annotations
