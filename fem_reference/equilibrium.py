@@ -29,7 +29,7 @@ _LOG = logging.getLogger(__name__)
 
 #: What a step that was too long ends in.
 _FAILURES = (InvertedError, ConvergenceError, np.linalg.LinAlgError)
-_ITERATIONS = 14
+_ITERATIONS = 24
 _SMALLEST = 1 / 256
 #: Residuals relative to the largest contact force and to a pressure unknown's share of the volume: at a target, and
 #: on the way to it.
@@ -48,7 +48,7 @@ _UPHILL = 0.3
 _EASY = 8
 _AUGMENTATIONS = 4
 #: Overlap that counts as none, relative to the depth.
-_OVERLAP = 5e-4
+OVERLAP = 5e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -252,7 +252,7 @@ class Problem:
                 _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
                 break
             _LOG.info("overlap %.2g of the depth, %d iterations", here.touch.overlap / here.depth, here.iterations)
-            if here.touch.overlap < _OVERLAP * here.depth:
+            if here.touch.overlap < OVERLAP * here.depth:
                 break
         return here
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fem_reference import press_bounded, press_finite, press_linear
 from fem_reference.contact import is_flat
+from fem_reference.equilibrium import OVERLAP
 from fem_reference.error import extrapolated, grid_convergence
 from fem_reference.level import Level
 from fem_reference.pose import Place, Pose
@@ -158,7 +159,8 @@ def press_path(
         **_sides(cover),
         **solver.assumptions(cover, indenter),
     }
-    base_error = press_linear.base_error(cover, place) if linear else 0.0
+    base_error = press_linear.base_error(cover, place) if linear else OVERLAP
+    contact_error = 0.0 if linear else OVERLAP
     out = []
     for levels in found:
         _refuse_piercing(cover, levels[-1].depth)
@@ -176,6 +178,7 @@ def press_path(
                 least=1.0 if friction else solver.least_order(indenter),
                 assumptions=dict(assumptions),
                 seconds=seconds,
+                contact_error=contact_error,
                 solver_error=base_error,
             )
         )
@@ -192,6 +195,7 @@ def _indentation(
     least: float,
     assumptions: dict[str, str],
     seconds: float,
+    contact_error: float,
     solver_error: float,
 ) -> Indentation:
     """Put three grids together for one pose."""
@@ -209,7 +213,7 @@ def _indentation(
         contact_area=levels[-1].area,
         contact=_placed(levels[-1].surface, pose),
         error_estimate={
-            "total_force": estimate([each.total_force / each.depth for each in levels]),
+            "total_force": estimate([each.total_force / each.depth for each in levels]) + contact_error,
             "peak_texel": estimate([float(each[peak]) for each in every]) + solver_error,
             "contact_area": estimate([each.area for each in levels]),
         },

@@ -243,11 +243,6 @@ def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
     return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
 
 
-def base_error(cover: Cover) -> float:  # noqa: ARG001 -- one interface for both solvers
-    """Nothing is added to the spread of the grids [-]."""
-    return 0.0
-
-
 def fillet(cover: Cover, indenter: Indenter) -> float:
     """Radius of the rounding of sharp edges, as small as the mesh around it can resolve [m]."""
     return min(cover.thickness, *indenter.footprint) / (20 if indenter.axisymmetric else 5)
