@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.error import extrapolated
+from fem_reference.pose import Pose
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -36,6 +37,46 @@ class Level(Protocol):
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
         """Force on each texel for a pose, shape (n,) [N]."""
+
+
+class Grounded(Protocol):
+    """A level that knows the base pressure on a grid of points."""
+
+    @property
+    def total_force(self) -> float:
+        """Force on the indenter [N]."""
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half widths of the shape's footprint [m]."""
+
+    @property
+    def x(self) -> FloatArray:
+        """Points along x, shape (m,) [m]."""
+
+    @property
+    def y(self) -> FloatArray:
+        """Points along y, shape (n,) [m]."""
+
+    @property
+    def pressure(self) -> FloatArray:
+        """Base pressure, shape (m, n) [Pa]."""
+
+
+def shared_out(level: Grounded, pose: Pose) -> FloatArray:
+    """The force on the indenter shared out by the base pressure under it: a stand-in for where it touches.
+
+    Args:
+        level: Base pressure on points whose frame the pose leads to.
+        pose: Where the indenter stands among the points.
+
+    Returns:
+        In the indenter's frame: x, y [m], force [N], shape (m, 3).
+    """
+    x, y = pose.local(*np.meshgrid(level.x, level.y, indexing="ij"))
+    weight = np.outer(np.gradient(level.x), np.gradient(level.y)) * np.maximum(level.pressure, 0)
+    under = (np.abs(x) <= level.half[0]) & (np.abs(y) <= level.half[1])
+    return np.column_stack([x[under], y[under], weight[under] * level.total_force / weight[under].sum()])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -140,8 +140,7 @@ def press_path(
     _refuse_beside(cover, place.pose)
     _check_friction(friction)
     started = time.perf_counter()
-    small = all(layer.material.small_strain_only for layer in cover.layers)
-    linear = small and not friction
+    linear = _small(cover) and not friction
     solver = press_linear if linear else press_finite if cover.size is None else press_bounded
     found: Sequence[Sequence[Level]]
     if linear:
@@ -150,57 +149,60 @@ def press_path(
         found = press_bounded.levels(cover, indenter, targets, control, progress, place=place, friction=friction)
     else:
         found = press_finite.levels(cover, indenter, targets, control, progress, friction=friction)
-    sharp = linear and is_flat(indenter)
-    seconds = (time.perf_counter() - started) / len(targets)
-    assumptions = {
-        "strain": "small" if small else "finite",
+    for levels in found:
+        _refuse_piercing(cover, levels[-1].depth)
+    common = partial(
+        _indentation,
+        sizes=solver.sizes(indenter),
+        place=place,
+        sharp=linear and is_flat(indenter),
+        # What friction changes is no smoother than the pressure under an edge.
+        least=1.0 if friction else solver.least_order(indenter),
+        seconds=(time.perf_counter() - started) / len(targets),
+        contact_error=0.0 if linear else OVERLAP,
+        spread_error=press_linear.base_error(cover, place) if linear else OVERLAP,
+    )
+    said = _assumptions(cover, friction) | solver.assumptions(cover, indenter)
+    return [common(levels=levels, assumptions=said | _range(cover, levels[-1].depth)) for levels in found]
+
+
+def _assumptions(cover: Cover, friction: float) -> dict[str, str]:
+    """What every result says of itself."""
+    return {
+        "strain": "small" if _small(cover) else "finite",
         "friction": _friction(friction),
         "base": cover.base,
         **_sides(cover),
-        **solver.assumptions(cover, indenter),
     }
-    base_error = press_linear.base_error(cover, place) if linear else OVERLAP
-    contact_error = 0.0 if linear else OVERLAP
-    out = []
-    for levels in found:
-        _refuse_piercing(cover, levels[-1].depth)
-        share = levels[-1].depth / cover.thickness
-        if small and share > _SMALL_STRAIN:
-            assumptions["range"] = f"indented to {share:.0%} of the thickness: more than small strain is meant for"
-        out.append(
-            _indentation(
-                levels=levels,
-                sizes=solver.sizes(indenter),
-                array=array,
-                pose=place.pose,
-                sharp=sharp,
-                # What friction changes is no smoother than the pressure under an edge.
-                least=1.0 if friction else solver.least_order(indenter),
-                assumptions=dict(assumptions),
-                seconds=seconds,
-                contact_error=contact_error,
-                solver_error=base_error,
-            )
-        )
-    return out
+
+
+def _range(cover: Cover, depth: float) -> dict[str, str]:
+    """What a result says that is indented deeper than small strain is meant for."""
+    share = depth / cover.thickness
+    if not _small(cover) or share <= _SMALL_STRAIN:
+        return {}
+    return {"range": f"indented to {share:.0%} of the thickness: more than small strain is meant for"}
+
+
+def _small(cover: Cover) -> bool:
+    return all(layer.material.small_strain_only for layer in cover.layers)
 
 
 def _indentation(
     *,
     levels: Sequence[Level],
     sizes: Sequence[float],
-    array: TexelArray,
-    pose: Pose,
+    place: Place,
     sharp: bool,
     least: float,
     assumptions: dict[str, str],
     seconds: float,
     contact_error: float,
-    solver_error: float,
+    spread_error: float,
 ) -> Indentation:
     """Put three grids together for one pose."""
     started = time.perf_counter()
-    every = [level.texel_forces(array, pose.at, pose.yaw) for level in levels]
+    every = [level.texel_forces(place.array, place.pose.at, place.pose.yaw) for level in levels]
     forces = np.array([_value(each, sizes, sharp=sharp) for each in zip(*every, strict=True)])
     peak = int(np.argmax(np.abs(forces)))
     total = _value([level.total_force for level in levels], sizes, sharp=sharp)
@@ -211,10 +213,10 @@ def _indentation(
         total_force=total,
         depth=_value([level.depth for level in levels], sizes, sharp=sharp),
         contact_area=levels[-1].area,
-        contact=_placed(levels[-1].surface, pose),
+        contact=_placed(levels[-1].surface, place.pose),
         error_estimate={
             "total_force": estimate([each.total_force / each.depth for each in levels]) + contact_error,
-            "peak_texel": estimate([float(each[peak]) for each in every]) + solver_error,
+            "peak_texel": estimate([float(each[peak]) for each in every]) + spread_error,
             "contact_area": estimate([each.area for each in levels]),
         },
         assumptions=assumptions,

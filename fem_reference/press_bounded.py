@@ -17,9 +17,10 @@ import numpy.typing as npt
 
 from fem_reference import press_finite, press_linear, store
 from fem_reference.contact import is_flat
-from fem_reference.level import Level
+from fem_reference.level import Level, shared_out
 from fem_reference.obstacle import Height, Obstacle
 from fem_reference.pose import Place, Pose
+from fem_reference.press_finite import LoadingPath
 from fem_reference.press_solid import Block, follow_block
 from fem_reference.side_edges import mirrored
 from fem_reference.tensor import Line, line_matrix
@@ -61,10 +62,7 @@ class BoundedLevel:
     @property
     def surface(self) -> FloatArray:
         """The base pressure's nodes under the shape, as a stand-in for where it touches, shape (m, 3)."""
-        x, y = self.pose.local(*np.meshgrid(self.x, self.y, indexing="ij"))
-        weight = np.outer(np.gradient(self.x), np.gradient(self.y)) * np.maximum(self.pressure, 0)
-        under = (np.abs(x) <= self.half[0]) & (np.abs(y) <= self.half[1])
-        return np.column_stack([x[under], y[under], weight[under] * self.total_force / weight[under].sum()])
+        return shared_out(self, self.pose)
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:  # noqa: ARG002
         """Integrate the base pressure over each texel; the pose is the one that was solved."""
@@ -126,18 +124,9 @@ def levels(
             "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
+    path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
     known = [press_linear.levels(cover, indenter, [t], control, progress, place=place)[0] for t in targets]
-    wanted = list(targets)
-    if is_flat(indenter) and not friction:
-        shallow = press_finite.SHALLOW * cover.thickness
-        wanted = press_finite.resolved(targets, [grids[-1].depth / shallow for grids in known])
-    stops = sorted(set(wanted))
-    linear = all(layer.material.small_strain_only for layer in cover.layers)
-    deep, rest = (
-        _path(cover, indenter, stops, control, progress, place=place, steepness=steepness, friction=rubs)
-        for steepness, rubs in ((press_finite.REST if linear else 1.0, friction), (press_finite.REST, 0.0))
-    )
-    return press_finite.corrections(indenter, control, (targets, wanted), known=known, rest=rest, deep=deep)
+    return press_finite.corrected(path, known, lambda each: _on_grids(each, place, progress))
 
 
 def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for all solvers
@@ -164,75 +153,54 @@ def _fillet(cover: Cover, indenter: Indenter) -> float:
     return min(cover.thickness, *indenter.footprint) / 5
 
 
-def _path(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
-    control: Literal["load", "depth"],
-    progress: Callable[[str], None] | None,
-    *,
-    place: Place,
-    steepness: float,
-    friction: float,
-) -> list[list[Level]]:
-    path = [steepness * target for target in targets]
-
-    def compute() -> dict[str, Any]:
-        surface = press_linear.levels(cover, indenter, [targets[-1]], control, progress, place=place)[0][0].surface
-        out: dict[str, Any] = {}
-        coarse = None
-        for n in GRIDS:
-            block = _block(cover, indenter, place.pose, surface, elements=n, steepness=steepness)
-            states, coarse = follow_block(
-                cover,
-                block,
-                path,
-                control=control,
-                elements_per_thickness=n,
-                steepness=steepness,
-                friction=friction,
-                coarse=coarse,
-                progress=None if progress is None else press_finite.with_grid(progress, n),
-            )
-            for i, state in enumerate(states):
-                x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
-                out |= {f"x_{n}_{i}": x, f"y_{n}_{i}": y, f"pressure_{n}_{i}": pressure}
-                out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area])
-        return out
-
-    inputs = {
-        "cover": cover,
-        "indenter": indenter,
-        "targets": path,
-        "control": control,
-        "steepness": steepness,
-        "grids": GRIDS,
-        "pose": place.pose,
-        "friction": friction,
-    }
-    data = store.fetch("bounded-press", inputs, compute)
-    return [[_level(data, indenter, place.pose, (n, i), steepness) for n in GRIDS] for i in range(len(path))]
+def _on_grids(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> list[list[Level]]:
+    inputs = {"path": path, "grids": GRIDS, "pose": place.pose}
+    data = store.fetch("bounded-press", inputs, lambda: _solve(path, place, progress))
+    return [[_level(data, path, place.pose, n, i) for n in GRIDS] for i in range(len(path.targets))]
 
 
-def _level(data: dict[str, Any], indenter: Indenter, pose: Pose, at: tuple[int, int], steepness: float) -> Level:
-    n, i = at
+def _solve(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> dict[str, Any]:
+    last = path.targets[-1]
+    known = press_linear.levels(path.cover, path.indenter, [last], path.control, progress, place=place)
+    out: dict[str, Any] = {}
+    coarse = None
+    for n in GRIDS:
+        block = _block(path, place.pose, known[0][0].surface, elements=n)
+        states, coarse = follow_block(
+            path.cover,
+            block,
+            path.scaled,
+            control=path.control,
+            elements_per_thickness=n,
+            steepness=path.steepness,
+            friction=path.friction,
+            coarse=coarse,
+            progress=None if progress is None else press_finite.with_grid(progress, n),
+        )
+        for i, state in enumerate(states):
+            x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
+            out |= {f"x_{n}_{i}": x, f"y_{n}_{i}": y, f"pressure_{n}_{i}": pressure}
+            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area])
+    return out
+
+
+def _level(data: dict[str, Any], path: LoadingPath, pose: Pose, n: int, i: int) -> Level:
     load, depth, area = (float(value) for value in data[f"scalars_{n}_{i}"])
     return BoundedLevel(
-        total_force=load / steepness,
-        depth=depth / steepness,
+        total_force=load / path.steepness,
+        depth=depth / path.steepness,
         area=area,
         pose=pose,
         x=data[f"x_{n}_{i}"],
         y=data[f"y_{n}_{i}"],
-        pressure=data[f"pressure_{n}_{i}"] / steepness,
-        half=indenter.footprint,
+        pressure=data[f"pressure_{n}_{i}"] / path.steepness,
+        half=path.indenter.footprint,
     )
 
 
-def _block(
-    cover: Cover, indenter: Indenter, pose: Pose, surface: FloatArray, *, elements: int, steepness: float
-) -> Block:
+def _block(path: LoadingPath, pose: Pose, surface: FloatArray, *, elements: int) -> Block:
     """The whole cover, or the half or quarter that is enough; fine around the small-strain contact."""
+    cover, indenter = path.cover, path.indenter
     unit = Units.of(cover).length
     flat = isinstance(indenter, Flat)
     points = surface[:, :2]
@@ -249,7 +217,7 @@ def _block(
     fine = 2.4 * fillet / elements if flat and along else 0.5 * size
     even = mirrored(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=even[axis]) for axis in (0, 1)]
-    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=steepness)
+    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=path.steepness)
     posed = PosedObstacle(obstacle=obstacle, pose=replace(pose, at=(pose.at[0] / unit, pose.at[1] / unit)))
     return Block(sides=sides, mirrored=even, size=size, obstacle=posed, free=True)
 

@@ -13,8 +13,9 @@ from scipy.interpolate import RectBivariateSpline
 
 from fem_reference import press_linear, store
 from fem_reference.contact import is_flat
-from fem_reference.level import CorrectedLevel, ExtrapolatedLevel, Level
+from fem_reference.level import CorrectedLevel, ExtrapolatedLevel, Level, shared_out
 from fem_reference.point_spread import PointSpread, closed, decay_length
+from fem_reference.pose import Pose
 from fem_reference.press_axisymmetric import press_axisymmetric
 from fem_reference.press_solid import press_solid
 from meshes import Cover, Indenter, TexelArray
@@ -79,20 +80,15 @@ class PlaneLevel:
     @property
     def surface(self) -> FloatArray:
         """The base pressure's points under the shape, as a stand-in for where it touches, shape (m, 3)."""
-        x, y = np.meshgrid(self.x, self.y, indexing="ij")
-        weight = np.outer(np.gradient(self.x), np.gradient(self.y)) * np.maximum(self.pressure, 0)
-        under = (np.abs(x) < self.half[0]) & (np.abs(y) < self.half[1])
-        force = weight[under] * self.total_force / weight[under].sum()
-        return np.column_stack([x[under], y[under], force])
+        return shared_out(self, Pose())
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
         """Integrate the base pressure over each texel, turned into the indenter's frame."""
         nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
         half = np.array(array.texel_size) / 2
         offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
-        place = array.centres[:, None, :2] + offset - np.array(at)
-        c, s = np.cos(yaw), np.sin(yaw)
-        x, y = c * place[..., 0] + s * place[..., 1], -s * place[..., 0] + c * place[..., 1]
+        place = array.centres[:, None, :2] + offset
+        x, y = Pose(at=at, yaw=yaw).local(place[..., 0], place[..., 1])
         inside = (x > self.x[0]) & (x < self.x[-1]) & (y > self.y[0]) & (y < self.y[-1])
         value = np.where(inside, RectBivariateSpline(self.x, self.y, self.pressure).ev(x, y), 0.0)
         force = value @ np.outer(weights, weights).ravel() * half[0] * half[1]
@@ -129,6 +125,12 @@ class LoadingPath:
         """What the solver is asked for [N] or [m]."""
         return [self.steepness * target for target in self.targets]
 
+    @property
+    def at_its_strain(self) -> LoadingPath:
+        """The path at the strain that the materials ask for: small where all of them are small-strain models."""
+        small = all(layer.material.small_strain_only for layer in self.cover.layers)
+        return replace(self, steepness=_REST if small else 1.0)
+
 
 def levels(
     cover: Cover,
@@ -144,53 +146,43 @@ def levels(
     Shapes with sharp edges or without an axis are answered as corrections of the converged frictionless small-strain
     solution, see `CorrectedLevel`.
     """
-    known = [press_linear.levels(cover, indenter, [target], control, progress)[0] for target in targets]
-    wanted = list(targets)
-    if is_flat(indenter) and not friction:
-        wanted = resolved(targets, [grids[-1].depth / (SHALLOW * cover.thickness) for grids in known])
-    stops = sorted(set(wanted))
-    whole = LoadingPath(cover=cover, indenter=indenter, targets=tuple(stops), control=control, friction=friction)
-    linear = all(layer.material.small_strain_only for layer in cover.layers)
-    deep = _on_grids(replace(whole, steepness=REST) if linear else whole, progress)
+    path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
     if not _corrected(indenter):
-        return deep
-    rest = _on_grids(replace(whole, friction=0.0, steepness=REST), progress)
-    return corrections(indenter, control, (targets, wanted), known=known, rest=rest, deep=deep)
+        return _on_grids(path.at_its_strain, progress)
+    known = [press_linear.levels(cover, indenter, [target], control, progress)[0] for target in targets]
+    return corrected(path, known, lambda each: _on_grids(each, progress))
 
 
-def corrections(
-    indenter: Indenter,
-    control: Literal["load", "depth"],
-    targets: tuple[Sequence[float], Sequence[float]],
-    *,
-    known: Sequence[Sequence[Level]],
-    rest: Sequence[Sequence[Level]],
-    deep: Sequence[Sequence[Level]],
+def corrected(
+    path: LoadingPath, known: Sequence[Sequence[Level]], solve: Callable[[LoadingPath], list[list[Level]]]
 ) -> list[list[Level]]:
-    """Corrected levels of every target on every grid.
+    """The path as corrections of the frictionless small-strain answer.
 
     Args:
-        indenter: The shape.
-        control: Whether targets are loads or depths.
-        targets: What was asked for, and what was solved in its place, see `resolved`.
+        path: What was asked for.
         known: Small-strain grids of every target.
-        rest: Frictionless small-strain grids of every different target that was solved, ascending.
-        deep: The same with finite strain, friction or both.
+        solve: The path on three coarse grids.
     """
-    flat, stops = is_flat(indenter), sorted(set(targets[1]))
+    flat = is_flat(path.indenter)
+    wanted = list(path.targets)
+    if flat and not path.friction:
+        wanted = _resolved(wanted, [grids[-1].depth / (_SHALLOW * path.cover.thickness) for grids in known])
+    stops = sorted(set(wanted))
+    stopping = replace(path, targets=tuple(stops))
+    deep, rest = solve(stopping.at_its_strain), solve(replace(stopping, friction=0.0, steepness=_REST))
     out: list[list[Level]] = []
-    for target, stop, grids in zip(*targets, known, strict=True):
+    for target, stop, grids in zip(path.targets, wanted, known, strict=True):
         at = stops.index(stop)
         exact: Level = grids[-1]
         if flat:
-            exact = ExtrapolatedLevel(levels=grids, sizes=press_linear.sizes(indenter))
-        corrected = partial(CorrectedLevel, exact=exact, control=control, share=target / stop)
+            exact = ExtrapolatedLevel(levels=grids, sizes=press_linear.sizes(path.indenter))
+        level = partial(CorrectedLevel, exact=exact, control=path.control, share=target / stop)
         triples = zip(rest[at], deep[at], grids, strict=True)
-        out.append([corrected(rest=a, deep=b, touched=c if flat else None) for a, b, c in triples])
+        out.append([level(rest=a, deep=b, touched=c if flat else None) for a, b, c in triples])
     return out
 
 
-def resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float]:
+def _resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float]:
     """Targets raised to where a rounded edge's contact is as wide as an element.
 
     Args:
@@ -203,9 +195,9 @@ def resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float]
 
 
 #: Depth over thickness from which finite strain is told from the noise of a grid under a flat face [-].
-SHALLOW = 0.04
+_SHALLOW = 0.04
 #: Factor on heights and targets that leaves no strain to speak of [-].
-REST = 1e-3
+_REST = 1e-3
 
 
 def _on_grids(path: LoadingPath, progress: Callable[[str], None] | None) -> list[list[Level]]:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from fem_reference import store
 from fem_reference.contact import Patch, is_flat, touch
 from fem_reference.point_spread import PointSpread, decay_length, point_spread
-from fem_reference.pose import Place
+from fem_reference.pose import Place, Pose
 from fem_reference.side_edges import SideEdges
 from fem_reference.slab import SurfaceCompliance, surface_compliance
 from fem_reference.solid import SolidInfluence, solid_influence
@@ -58,9 +58,8 @@ class LinearLevel:
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
         """Superpose the base response of every cell, gathered into bins far smaller than the response is wide."""
-        c, s = np.cos(yaw), np.sin(yaw)
         x, y, each = self.surface.T
-        place = np.column_stack([at[0] + c * x - s * y, at[1] + s * x + c * y])
+        place = np.column_stack(Pose(at=at, yaw=yaw).placed(x, y))
         _, group = np.unique(np.round(place / (self.spread.thickness / 16)), axis=0, return_inverse=True)
         force = np.bincount(group, each)
         centre = np.column_stack([np.bincount(group, place[:, i] * each) / force for i in range(2)])
