@@ -126,6 +126,7 @@ def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
     assert boxes["scores"]["misplaced_force"] > 5 * cover["scores"]["misplaced_force"]
 
 
+@pytest.mark.slow
 def test_fast_model_takes_the_load_that_the_reference_has_at_a_depth(softcover):
     _, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "0.3mm", "--json")
     models = json.loads(out)["models"]
@@ -133,6 +134,7 @@ def test_fast_model_takes_the_load_that_the_reference_has_at_a_depth(softcover):
     assert models["fast"]["total_force"] == pytest.approx(models["fem"]["total_force"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_press_draws_both_models(softcover):
     status, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g")
     assert status == 0
@@ -232,7 +234,10 @@ def test_out_folder_of_somebody_else_is_left_alone(softcover, tmp_path):
     assert (tmp_path / "home" / "thesis.tex").read_text() == "years of work"
 
 
-@pytest.mark.parametrize(("module", "extra"), [("skfem", "fem"), ("jinja2", "report"), ("plotly", "report")])
+@pytest.mark.parametrize(
+    ("module", "extra"),
+    [("skfem", "fem"), ("jinja2", "report"), pytest.param("plotly", "report", marks=pytest.mark.slow)],
+)
 def test_missing_extra_gives_the_command_that_installs_it(tmp_path, module, extra):
     code = f"import sys; sys.modules[{module!r}] = None\nfrom validation.cli import main\nmain(['demo'])"
     command = [sys.executable, "-c", code]

@@ -119,6 +119,7 @@ def test_sensitivity_at_the_end_of_the_range_is_of_second_order():
     assert sensitivity([(2e-3, 1e6, 0.5)])["poisson_ratio"] == pytest.approx((end - near) / 0.0005, rel=0.02)
 
 
+@pytest.mark.slow
 def test_sensitivities_of_two_layers_are_those_of_real_runs():
     """One layer at the end of its range and one far from it: neither may be measured by the other's step."""
 

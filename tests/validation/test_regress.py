@@ -40,7 +40,7 @@ def test_baseline_survives_its_file(baseline, tmp_path):
     assert load(tmp_path / "baseline.json") == baseline
 
 
-@pytest.mark.parametrize("thickness", ["1.8mm", "2.2mm"])
+@pytest.mark.parametrize("thickness", [pytest.param("1.8mm", marks=pytest.mark.slow), "2.2mm"])
 def test_planted_defect_in_the_cover_is_caught(derivation, baseline, thickness):
     spoilt = derive(load_sensor("wts-0614-34", thickness=thickness)).parameters
     changes = compare(baseline, measured(derivation, spoilt))

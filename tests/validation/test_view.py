@@ -153,6 +153,7 @@ def drain(terminal):
         pass
 
 
+@pytest.mark.slow
 def test_on_a_terminal_without_a_display_it_is_live_until_interrupted_and_leaves_with_0():
     master, slave = pty.openpty()
     code = "from validation.cli import main; main()"

@@ -92,7 +92,8 @@ def test_transfer_keeps_linear_fields():
     assert transferred(coarse, fine, field(coarse)) == pytest.approx(field(fine), abs=1e-9)
 
 
-@pytest.mark.parametrize("nu", [pytest.param(0.45, marks=pytest.mark.slow), 0.5])
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.45, 0.5])
 def test_small_loads_reach_the_linear_solution(bonded, wts, nu):
     """The limit to 0.2 %, from 2 mN on a sphere that sinks in by less than 1 % of the thickness."""
     linear = press(bonded(nu), wts, Sphere(radius=4e-3), load=2e-3)

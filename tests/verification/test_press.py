@@ -12,8 +12,8 @@ from meshes import Box, Cylinder, Sphere
 RATIOS = [0.0, *(pytest.param(nu, marks=pytest.mark.slow) for nu in (0.3, 0.45, 0.49)), 0.5]
 
 
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("ratio", [0.5, 1.0])
+@pytest.mark.parametrize("nu", [*RATIOS[1:4], pytest.param(0.0, marks=pytest.mark.slow), 0.5])
+@pytest.mark.parametrize("ratio", [0.5, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_sphere_force_and_area(bonded, wts, nu, ratio):
     cover = bonded(nu)
     exact = closed_form.sphere(cover, 10e-3, ratio * cover.thickness)
@@ -34,6 +34,7 @@ def test_flat_punch_force(bonded, wts, nu, ratio):
     assert abs(found.total_force / exact.force - 1) < 3 * found.error_estimate["total_force"] + 1e-4
 
 
+@pytest.mark.slow
 def test_small_contact_on_a_thick_layer_is_hertz(bonded, wts):
     cover = bonded(0.3, thickness=20e-3)
     hertz = closed_form.hertz(cover.layers[0], 5e-3, 0.02)
@@ -75,7 +76,7 @@ def test_mirrored_poses_mirror_the_image(bonded, wts):
 
 
 def test_force_lands_under_the_indenter(bonded, wts):
-    found = press(bonded(0.3), wts, Sphere(radius=4e-3), load=0.5, at=(2.1e-3, -5.3e-3))
+    found = press(bonded(0.3), wts, Sphere(radius=4e-3), depth=0.2e-3, at=(2.1e-3, -5.3e-3))
     centre = found.texel_forces @ wts.centres[:, :2] / found.texel_forces.sum()
     assert centre == pytest.approx([2.1e-3, -5.3e-3], abs=0.2e-3)
 
@@ -98,6 +99,6 @@ def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
 
 
 def test_results_name_their_assumptions(bonded, wts):
-    found = press(bonded(0.3), wts, Sphere(radius=5e-3), load=0.5)
+    found = press(bonded(0.3), wts, Cylinder(radius=5e-3), load=0.5)
     assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
     assert set(found.error_estimate) == {"total_force", "peak_texel", "contact_area"}
