@@ -11,7 +11,7 @@ as their bilinear share, both ways, so A stays symmetric; and being smaller it y
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,7 @@ class Solution:
             shape (bodies,) [m].
         steps: Steps taken.
         converged: Whether the tolerance was met.
-        on_cells: The same forces on a window of whole cells, shape (rows, columns) [N].
+        on_cells: From forces on sampled cells, shape (m,), to the same on a window of whole cells, (rows, columns) [N].
         origin: Row and column of the window's first cell in the grid.
     """
 
@@ -66,7 +66,7 @@ class Solution:
     level: FloatArray
     steps: int
     converged: bool
-    on_cells: FloatArray
+    on_cells: Callable[[FloatArray], FloatArray]
     origin: tuple[int, int]
 
 
@@ -102,18 +102,19 @@ class CoverSolver:
         """Forget the last contact."""
         self._last = self._pressed = self._operator = None
 
-    def solve(self, samples: Samples, loads: Sequence[Load]) -> Solution:
+    def solve(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int] = (0, 0)) -> Solution:
         """Find the cell forces of one contact.
 
         Args:
             samples: Cells under each body.
             loads: What each body presses with.
+            slid: Rows and columns by which the bodies have slid since the last contact, so that it still is a start.
         """
         if self._operator is None or self._operator.samples is not samples:
             self._operator = _Operator(self, samples)
         operator = self._operator
         constraints = _Constraints(samples, loads)
-        start = self._start(samples, loads)
+        start = self._start(samples, loads, slid)
         found = self._find(operator, constraints, start)
         if not found.converged and any(load.tilts for load in loads):
             # moments that no pressure on these cells can carry: the pose that the engine gives stands for the tilt
@@ -130,7 +131,7 @@ class CoverSolver:
             level=samples.largest(constraints.columns @ found.motion) - samples.lowest,
             steps=found.steps,
             converged=found.converged,
-            on_cells=operator.on_cells(found.forces),
+            on_cells=operator.on_cells,
             origin=operator.origin,
         )
 
@@ -158,10 +159,12 @@ class CoverSolver:
         area = self._cells.cell[0] * self._cells.cell[1]
         return foundation_forces(samples, loads, self._modulus * area * samples.coverage, native=self._native)[0]
 
-    def _start(self, samples: Samples, loads: Sequence[Load]) -> FloatArray:
+    def _start(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> FloatArray:
         """The last solution on the cells that are still there, else the elastic foundation's."""
         if self._last is not None:
-            start = self._last[samples.row, samples.column] * samples.coverage
+            row = np.clip(samples.row - slid[0], 0, self._grid.rows - 1)
+            column = np.clip(samples.column - slid[1], 0, self._grid.columns - 1)
+            start = self._last[row, column] * samples.coverage
             sums = np.bincount(samples.body, start, len(loads))
             want = np.array([load.force for load in loads])
             if (sums > 0.5 * want).all():

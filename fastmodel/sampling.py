@@ -84,6 +84,19 @@ class Shape:
         """Half edges of those boxes, shape (p, 3) [m]."""
         return np.array([each.half for each in self.solids])
 
+    @cached_property
+    def levers(self) -> FloatArray:
+        """By how much a point of each solid moves at most as each of its axes turns, shape (p, 1, 3) [m].
+
+        A ball may turn as it likes, and what is round about its axis about that.
+        """
+        half = np.where(np.isfinite(self.halves), self.halves, 1.0)
+        ball = (self.kinds == 1) & (np.ptp(self.sizes, axis=1) == 0)
+        half[ball] = 0.0
+        half[self.kinds >= 2, 2] += half[self.kinds >= 2, 0]  # noqa: PLR2004 -- cylinders and capsules
+        half[self.kinds >= 2, :2] = 0.0  # noqa: PLR2004
+        return half[:, None]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Standing:
@@ -100,12 +113,21 @@ class Standing:
             for solid, rotation, position in zip(self.shape.solids, self.rotation, self.position, strict=True)
         ]
 
-    def windows(self, grid: CellGrid) -> IntArray:
-        """First column and row, one past the last column and row of cells under each solid, shape (p, 4)."""
+    def bounds(self, grid: CellGrid) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest x and y of each solid's bounding box, in cells from the grid's corner, shape (p, 2)."""
         middle = self.position + np.einsum("pij,pj->pi", self.rotation, self.shape.centres)
-        half = np.einsum("pij,pj->pi", np.abs(self.rotation), self.shape.halves)
+        reach = np.zeros_like(self.rotation)
+        # a plane has no ends
+        half = np.multiply(np.abs(self.rotation), self.shape.halves[:, None], out=reach, where=self.rotation != 0).sum(
+            axis=2
+        )
         low = (middle[:, :2] - half[:, :2] - grid.low) / grid.edge
         high = (middle[:, :2] + half[:, :2] - grid.low) / grid.edge
+        return low, high
+
+    def windows(self, grid: CellGrid) -> IntArray:
+        """First column and row, one past the last column and row of cells under each solid, shape (p, 4)."""
+        low, high = self.bounds(grid)
         bounds = np.concatenate([np.floor(low), np.ceil(high)], axis=1)
         size = (grid.columns, grid.rows, grid.columns, grid.rows)
         return np.asarray(np.minimum(np.maximum(bounds, 0), size), dtype=np.int64)
@@ -201,6 +223,20 @@ class CellGrid:
         """Sums of cell forces (m,) over texels, those in the margin left out, shape (n,) [N]."""
         felt = self._felt.take(samples.row * self.columns + samples.column)
         return np.bincount(felt, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
+
+    def window_on_texels(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """The same for forces on a window of cells (rows, columns), which may reach beyond the grid where it is zero.
+
+        Args:
+            forces: On the window's cells [N].
+            origin: Row and column of its first cell in the grid.
+        """
+        top, left = max(0, -origin[0]), max(0, -origin[1])
+        inside = forces[top : max(0, self.rows - origin[0]), left : max(0, self.columns - origin[1])]
+        row, column = origin[0] + top, origin[1] + left
+        felt = self._felt.reshape(self.rows, self.columns)
+        felt = felt[row : row + inside.shape[0], column : column + inside.shape[1]]
+        return np.bincount(felt.ravel(), inside.ravel(), self.texels + 1)[1:].astype(np.float64, copy=False)
 
     @cached_property
     def _felt(self) -> IntArray:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.base_forces import BaseForces
+from fastmodel.carrying import Held, Laid
 from fastmodel.contact import ContactReader, Reading
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_solver import CoverSolver, Settings
@@ -35,9 +36,6 @@ _LEAST, _SPARE = 1.2, 1.6
 #: Height over a body's lowest point up to which it is looked at first, over the cover's thickness, and at most, over
 #: the first [-].
 _FIRST, _MOST = 0.1, 20.0
-#: Share of a cell that a body may have moved along the array, and of its force that may have changed, for its contact
-#: to count as unchanged; and change of its axes [-].
-_STILL, _TURNED = 1e-4, 1e-5
 #: Share of a cell by which sharp edges stand out, see `lower_surface` [-].
 _EDGE = 0.125
 
@@ -88,7 +86,7 @@ class Foundation:
         ground = _Ground.under(self.plate, array, count)
         layer = _FoundationLayer(ground.grid, modulus, native=native)
         return _SurfaceReader(
-            ground.reader(model, array, name, native=native), layer, ground.grid, first=_FIRST * min(array.pitch)
+            ground.reader(model, array, name, native=native), layer, ground, first=_FIRST * min(array.pitch)
         )
 
 
@@ -136,10 +134,9 @@ class CoverContact:
         cells.check(array)
         ground = _Ground.under(self.plate, array, cells.per_texel, apart=max(cells.compliance.shape))
         settings = Settings(tolerance=self.tolerance, steps=self.steps)
-        layer = _CoverLayer(ground, array, cells, settings, native=native)
-        return _SurfaceReader(
-            ground.reader(model, array, name, native=native), layer, ground.grid, first=_FIRST * cells.thickness
-        )
+        layer = _CoverLayer(ground, cells, settings, native=native)
+        touching, base = ground.reader(model, array, name, native=native), ground.base(cells, array)
+        return _SurfaceReader(touching, layer, ground, base, first=_FIRST * cells.thickness)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,141 +169,105 @@ class _Ground:
 class _Layer(Protocol):
     """How the force of each body is laid out over cells."""
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
-        """The reading, and the height over each body's lowest point up to which its cells go under the top [m]."""
+    def lay_out(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> Laid:
+        """Forces on cells; the contact has slid by so many rows and columns since the last one."""
 
-    def at_rest(self, contact_forces: FloatArray) -> Reading:
-        """The reading of forces that spread evenly over texels, shape (n,) [N]; forgets what was laid out before."""
+    def reset(self) -> None:
+        """Forget what was laid out before."""
 
 
 class _SurfaceReader:
-    """Samples what touches, up to a height that follows the contact; what stands still is not sampled again."""
+    """Samples what touches, up to a height that follows the contact; what rests or slides is carried along."""
 
-    def __init__(self, touching: PlateReader, layer: _Layer, grid: CellGrid, *, first: float) -> None:
-        self._touching, self._layer, self._grid = touching, layer, grid
+    def __init__(
+        self,
+        touching: PlateReader,
+        layer: _Layer,
+        ground: _Ground,
+        base: BaseForces | ScatteredBase | None = None,
+        *,
+        first: float,
+    ) -> None:
+        self._touching, self._layer, self._grid, self._base = touching, layer, ground.grid, base
+        self._flat = ground.layout is None
         self._first, self._most = first, _MOST * first
-        self._axes = 3 if isinstance(touching, FacetReader) else 2
         self._reach: dict[int, float] = {}
-        self._last: tuple[Touching, Reading] | None = None
-        self._samples: Samples | None = None
-        self._nothing = layer.at_rest(np.zeros(grid.texels))
+        self._held: Held | None = None
+        self._nothing = self.at_rest(np.zeros(ground.grid.texels))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         self._reach.clear()
-        self._last = self._samples = None
-        return self._layer.at_rest(contact_forces)
+        self._held = None
+        self._layer.reset()
+        return Reading(
+            contact_forces=contact_forces,
+            texel_forces=None if self._base is None else self._base.of_texels(contact_forces),
+            carried=float(contact_forces.sum()),
+        )
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401
         touching = self._touching.touching(data)
         if touching is None:
-            self._last = self._samples = None
+            self._held = None
             return self._nothing
-        if self._last is not None and _stands_still(self._last[0], touching, self._still, self._axes):
-            if _presses_alike(self._last[0], touching, self._still):
-                return _scaled(self._last[1], touching.force / self._last[0].force)
-        else:
-            self._samples = None
-        reading = self._lay_out(touching)
-        self._last = (touching, reading) if reading is not self._nothing else None
-        return reading
+        if self._held is not None and (reading := self._held.carry(touching)) is not None:
+            return reading
+        self._held = self._hold(touching)
+        return self._nothing if self._held is None else self._held.reading
 
-    @property
-    def _still(self) -> float:
-        return _STILL * min(self._grid.edge)
-
-    def _lay_out(self, touching: Touching) -> Reading:
+    def _hold(self, touching: Touching) -> Held | None:
+        """Solve the contact; None where nothing of it lies on the cells."""
+        samples, slid = None, (0, 0)
+        if self._held is not None and (moved := self._held.slid(touching)) is not None:
+            slid = moved
+        elif self._held is not None:
+            samples = self._held.samples
         reach = [self._reach.get(body, self._first) for body in touching.bodies]
         while True:
-            if self._samples is None:
-                self._samples = self._touching.look(touching, reach)
-            kept = self._samples.seen
+            if samples is None:
+                samples = self._touching.look(touching, reach)
+            kept = samples.seen
             if len(kept) < len(reach):
                 # beside the cells: nothing of it is felt here
-                touching, reach, self._samples = touching.only(kept), [reach[body] for body in kept], None
+                touching, reach, samples = touching.only(kept), [reach[body] for body in kept], None
                 if not kept:
-                    return self._nothing
+                    return None
                 continue
-            reading, level = self._layer.lay_out(self._samples, touching.loads)
-            level = np.where(np.isfinite(level), level, self._first)
+            laid = self._layer.lay_out(samples, touching.loads, slid)
+            level = np.where(np.isfinite(laid.level), laid.level, self._first).tolist()
             higher = [
                 min(_SPARE * top, self._most) if have < min(top * _LEAST, self._most) else have
-                for have, top in zip(reach, level.tolist(), strict=True)
+                for have, top in zip(reach, level, strict=True)
             ]
             if higher == reach:
                 break
-            reach, self._samples = higher, None
-        for body, top in zip(touching.bodies, level.tolist(), strict=True):
+            reach, samples = higher, None
+        for body, top in zip(touching.bodies, level, strict=True):
             self._reach[body] = min(max(_SPARE * top, self._first / 4), self._most)
-        return reading
-
-
-def _stands_still(before: Touching, now: Touching, distance: float, axes: int) -> bool:
-    """Whether the same bodies touch and none of them moved along the array; approach and tilt follow from the loads.
-
-    On a flat array that is along two axes, on any other along all three.
-    """
-    return before.bodies == now.bodies and all(
-        np.abs(a.position[:, :axes] - b.position[:, :axes]).max() <= distance
-        and np.abs(a.rotation - b.rotation).max() <= _TURNED
-        for a, b in zip(before.standing, now.standing, strict=True)
-    )
-
-
-def _presses_alike(before: Touching, now: Touching, distance: float) -> bool:
-    """Whether every body presses as before, with the same point of pressure where that counts."""
-    return all(
-        abs(a.force - b.force) <= _STILL * a.force and b.alike(a, distance)
-        for a, b in zip(before.loads, now.loads, strict=True)
-    )
-
-
-def _scaled(reading: Reading, factor: float) -> Reading:
-    spread = reading.texel_forces
-    return Reading(
-        contact_forces=reading.contact_forces * factor,
-        texel_forces=None if spread is None else spread * factor,
-        carried=reading.carried * factor,
-        approach=reading.approach,
-    )
+        return Held(touching, samples, laid, self._grid, self._base, flat=self._flat)
 
 
 class _FoundationLayer:
     def __init__(self, grid: CellGrid, modulus: float, *, native: bool | None) -> None:
-        self._grid, self._stiffness, self._native = grid, modulus * grid.edge[0] * grid.edge[1], native
+        self._stiffness, self._native = modulus * grid.edge[0] * grid.edge[1], native
 
-    def at_rest(self, contact_forces: FloatArray) -> Reading:
-        return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
+    def reset(self) -> None:
+        """Springs remember nothing."""
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
+    def lay_out(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> Laid:  # noqa: ARG002
         forces, levels = foundation_forces(samples, loads, self._stiffness * samples.coverage, native=self._native)
-        contact = self._grid.on_texels(samples, forces)
-        reading = Reading(contact_forces=contact, texel_forces=None, carried=float(forces.sum()))
-        return reading, samples.largest(levels) - samples.lowest
+        return Laid(forces, samples.largest(levels) - samples.lowest)
 
 
 class _CoverLayer:
-    def __init__(
-        self, ground: _Ground, array: TexelArray, cells: CoverCells, settings: Settings, *, native: bool | None
-    ) -> None:
-        self._grid = ground.grid
+    def __init__(self, ground: _Ground, cells: CoverCells, settings: Settings, *, native: bool | None) -> None:
         self._solver = CoverSolver(cells, ground.grid, settings, native=native)
-        self._base = ground.base(cells, array)
         self._deep = ground.layout is None or len(ground.layout.facets) == 1
 
-    def at_rest(self, contact_forces: FloatArray) -> Reading:
+    def reset(self) -> None:
         self._solver.reset()
-        return Reading(
-            contact_forces=contact_forces,
-            texel_forces=self._base.of_texels(contact_forces),
-            carried=float(contact_forces.sum()),
-        )
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load]) -> tuple[Reading, FloatArray]:
-        solution = self._solver.solve(samples, loads)
-        reading = Reading(
-            contact_forces=self._grid.on_texels(samples, solution.forces),
-            texel_forces=self._base.of_window(solution.on_cells, solution.origin),
-            carried=float(solution.forces.sum()),
-            approach=solution.approach if self._deep else None,
-        )
-        return reading, solution.level
+    def lay_out(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> Laid:
+        found = self._solver.solve(samples, loads, slid)
+        approach = found.approach if self._deep else None
+        return Laid(found.forces, found.level, approach, found.on_cells, found.origin)

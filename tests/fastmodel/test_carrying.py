@@ -1,0 +1,138 @@
+"""Contacts that are carried along with their bodies: equal to a solution where they are."""
+
+import numpy as np
+import pytest
+from cover_data import WTS, cells
+from test_sampling import GRID, standing
+
+from fastmodel.base_forces import BaseForces
+from fastmodel.carrying import Held, Laid
+from fastmodel.cover_solver import CoverSolver, Settings
+from fastmodel.foundation import foundation_forces
+from fastmodel.plate import Touching
+from fastmodel.sampling import Load, sample
+from meshes import Box, Cylinder, LetterH, Sphere
+
+CELLS = cells()
+BASE = BaseForces(CELLS, GRID, WTS)
+CELL = CELLS.cell[0]
+NEXT = CELL * (1 - 1e-9)
+DISC = Cylinder(radius=5e-3)
+MOMENT = np.zeros(2)
+
+
+def touching(shape, *, at=(0.3e-3, -0.4e-3), yaw=0.0, load=3.0, off=None, body=1):
+    """A shape that presses at its middle, or so far off it where it is free to tilt."""
+    moment = load * (np.array(at) + (0 if off is None else off))
+    loads = (Load(force=load, moment=moment, tilts=off is not None),)
+    return Touching(bodies=(body,), loads=loads, standing=(standing(shape, at=at, yaw=yaw, edge=0.125 * CELL),))
+
+
+def held(touch, method="cover", reach=2e-3):
+    samples = sample(GRID, touch.standing, [reach])
+    if method == "foundation":
+        forces, levels = foundation_forces(samples, touch.loads, 2e9 * CELL**2 * samples.coverage)
+        return Held(touch, samples, Laid(forces, levels), GRID, None, flat=True)
+    found = CoverSolver(CELLS, GRID, Settings(tolerance=1e-9, steps=2000)).solve(samples, touch.loads)
+    laid = Laid(found.forces, found.level, found.approach, found.on_cells, found.origin)
+    return Held(touch, samples, laid, GRID, BASE, flat=True)
+
+
+def misplaced(one, other):
+    return 0.5 * np.abs(one - other).sum() / other.sum()
+
+
+@pytest.mark.parametrize("method", ["cover", "foundation"])
+@pytest.mark.parametrize("shape", [Box(size=(12e-3, 7e-3, 5e-3)), LetterH(size=(12e-3, 16e-3), bar=4e-3)])
+def test_slid_by_a_whole_cell_it_is_the_solution_there(shape, method):
+    for way in ((NEXT, 0), (0, -NEXT)):
+        there = touching(shape, at=(0.3e-3 + way[0], -0.4e-3 + way[1]), load=3.006)
+        carried, solved = held(touching(shape), method).carry(there), held(there, method).reading
+        np.testing.assert_allclose(carried.contact_forces, solved.contact_forces, atol=1e-7)
+        assert carried.carried == pytest.approx(3.006)
+        if method == "cover":
+            np.testing.assert_allclose(carried.texel_forces, solved.texel_forces, atol=1e-7)
+
+
+@pytest.mark.parametrize("shape", [Box(size=(12e-3, 7e-3, 5e-3)), DISC, Sphere(radius=5e-3)])
+def test_between_cells_it_is_the_solution_there_up_to_what_cells_cost(shape):
+    start = held(touching(shape))
+    for way in ((0.5 * CELL, 0.0), (-0.3 * CELL, 0.7 * CELL)):
+        there = touching(shape, at=(0.3e-3 + way[0], -0.4e-3 + way[1]))
+        carried, solved = start.carry(there), held(there).reading
+        assert carried.contact_forces.min() >= 0
+        assert carried.contact_forces.sum() == pytest.approx(3)
+        assert misplaced(carried.texel_forces, solved.texel_forces) < 0.02
+
+
+def test_the_way_to_the_base_knows_nothing_of_cells():
+    """Cell forces that have slid by part of a cell arrive as through the influence at the places in between."""
+    from scipy.special import erf
+
+    start, part = held(touching(DISC)), np.array([0.3, -0.6])
+    window = start._laid.on_cells(start._laid.forces)
+    expected = window
+    for axis, (low, count) in enumerate(zip(GRID.low[::-1], (14, 6), strict=True)):
+        place = low + (start._laid.origin[axis] + np.arange(window.shape[axis]) + 0.5 + part[axis]) * CELL
+        texel = WTS.image(WTS.centres[:, 1 - axis])[(slice(None), 0) if axis == 0 else (0, slice(None))]
+        assert len(texel) == count
+        apart, half = texel[:, None] - place, WTS.texel_size[0] / 2
+        factor = 0.5 * (erf((half - apart) / (np.sqrt(2) * 1e-3)) + erf((half + apart) / (np.sqrt(2) * 1e-3)))
+        expected = np.tensordot(factor, expected, (1, axis)).T if axis == 0 else np.tensordot(expected, factor, (0, 1))
+    slid = touching(DISC, at=(0.3e-3 + part[1] * CELL, -0.4e-3 + part[0] * CELL))
+    found = WTS.image(start.carry(slid).texel_forces)
+    np.testing.assert_allclose(found, expected, atol=2e-3 * found.max())
+
+
+def test_a_disc_leans_as_it_is_solved():
+    start = held(touching(DISC, off=np.zeros(2)))
+    for off in (np.array([0.1e-3, 0.0]), np.array([0.04e-3, -0.06e-3])):
+        there = touching(DISC, off=off)
+        carried, solved = start.carry(there), held(there).reading
+        assert misplaced(carried.texel_forces, solved.texel_forces) < 0.1 * misplaced(
+            start.reading.texel_forces, solved.texel_forces
+        )
+
+
+def test_what_it_carries_are_the_forces_and_moments_given():
+    start = held(touching(DISC, off=np.zeros(2)))
+    off = np.array([0.04e-3, -0.06e-3])
+    seen = []
+    start._read = lambda forces: seen.append(forces) or start.reading
+    start.carry(touching(DISC, off=off, load=3.01))
+    x, y = start.samples.x, start.samples.y
+    np.testing.assert_allclose(
+        [seen[0].sum(), seen[0] @ x, seen[0] @ y], 3.01 * np.array([1, 0.3e-3 + off[0], -0.4e-3 + off[1]]), rtol=1e-9
+    )
+
+
+def test_what_changes_more_is_solved():
+    box = Box(size=(12e-3, 7e-3, 5e-3))
+    start = held(touching(box, off=np.zeros(2)))
+    x, y = 0.3e-3, -0.4e-3
+    assert start.carry(touching(box, off=np.zeros(2), at=(x + 0.5 * CELL, y))) is not None
+    for other in (
+        touching(box, off=np.zeros(2), at=(x + 1.2 * CELL, y)),
+        touching(box, off=np.zeros(2), yaw=0.02),
+        touching(box, off=np.zeros(2), load=3.1),
+        touching(box, off=np.array([0.5e-3, 0])),
+        touching(box, off=np.zeros(2), body=2),
+    ):
+        assert start.carry(other) is None
+    edge = GRID.low[0] + 6.2e-3
+    assert held(touching(box, at=(edge, y))).carry(touching(box, at=(edge - 0.5 * CELL, y))) is None
+
+
+def test_round_bodies_may_turn_about_what_they_are_round_about():
+    for shape, same in ((DISC, True), (Sphere(radius=5e-3), True), (Box(size=(9e-3, 9e-3, 5e-3)), False)):
+        carried = held(touching(shape)).carry(touching(shape, yaw=0.3))
+        assert (carried is not None) is same
+
+
+def test_come_to_rest_elsewhere_it_is_solved_once():
+    box = Box(size=(12e-3, 7e-3, 5e-3))
+    start, there = held(touching(box)), touching(box, at=(0.5e-3, -0.4e-3))
+    assert start.carry(there) is not None
+    assert start.carry(there) is None
+    start = held(there)
+    assert all(start.carry(there) is not None for _ in range(3))
