@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.contact import Reading
+from fastmodel.native import choose_kernel
 from fastmodel.plate import Touching
 from fastmodel.sampling import CellGrid, Load, Samples
 
@@ -65,7 +66,15 @@ class Held:
     """One solved contact."""
 
     def __init__(
-        self, touching: Touching, samples: Samples, laid: Laid, grid: CellGrid, base: Base | None, *, flat: bool
+        self,
+        touching: Touching,
+        samples: Samples,
+        laid: Laid,
+        grid: CellGrid,
+        base: Base | None,
+        *,
+        flat: bool,
+        native: bool | None = False,
     ) -> None:
         """Remember the contact.
 
@@ -76,9 +85,10 @@ class Held:
             grid: The cells of the array.
             base: The way to the base, where the method knows it.
             flat: Whether the array is one flat, even grid, on which contacts can slide.
+            native: True for compiled loops, False for numpy, None for whichever is there.
         """
         self.samples, self._touching, self._laid, self._grid, self._base = samples, touching, laid, grid, base
-        self._flat = flat
+        self._flat, self._between = flat, choose_kernel(_between_loops, _between, native=native)
         self._carried: list[float] = []
         self._windows: tuple[FloatArray, FloatArray | None] | None = None
         self.reading = self._read(laid.forces)
@@ -127,18 +137,19 @@ class Held:
         """
         if self._touching.bodies != now.bodies:
             return None
-        slid, apart, axes = (0.0, 0.0), 0.0, 2 if self._flat else 3
-        edge = min(self._grid.edge)
+        slid, apart, axes = np.zeros(3), 0.0, 2 if self._flat else 3
+        edge = self._grid.edge
         for k, (a, b, load) in enumerate(zip(self._touching.standing, now.standing, now.loads, strict=True)):
             way = b.position - a.position
             if self._flat and k == 0:
-                slid = (float(way[0, 0]), float(way[0, 1]))
-            turn = (np.abs(b.rotation - a.rotation) * a.shape.levers).sum(axis=2)
-            if not load.tilts and turn[:, 2].max() > _STILL * edge:
+                slid = way[0].copy()
+            turn = np.add.reduce(np.abs(b.rotation - a.rotation) * a.shape.levers, axis=2)
+            if not load.tilts and turn[:, 2].max() > _STILL * min(edge):
                 return None
-            way[:, :2] -= slid
+            way -= slid
             apart = max(apart, float((np.abs(way) + turn)[:, :axes].max()))
-        return (slid[0] / self._grid.edge[0], slid[1] / self._grid.edge[1]), apart / edge
+        x, y, _ = slid.tolist()
+        return (x / edge[0], y / edge[1]), apart / min(edge)
 
     def _may_slide(self, slid: tuple[float, float]) -> bool:
         """Whether bodies lie within the grid altogether, then and now."""
@@ -203,13 +214,15 @@ class Held:
         whole = (math.floor(slid[1]), math.floor(slid[0]))
         part = (slid[1] - whole[0], slid[0] - whole[1])
         first = self._window[0]
-        contact = self._grid.window_on_texels(_between(own, part, _linear), (first[0] + whole[0], first[1] + whole[1]))
+        moved = self._between(own, _linear(part[0]), _linear(part[1]))
+        contact = self._grid.window_on_texels(moved, (first[0] + whole[0], first[1] + whole[1]))
         texels = None
         if self._base is not None and spread is not None:
             origin = self._laid.origin
             # one cell more on the lower side, see _cubic
             corner = (origin[0] + whole[0] - 1, origin[1] + whole[1] - 1)
-            texels = self._base.of_window(_between(spread, part, _cubic), corner)
+            moved = self._between(spread, _cubic(part[0]), _cubic(part[1]))
+            texels = self._base.of_window(moved, corner)
         return Reading(contact, texels, float(own.sum()), self._laid.approach)
 
 
@@ -261,22 +274,19 @@ def _scaled(reading: Reading, factor: float) -> Reading:
     )
 
 
-def _linear(part: float) -> tuple[float, ...]:
+def _linear(part: float) -> FloatArray:
     """Shares of an even square on the cell it has left in part and on the next: areas, never negative."""
-    return 1 - part, part
+    return np.array([1 - part, part])
 
 
-def _cubic(part: float) -> tuple[float, ...]:
+def _cubic(part: float) -> FloatArray:
     """Weights on the cells from -1 to 2 that act at a distance as one in between does (Lagrange)."""
     p, q, r = part + 1, part - 1, part - 2
-    return -part * q * r / 6, p * q * r / 2, -p * part * r / 2, p * part * q / 6
+    return np.array([-part * q * r / 6, p * q * r / 2, -p * part * r / 2, p * part * q / 6])
 
 
-def _between(
-    window: FloatArray, part: tuple[float, float], weights: Callable[[float], tuple[float, ...]]
-) -> FloatArray:
-    """A window moved by parts of a cell, larger by the reach of the weights."""
-    down, right = weights(part[0]), weights(part[1])
+def _between(window: FloatArray, down: FloatArray, right: FloatArray) -> FloatArray:
+    """A window moved by parts of a cell, larger by the reach of the weights along rows and columns."""
     rows, columns = window.shape
     half = np.zeros((rows + len(down) - 1, columns))
     for k, weight in enumerate(down):
@@ -284,4 +294,18 @@ def _between(
     moved = np.zeros((len(half), columns + len(right) - 1))
     for k, weight in enumerate(right):
         moved[:, k : k + columns] += weight * half
+    return moved
+
+
+def _between_loops(window: FloatArray, down: FloatArray, right: FloatArray) -> FloatArray:
+    """The same as loops, for numba."""
+    rows, columns = window.shape
+    moved = np.zeros((rows + len(down) - 1, columns + len(right) - 1))
+    for i in range(rows):
+        for j in range(columns):
+            force = window[i, j]
+            if force != 0.0:
+                for k in range(len(down)):
+                    for n in range(len(right)):
+                        moved[i + k, j + n] += down[k] * right[n] * force
     return moved

@@ -86,7 +86,11 @@ class Foundation:
         ground = _Ground.under(self.plate, array, count)
         layer = _FoundationLayer(ground.grid, modulus, native=native)
         return _SurfaceReader(
-            ground.reader(model, array, name, native=native), layer, ground, first=_FIRST * min(array.pitch)
+            ground.reader(model, array, name, native=native),
+            layer,
+            ground,
+            first=_FIRST * min(array.pitch),
+            native=native,
         )
 
 
@@ -136,7 +140,7 @@ class CoverContact:
         settings = Settings(tolerance=self.tolerance, steps=self.steps)
         layer = _CoverLayer(ground, cells, settings, native=native)
         touching, base = ground.reader(model, array, name, native=native), ground.base(cells, array)
-        return _SurfaceReader(touching, layer, ground, base, first=_FIRST * cells.thickness)
+        return _SurfaceReader(touching, layer, ground, base, first=_FIRST * cells.thickness, native=native)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,7 +191,9 @@ class _SurfaceReader:
         base: BaseForces | ScatteredBase | None = None,
         *,
         first: float,
+        native: bool | None,
     ) -> None:
+        self._native = native
         self._touching, self._layer, self._grid, self._base = touching, layer, ground.grid, base
         self._flat = ground.layout is None
         self._first, self._most = first, _MOST * first
@@ -244,7 +250,7 @@ class _SurfaceReader:
             reach, samples = higher, None
         for body, top in zip(touching.bodies, level, strict=True):
             self._reach[body] = min(max(_SPARE * top, self._first / 4), self._most)
-        return Held(touching, samples, laid, self._grid, self._base, flat=self._flat)
+        return Held(touching, samples, laid, self._grid, self._base, flat=self._flat, native=self._native)
 
 
 class _FoundationLayer:

@@ -136,3 +136,15 @@ def test_come_to_rest_elsewhere_it_is_solved_once():
     assert start.carry(there) is None
     start = held(there)
     assert all(start.carry(there) is not None for _ in range(3))
+
+
+def test_the_compiled_loop_moves_the_same():
+    pytest.importorskip("numba")
+    plain, fast = (
+        Held(each._touching, each.samples, each._laid, GRID, BASE, flat=True, native=native)
+        for each, native in ((held(touching(DISC)), False), (held(touching(DISC)), True))
+    )
+    there = touching(DISC, at=(0.5e-3, -0.7e-3))
+    one, other = plain.carry(there), fast.carry(there)
+    np.testing.assert_allclose(one.contact_forces, other.contact_forces, atol=1e-12)
+    np.testing.assert_allclose(one.texel_forces, other.texel_forces, atol=1e-12)
