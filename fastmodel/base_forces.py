@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.cell_grid import CellGrid
 from fastmodel.cover_cells import CoverCells
-from fastmodel.sampling import CellGrid
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]

@@ -17,10 +17,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.cell_grid import CellGrid
 from fastmodel.contact import Reading
 from fastmodel.native import choose_kernel
 from fastmodel.plate import Touching
-from fastmodel.sampling import CellGrid, Load, Samples
+from fastmodel.sampling import Load, Samples
 
 FloatArray = npt.NDArray[np.float64]
 #: Change of a body's force over itself, and of its pressure at the rims along x and y, over it [-].

@@ -1,5 +1,5 @@
-# ruff: noqa: PLR0917 -- numba kernels take positions
-"""The inner loop of `cover_solver`: functions that run as they stand, and compiled by numba where numba is there.
+# ruff: noqa: PLR0917 -- as the numba kernel takes them
+"""The inner loop of `cover_solver`, in numpy; `cover_loops` is the same for numba.
 
 Polonsky and Keer's conjugate gradients on the touching cells, with linear constraints projected out.  While no cell
 comes or goes the residual is carried on; else it is computed anew.
@@ -10,39 +10,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.native import called_by_kernels
-
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 #: Least share of a cell's force that one correction of the balance leaves, so that none changes its sign [-].
-_KEPT = 0.2
+KEPT = 0.2
 #: Most corrections of the balance in one step.
-_CORRECTIONS = 40
+CORRECTIONS = 40
 
 
-def _yields_loops(
-    target: IntArray, weight: FloatArray, soft: FloatArray, first: FloatArray, second: FloatArray, forces: FloatArray
-) -> FloatArray:
-    """The same as loops, for numba."""
-    rows, cols = first.shape[1], second.shape[1]
-    terms = first.shape[0] // rows
-    window = np.zeros(rows * cols)
-    for i in range(len(forces)):
-        for s in range(target.shape[0]):
-            window[target[s, i]] += weight[s, i] * forces[i]
-    half, beside = np.dot(first, window.reshape(rows, cols)), np.empty((rows, terms * cols))
-    for t in range(terms):
-        beside[:, t * cols : (t + 1) * cols] = half[t * rows : (t + 1) * rows]
-    flat = np.dot(beside, second).ravel()
-    moved = soft * forces
-    for i in range(len(forces)):
-        for s in range(target.shape[0]):
-            moved[i] += weight[s, i] * flat[target[s, i]]
-    return moved
-
-
-@called_by_kernels(_yields_loops)
 def _yields(
     target: IntArray, weight: FloatArray, soft: FloatArray, first: FloatArray, second: FloatArray, forces: FloatArray
 ) -> FloatArray:
@@ -54,34 +30,16 @@ def _yields(
     return np.asarray(soft * forces + np.einsum("sm,sm->m", weight, flat.take(target)))
 
 
-def _inverse_loops(matrix: FloatArray) -> FloatArray:
-    """The same by elimination without a choice of pivots, which a positive matrix does not need, for numba."""
-    k = len(matrix)
-    left, right = matrix + (1e-12 * np.trace(matrix) + 1e-300) * np.eye(k), np.eye(k)
-    for i in range(k):
-        pivot = 1 / left[i, i]
-        left[i] *= pivot
-        right[i] *= pivot
-        for j in range(k):
-            if j != i:
-                factor = left[j, i]
-                left[j] -= factor * left[i]
-                right[j] -= factor * right[i]
-    return right
-
-
-@called_by_kernels(_inverse_loops)
 def _inverse(matrix: FloatArray) -> FloatArray:
     """Inverse of a small matrix, kept regular."""
     ridge = 1e-12 * np.trace(matrix) + 1e-300
     return np.linalg.inv(matrix + ridge * np.eye(len(matrix)))
 
 
-@called_by_kernels()
 def _balanced(forces: FloatArray, columns: FloatArray, wanted: FloatArray) -> tuple[FloatArray, float, bool]:
     """Forces scaled until they add up to what is wanted, what they still miss, and whether they were changed."""
     scale, changed, missed = np.abs(wanted).max(), False, np.inf
-    for _ in range(_CORRECTIONS):
+    for _ in range(CORRECTIONS):
         miss = wanted - np.dot(forces, columns)
         missed = np.abs(miss).max()
         if missed <= 1e-9 * scale:
@@ -89,7 +47,7 @@ def _balanced(forces: FloatArray, columns: FloatArray, wanted: FloatArray) -> tu
         changed = True
         weighted = columns * forces.reshape(len(forces), 1)
         factor = 1 + np.dot(columns, np.dot(_inverse(np.dot(np.ascontiguousarray(columns.T), weighted)), miss))
-        forces = forces * np.maximum(factor, _KEPT)
+        forces = forces * np.maximum(factor, KEPT)
     return forces, missed, changed
 
 

@@ -13,16 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.cell_grid import CellGrid
 from fastmodel.cell_shares import shares_loops, shares_numpy
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_iteration import iterate
+from fastmodel.cover_loops import iterate_loops
 from fastmodel.foundation import foundation_forces
 from fastmodel.native import choose_kernel
-from fastmodel.sampling import CellGrid, Load, Samples
+from fastmodel.sampling import Load, Samples
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -93,7 +96,7 @@ class CoverSolver:
         self._native = native
         self._modulus = cells.foundation_modulus()
         self.convolution = cells.convolution
-        self._iterate = choose_kernel(iterate, iterate, native=native)
+        self._iterate = choose_kernel(iterate_loops, iterate, native=native)
         self._last: FloatArray | None = None
         self._pressed: tuple[IntArray, IntArray] | None = None
         self._operator: _Operator | None = None
@@ -136,8 +139,9 @@ class CoverSolver:
         )
 
     def _find(self, operator: _Operator, constraints: _Constraints, start: FloatArray) -> _Found:
+        cells = operator.target if self._iterate is iterate else operator.corner
         forces, motion, steps, converged = self._iterate(
-            (operator.target, operator.weight, operator.soft, *operator.matrices),
+            (cells, operator.weight, operator.soft, *operator.matrices),
             operator.samples.gap,
             constraints.columns,
             constraints.target,
@@ -192,7 +196,7 @@ class _Operator:
         self._shape = (rows, columns)
         self.origin = (first_row, first_column)
         self.matrices = solver.convolution.matrices(rows, columns)
-        self.target = np.empty((4, samples.count), dtype=np.int64)
+        self.corner = np.empty((2, samples.count), dtype=np.int64)
         self.weight, self.soft = np.empty((4, samples.count)), np.empty(samples.count)
         solver.shares(
             samples.coverage,
@@ -202,13 +206,19 @@ class _Operator:
             *grid.edge,
             first_row,
             first_column,
-            columns,
             solver.near,
             solver.square,
-            self.target,
+            self.corner,
             self.weight,
             self.soft,
         )
+
+    @cached_property
+    def target(self) -> IntArray:
+        """Which four cells of the window, row by row, each sampled cell acts on, shape (4, m)."""
+        columns = self._shape[1]
+        first = self.corner[0] * columns + self.corner[1]
+        return np.asarray(np.add.outer(np.array([0, 1, columns, columns + 1]), first))
 
     def on_cells(self, forces: FloatArray) -> FloatArray:
         """Forces shared among the window's cells, shape (rows, columns) [N]."""

@@ -18,8 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from fastmodel.cell_grid import CellGrid
 from fastmodel.cover_cells import CoverCells
-from fastmodel.sampling import CellGrid, Samples
+from fastmodel.sampling import Samples
 from fastmodel.spread import tangent_axes
 from meshes import TexelArray
 

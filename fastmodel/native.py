@@ -59,7 +59,8 @@ def _compiled(loops: Kernel) -> Kernel | None:
         # the way of numba.extending.register_jitable, which takes no other function
         numba.extending.overload(function, strict=False)(lambda *_, compiled=compiled: compiled)
     try:
-        kernel: Kernel = numba.njit(cache=True)(loops)
+        # numpy's error model: without a branch at every division kernels are smaller, and sooner compiled
+        kernel: Kernel = numba.njit(cache=True, error_model="numpy")(loops)
     except RuntimeError:  # no folder to cache in: compile in every process
-        kernel = numba.njit(loops)
+        kernel = numba.njit(error_model="numpy")(loops)
     return kernel

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.cell_grid import CellGrid
 from fastmodel.errors import LifeCycleError, StateError
 from fastmodel.joints import Joints
 from fastmodel.layout import Panel, panels
@@ -22,7 +23,7 @@ from fastmodel.lower_surface import solid
 from fastmodel.native import choose_kernel
 from fastmodel.plate_forces import plate_loops, plate_numpy
 from fastmodel.pose import Pose, multiply, quaternions, rotate
-from fastmodel.sampling import CellGrid, Load, Samples, Shape, Standing, sample
+from fastmodel.sampling import Load, Samples, Shape, Standing, sample
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]

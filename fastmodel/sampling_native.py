@@ -49,23 +49,54 @@ def sample_loops(
         reach: Height over the lowest cell up to which cells are kept [m].
     """
     windows = _windows(rotation, position, centres, halves, size, low, cell)
-    c0, r0 = windows[:, 0].min(), windows[:, 1].min()
-    columns, rows = max(windows[:, 2].max() - c0, 0), max(windows[:, 3].max() - r0, 0)
-    top = np.empty(max(columns + 1, points))
+    height, near, top, c0, r0 = _room(windows, points)
     lines = _lines(planes, first_plane, rotation, position)
-    height, near = np.full((rows, columns), np.inf), np.zeros((rows, columns), dtype=np.bool_)
-    for p in range(len(kinds)):
-        left, first, right, last = windows[p]
-        if left < right and first < last:
-            corner = np.empty((last - first + 1, right - left + 1))
-            x = low[0] + np.arange(left, right + 1) * cell[0]
-            y = low[1] + np.arange(first, last + 1) * cell[1]
-            _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, corner)
-            _look_at_corners(corner, sparse, first - r0, left - c0, height, near)
+    _look_at_parts(
+        kinds, sizes, edge, lines, first_plane, rotation, position, windows, low, cell, sparse, height, near, top
+    )
     means = _look_closely(
         kinds, sizes, edge, lines, first_plane, rotation, position, windows, low, cell, points, height, near, top
     )
     return _kept(height, means, r0, c0, low, cell, reach)
+
+
+@called_by_kernels()
+def _room(windows: IntArray, points: int) -> tuple[FloatArray, npt.NDArray[np.bool_], FloatArray, int, int]:
+    """Heights of the cells of all windows, not found yet; marks; room for a line; the first column and row."""
+    c0, r0, columns, rows = _around(windows)
+    height, near = np.empty((rows, columns)), np.zeros((rows, columns), dtype=np.bool_)
+    for i in range(rows):
+        for j in range(columns):
+            height[i, j] = np.inf
+    return height, near, np.empty(max(columns + 1, points)), c0, r0
+
+
+@called_by_kernels()
+def _look_at_parts(
+    kinds: IntArray,
+    sizes: FloatArray,
+    edge: float,
+    lines: FloatArray,
+    first_plane: IntArray,
+    rotation: FloatArray,
+    position: FloatArray,
+    windows: IntArray,
+    low: FloatArray,
+    cell: FloatArray,
+    sparse: float,
+    height: FloatArray,
+    near: npt.NDArray[np.bool_],
+    top: FloatArray,
+) -> None:
+    """Fill heights of cells that lie under a part altogether, and mark those that an outline may cross."""
+    c0, r0, _, _ = _around(windows)
+    for p in range(len(kinds)):
+        left, first, right, last = windows[p]
+        if left < right and first < last:
+            corner = np.empty((last - first + 1, right - left + 1))
+            x, y = _places(low[0], cell[0], left, right, 1), _places(low[1], cell[1], first, last, 1)
+            _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, corner)
+            _look_at_corners(corner, sparse, first - r0, left - c0, height, near)
 
 
 @called_by_kernels()
@@ -86,19 +117,19 @@ def _look_closely(
     top: FloatArray,
 ) -> FloatArray:
     """Coverage of every cell and middle of its covered part (in cells from the cell's); fills heights at outlines."""
-    rows, columns = height.shape
-    c0, r0 = windows[:, 0].min(), windows[:, 1].min()
-    gaps = np.empty((2, points, points))
-    offsets = (np.arange(points) + 0.5) / points - 0.5
-    fine_x = low[0] + (c0 + 0.5 + (np.arange(columns).reshape(-1, 1) + offsets).ravel()) * cell[0]
-    fine_y = low[1] + (r0 + 0.5 + (np.arange(rows).reshape(-1, 1) + offsets).ravel()) * cell[1]
+    c0, r0, columns, rows = _around(windows)
+    gaps, offsets = np.empty((2, points, points)), _places(-0.5, 1.0, 0, 1, points)
+    fine_x = _places(low[0], cell[0], c0, c0 + columns, points)
+    fine_y = _places(low[1], cell[1], r0, r0 + rows, points)
     means = np.empty((rows, columns, 3))
     for i in range(rows):
         for j in range(columns):
-            means[i, j] = 1.0, 0.0, 0.0
+            means[i, j, 0], means[i, j, 1], means[i, j, 2] = 1.0, 0.0, 0.0
             if height[i, j] < np.inf or not near[i, j]:
                 continue
-            gaps[0] = np.inf
+            for a in range(points):
+                for b in range(points):
+                    gaps[0, a, b] = np.inf
             x, y = fine_x[j * points : (j + 1) * points], fine_y[i * points : (i + 1) * points]
             for p in range(len(kinds)):
                 if windows[p, 0] <= c0 + j < windows[p, 2] and windows[p, 1] <= r0 + i < windows[p, 3]:
@@ -113,7 +144,10 @@ def _kept(
     height: FloatArray, means: FloatArray, r0: int, c0: int, low: FloatArray, cell: FloatArray, reach: float
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """What `sample_loops` returns, of the cells with a height up to the reach over the lowest."""
-    highest = np.inf if height.size == 0 else height.min() + reach
+    highest = np.inf
+    for i in range(height.shape[0]):
+        for j in range(height.shape[1]):
+            highest = min(highest, height[i, j] + reach)
     row, column = np.empty(height.size, dtype=np.int64), np.empty(height.size, dtype=np.int64)
     found = np.empty((4, height.size))
     count = 0
@@ -126,6 +160,26 @@ def _kept(
                 found[2, count] = low[1] + (r0 + i + 0.5 + means[i, j, 2]) * cell[1]
                 count += 1
     return row[:count], column[:count], found[0, :count], found[1, :count], found[2, :count], found[3, :count]
+
+
+@called_by_kernels()
+def _around(windows: IntArray) -> tuple[int, int, int, int]:
+    """First column and row of all windows (p, 4) together, and how many columns and rows they take."""
+    c0, r0, c1, r1 = windows[0, 0], windows[0, 1], windows[0, 2], windows[0, 3]
+    for p in range(len(windows)):
+        c0, r0 = min(c0, windows[p, 0]), min(r0, windows[p, 1])
+        c1, r1 = max(c1, windows[p, 2]), max(r1, windows[p, 3])
+    return c0, r0, max(c1 - c0, 0), max(r1 - r0, 0)
+
+
+@called_by_kernels()
+def _places(low: float, edge: float, first: int, last: int, points: int) -> FloatArray:
+    """Both ends of cells from the first to before the last, or so many points within each, along one axis."""
+    inside = points > 1
+    places = np.empty((last - first) * points if inside else last - first + 1)
+    for i in range(len(places)):
+        places[i] = low + edge * (first + (i + 0.5) / points if inside else first + i)
+    return places
 
 
 @called_by_kernels()

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from fastmodel.base_forces import BaseForces
 from fastmodel.carrying import Held, Laid
+from fastmodel.cell_grid import CellGrid
 from fastmodel.contact import ContactReader, Reading
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_solver import CoverSolver, Settings
@@ -25,7 +26,7 @@ from fastmodel.foundation import foundation_forces
 from fastmodel.layout import Layout, ScatteredBase, ScatteredGrid, lay_out, panels
 from fastmodel.plate import Plate, PlateReader, Touching
 from fastmodel.pose import Pose
-from fastmodel.sampling import CellGrid, Load, Samples
+from fastmodel.sampling import Load, Samples
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 from fastmodel import FastModelError
+from fastmodel.cell_grid import CellGrid
 from fastmodel.lower_surface import solid
-from fastmodel.sampling import CellGrid, Shape, Standing, sample
+from fastmodel.sampling import Shape, Standing, sample
 from meshes import Box, Cylinder, LetterH, Nut
 from meshes.catalogue import ARRAYS
 

@@ -11,7 +11,7 @@ import fastmodel
 from fastmodel import ShapeError, Tabulated
 from fastmodel.base_forces import BaseForces
 from fastmodel.methods import choose
-from fastmodel.sampling import CellGrid
+from fastmodel.cell_grid import CellGrid
 from meshes import Sphere, TexelArray
 from validation.cli import main
 from validation.derive import derive

@@ -1,0 +1,211 @@
+# ruff: noqa: PLR0917 -- numba kernels take positions
+"""The inner loop of `cover_solver` as explicit loops, for numba; `cover_iteration` says what it does and takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.cover_iteration import CORRECTIONS, KEPT
+from fastmodel.native import called_by_kernels
+from fastmodel.small_systems import eliminate, gram, project
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+_Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+@called_by_kernels()
+def _yields(
+    cover: _Cover, forces: FloatArray, window: FloatArray, half: FloatArray, beside: FloatArray, moved: FloatArray
+) -> None:
+    """Displacements of the sampled cells, into `moved` (m,); the others are room for windows."""
+    target, weight, soft, first, second = cover
+    rows, cols = window.shape
+    for i in range(rows):
+        for j in range(cols):
+            window[i, j] = 0.0
+    for i in range(len(forces)):
+        if forces[i] != 0.0:
+            row, col = target[0, i], target[1, i]
+            window[row, col] += weight[0, i] * forces[i]
+            window[row, col + 1] += weight[1, i] * forces[i]
+            window[row + 1, col] += weight[2, i] * forces[i]
+            window[row + 1, col + 1] += weight[3, i] * forces[i]
+    np.dot(first, window, half)
+    for t in range(half.shape[0]):
+        for j in range(cols):
+            beside[t % rows, t // rows * cols + j] = half[t, j]
+    np.dot(beside, second, window)
+    for i in range(len(forces)):
+        row, col = target[0, i], target[1, i]
+        moved[i] = soft[i] * forces[i] + weight[0, i] * window[row, col] + weight[1, i] * window[row, col + 1]
+        moved[i] += weight[2, i] * window[row + 1, col] + weight[3, i] * window[row + 1, col + 1]
+
+
+@called_by_kernels()
+def _balance(
+    forces: FloatArray, columns: FloatArray, wanted: FloatArray, matrix: FloatArray, room: FloatArray
+) -> tuple[float, bool]:
+    """Scale forces until they add up to what is wanted: what they still miss, and whether they were changed."""
+    k, changed, missed, scale = len(wanted), False, np.inf, 0.0
+    for a in range(k):
+        scale = max(scale, abs(wanted[a]))
+    for _ in range(CORRECTIONS):
+        project(forces, columns, room[0])
+        missed = 0.0
+        for a in range(k):
+            room[0, a] = wanted[a] - room[0, a]
+            missed = max(missed, abs(room[0, a]))
+        if missed <= 1e-9 * scale:
+            break
+        changed = True
+        gram(columns, forces, matrix)
+        eliminate(matrix, _ridge(matrix), room[0], room[1])
+        for i in range(len(forces)):
+            factor = 1.0
+            for a in range(k):
+                factor += columns[i, a] * room[1, a]
+            forces[i] *= max(factor, KEPT)
+    return missed, changed
+
+
+@called_by_kernels()
+def _ridge(matrix: FloatArray) -> float:
+    """What keeps a matrix regular."""
+    trace = 1e-288
+    for a in range(len(matrix)):
+        trace += matrix[a, a]
+    return 1e-12 * trace
+
+
+@called_by_kernels()
+def _residual(
+    forces: FloatArray, overlap: FloatArray, columns: FloatArray, motion: FloatArray, residual: FloatArray
+) -> tuple[float, float, bool]:
+    """Fill the overlap that rigid motion leaves: its square and that of all where cells touch; whether others come."""
+    energy, size, comes = 0.0, 0.0, False
+    for i in range(len(forces)):
+        residual[i] = overlap[i]
+        for a in range(len(motion)):
+            residual[i] -= columns[i, a] * motion[a]
+        if forces[i] > 0:
+            energy += residual[i] * residual[i]
+            size += overlap[i] * overlap[i]
+        elif residual[i] < 0:
+            comes = True
+    return energy, size, comes
+
+
+@called_by_kernels()
+def _fit(
+    active: FloatArray, values: FloatArray, columns: FloatArray, matrix: FloatArray, sums: FloatArray, found: FloatArray
+) -> None:
+    """Motions whose columns are nearest to some values on the touching cells; `matrix` and `sums` are room."""
+    gram(columns, active, matrix)
+    for a in range(len(sums)):
+        sums[a] = 0.0
+        for i in range(len(values)):
+            sums[a] += active[i] * values[i] * columns[i, a]
+    eliminate(matrix, _ridge(matrix), sums, found)
+
+
+@called_by_kernels()
+def _length(
+    active: FloatArray,
+    residual: FloatArray,
+    direction: FloatArray,
+    image: FloatArray,
+    columns: FloatArray,
+    shifts: FloatArray,
+) -> tuple[float, float]:
+    """Curvature along a direction, and the length of the step along it."""
+    curvature, along = 0.0, 0.0
+    for i in range(len(active)):
+        free = direction[i]
+        for a in range(len(shifts)):
+            free -= active[i] * columns[i, a] * shifts[a]
+        curvature += image[i] * free
+        along += residual[i] * direction[i]
+    return curvature, along / curvature if curvature > 0 else 0.0
+
+
+@called_by_kernels()
+def _advance(
+    length: float,
+    active: FloatArray,
+    residual: FloatArray,
+    direction: FloatArray,
+    before: FloatArray,
+    forces: FloatArray,
+) -> bool:
+    """Take the step; whether cells came or went."""
+    anew = False
+    for i in range(len(forces)):
+        before[i] = forces[i]
+        if active[i] == 0.0:
+            forces[i] = -length * residual[i] if residual[i] < 0 else 0.0
+            anew = anew or residual[i] < 0
+        else:
+            forces[i] -= length * direction[i]
+            if forces[i] < 0:
+                forces[i], anew = 0.0, True
+    return anew
+
+
+@called_by_kernels()
+def _change(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
+    """Sum of changes; fills which cells touch."""
+    change = 0.0
+    for i in range(len(forces)):
+        change += abs(forces[i] - before[i])
+        active[i] = 1.0 if forces[i] > 0 else 0.0
+    return change
+
+
+def iterate_loops(  # noqa: C901 -- one loop, as numba likes it
+    cover: _Cover,
+    gap: FloatArray,
+    columns: FloatArray,
+    wanted: FloatArray,
+    start: FloatArray,
+    tolerance: float,
+    most: int,
+) -> tuple[FloatArray, FloatArray, int, bool]:
+    """As `cover_iteration.iterate`, with row and column of the first of four cells for `cover[0]`, shape (2, m)."""
+    count, k = columns.shape
+    rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
+    window, half, beside = np.empty((rows, cols)), np.empty((tall, cols)), np.empty((rows, tall // rows * cols))
+    forces, before, active = start.copy(), start.copy(), np.zeros(count)
+    overlap, residual, direction, image = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    matrix, room, motion = np.zeros((k, k)), np.zeros((2, k)), np.zeros(k)
+    scale, previous, conjugate, anew = 0.0, 1.0, 0.0, True
+    for a in range(k):
+        scale = max(scale, abs(wanted[a]))
+    for step in range(most + 1):
+        missed, corrected = _balance(forces, columns, wanted, matrix, room)
+        if missed > 1e-3 * scale:
+            return forces, motion, step, False
+        if _change(forces, before, active) < tolerance and step > 0:
+            return forces, motion, step, True
+        if anew or corrected:
+            _yields(cover, forces, window, half, beside, overlap)
+            for i in range(count):
+                overlap[i] += gap[i]
+        _fit(active, overlap, columns, matrix, room[0], motion)
+        energy, size, comes = _residual(forces, overlap, columns, motion, residual)
+        if energy <= 1e-20 * size and not comes:
+            return forces, motion, step, True
+        for i in range(count):
+            direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
+        _yields(cover, direction, window, half, beside, image)
+        _fit(active, direction, columns, matrix, room[0], room[1])
+        curvature, length = _length(active, residual, direction, image, columns, room[1])
+        if not curvature > 0:
+            return forces, motion, step, True
+        previous, conjugate = energy, 0.0 if comes else 1.0
+        anew = _advance(length, active, residual, direction, before, forces)
+        if not anew:
+            for i in range(count):
+                overlap[i] -= length * image[i]
+    return forces, motion, most, False
