@@ -138,8 +138,8 @@ def press_loops(  # noqa: C901, PLR0917 -- one flat loop, as numba likes it
     signals[:] = 0.0
     local = np.zeros(3)
     for k in range(geom.shape[0]):
-        first = address[k]
-        if first < 0:
+        first, one, two = address[k], texel_of[geom[k, 0]], texel_of[geom[k, 1]]
+        if first < 0 or (one < 0 and two < 0):
             continue
         kept = min(dim[k], 3)
         if pyramidal and dim[k] > 1:
@@ -152,15 +152,17 @@ def press_loops(  # noqa: C901, PLR0917 -- one flat loop, as numba likes it
         else:
             for axis in range(kept):
                 local[axis] = efc_force[first + axis]
+        x, y, z = 0.0, 0.0, 0.0
+        for axis in range(kept):
+            x += local[axis] * frame[k, 3 * axis]
+            y += local[axis] * frame[k, 3 * axis + 1]
+            z += local[axis] * frame[k, 3 * axis + 2]
         for side in range(2):
-            texel = texel_of[geom[k, side]]
-            if texel < 0:
-                continue
-            pressed = 0.0
-            for axis in range(kept):
-                for i in range(3):
-                    pressed += local[axis] * frame[k, 3 * axis + i] * geom_xmat[geom[k, side], 3 * i + 2]
-            signals[texel] += pressed if side == 0 else -pressed
+            texel = two if side else one
+            if texel >= 0:
+                n = geom_xmat[geom[k, side]]
+                pressed = x * n[2] + y * n[5] + z * n[8]
+                signals[texel] += -pressed if side else pressed
     lowest = np.inf
     for i in range(count):
         lowest = min(lowest, signals[i])

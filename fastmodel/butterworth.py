@@ -126,9 +126,14 @@ class FilterBank:
         Raises:
             ShapeError: If the shape is another.
         """
-        sample = np.array(values, dtype=np.float64)
+        sample = np.asarray(values, dtype=np.float64)
         if sample.shape != self._state.shape[2:]:
             raise ShapeError(f"the filter runs over shape {self._state.shape[2:]}, not {sample.shape}")
+        return self.advance(sample)
+
+    def advance(self, values: FloatArray) -> FloatArray:
+        """The same for an array that is known to fit."""
+        sample = values.copy()
         self._advance(self._coefficients, self._state, sample)
         return sample
 

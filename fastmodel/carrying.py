@@ -31,7 +31,7 @@ _Change = tuple[float, float, float]
 #: which they may move and still count as unmoved [-].
 _FAR, _APART, _STILL = 1.0, 0.05, 1e-4
 #: Change of a body's force over itself, and of the pressure on any cell as the point of pressure moves, over it [-].
-_HARDER, _LEANT = 5e-3, 0.1
+_HARDER, _LEANT = 5e-3, 0.2
 #: Sine, squared, of the angle that cells of one body span at least for it to lean [-].
 _FLAT = 1e-6
 #: Lean that counts as none, and change that counts as none once a contact has come to rest [-].

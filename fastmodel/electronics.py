@@ -6,6 +6,7 @@ Per texel: hysteresis -> temperature -> noise -> characteristic -> gain -> thres
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.electronics_loops import convert_loops
 from fastmodel.errors import ShapeError
+from fastmodel.native import choose_kernel
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -143,14 +146,58 @@ class Electronics:
         Raises:
             ShapeError: If there are gains for another number of texels.
         """
-        force = np.asarray(forces, dtype=np.float64)
+        return self._converted(self.felt(np.asarray(forces, dtype=np.float64), noise))
+
+    def felt(self, forces: FloatArray, noise: np.random.Generator | None = None) -> FloatArray:
+        """Forces as felt at the sensor's temperature and with its noise, same shape [N].
+
+        Args:
+            forces: Texel forces after hysteresis [N].
+            noise: Source of the noise; without one there is none.
+        """
         if self.temperature_coefficient != 0:
-            force = force * self.temperature_gain
+            forces = forces * self.temperature_gain
         if noise is not None and self.noise > 0:
-            force = force + noise.normal(0.0, self.noise, force.shape)
-        signal = self._characteristic(force)
+            forces = forces + noise.normal(0.0, self.noise, forces.shape)
+        return forces
+
+    def converter(
+        self, active: npt.NDArray[np.bool_], *, native: bool | None = None
+    ) -> Callable[[FloatArray], tuple[IntArray, npt.NDArray[np.uint8]]]:
+        """A function from felt forces to counts and grey levels of one array, all of shape (n,).
+
+        Args:
+            active: Which texels measure, shape (n,); the others read zero.
+            native: True for the numba kernel, False for numpy, None for whichever is there.
+
+        Raises:
+            ShapeError: If there are gains for another number of texels.
+        """
+        kernel, count = choose_kernel(convert_loops, _no_kernel, native=native), len(active)
+        gains = np.zeros(0) if self.gains is None else self._gains((count,))
+        if kernel is _no_kernel:
+            dead = ~active
+
+            def convert(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
+                counts = self._converted(felt)
+                counts[dead] = 0
+                return counts, self.image(counts)
+
+            return convert
+        coefficients = np.array(self.characteristic or (self.offset, self.sensitivity), dtype=np.float64)
+        numbers = np.array([self.threshold, self.saturation_band, self.output_max], dtype=np.float64)
+
+        def convert_natively(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
+            counts, image = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.uint8)
+            kernel(felt, coefficients, gains, numbers, active, counts, image)
+            return counts, image
+
+        return convert_natively
+
+    def _converted(self, felt: FloatArray) -> IntArray:
+        signal = self._characteristic(felt)
         if self.gains is not None:
-            signal = signal * self._gains(force.shape)
+            signal = signal * self._gains(felt.shape)
         if self.threshold != 0:
             signal = signal - self.threshold
         counts = self._saturate(np.maximum(signal, 0.0))
@@ -190,6 +237,10 @@ class Electronics:
         knee = self.output_max - self.saturation_band
         excess = np.maximum(signal - knee, 0.0) / self.saturation_band
         return np.where(signal > knee, knee - self.saturation_band * np.expm1(-excess), signal)
+
+
+def _no_kernel() -> None:
+    """Stands for numpy."""
 
 
 #: The 2015 report's line of the Weiss WTS 0614-34: zero below 0.185 N, saturated from 1.646 N.

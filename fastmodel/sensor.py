@@ -221,11 +221,12 @@ class _Running:
     ) -> None:
         self._electronics = parameters.electronics
         self._array = parameters.array
-        self._dead = None if parameters.array.active.all() else ~parameters.array.active
+        self._convert = parameters.electronics.converter(parameters.array.active, native=native)
         self._reader = reader
         self._spread = parameters.spread
         self._operator: Any = None
         self._model = model
+        self._data: Any = None
         self._every = every
         self._timestep = float(model.opt.timestep)
         rate = 1.0 / (every * self._timestep)
@@ -272,7 +273,7 @@ class _Running:
             raise StateError(f"sensor {name!r}: contact forces are not finite at t = {data.time:g} s")
         self.reading = reading
         signals = self._signals(reading)
-        self._filtered = signals if self._filter is None else self._filter.step(signals)
+        self._filtered = signals if self._filter is None else self._filter.advance(signals)
         self._sampled_at = data.time
 
     def _signals(self, reading: Reading) -> FloatArray:
@@ -286,18 +287,19 @@ class _Running:
         return signals
 
     def _make_frame(self, noise: np.random.Generator | None) -> Frame:
-        count = self._array.count
-        texel_forces = self._filtered[:count].copy() if self._spreads else self._operator @ self._filtered[:count]
-        self.outside = float(self._filtered[count] - texel_forces.sum())
-        counts = self._electronics.counts(self._electronics.lag(texel_forces, self._play), noise)
-        if self._dead is not None:
-            counts[self._dead] = 0
-        image = self._electronics.image(counts).reshape(self._array.rows, self._array.columns)
+        count, electronics = self._array.count, self._electronics
+        forces = self._filtered[:count]
+        texel_forces = forces.copy() if self._spreads else self._operator @ forces
+        self.outside = float(self._filtered[count] - np.add.reduce(texel_forces))
+        counts, image = self._convert(electronics.felt(electronics.lag(texel_forces, self._play), noise))
+        image = image.reshape(self._array.rows, self._array.columns)
         return Frame(time=self._sampled_at, counts=counts, texel_forces=texel_forces, image=image)
 
     def _check_clock(self, data: Any, name: str) -> None:  # noqa: ANN401 -- MjData
-        if data.model is not self._model:
-            raise LifeCycleError(f"sensor {name!r} is bound to another model; call bind(model) again")
+        if data is not self._data:
+            if data.model is not self._model:
+                raise LifeCycleError(f"sensor {name!r} is bound to another model; call bind(model) again")
+            self._data = data
         now = data.time
         if math.isnan(self._time):
             self._start = now - self._timestep

@@ -99,3 +99,24 @@ def test_warmth_scales_the_felt_force():
 def test_stages_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         dataclasses.replace(PLAIN, **wrong)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"characteristic": (-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5)},
+        {"gains": tuple(np.linspace(0.5, 1.5, 40)), "threshold": 30.0},
+        {"saturation_band": 500.0, "temperature_coefficient": 0.01, "temperature_excess": 5.0},
+    ],
+)
+def test_the_compiled_conversion_is_the_same(changes):
+    pytest.importorskip("numba")
+    chain = dataclasses.replace(WTS_0614_34, **changes)
+    active = np.arange(40) % 7 != 3
+    felt = chain.felt(np.linspace(-0.1, 3.0, 40))
+    plain, fast = (chain.converter(active, native=native)(felt) for native in (False, True))
+    np.testing.assert_array_equal(fast[0], plain[0])
+    np.testing.assert_array_equal(fast[1], plain[1])
+    assert fast[1].dtype == plain[1].dtype
+    np.testing.assert_array_equal(plain[0], np.where(active, chain.counts(np.linspace(-0.1, 3.0, 40)), 0))
