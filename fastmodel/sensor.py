@@ -229,6 +229,7 @@ class _Running:
         self._data: Any = None
         self._every = every
         self._timestep = float(model.opt.timestep)
+        self._slack, self._rate = _TICK * self._timestep, parameters.electronics.rate_hz
         rate = 1.0 / (every * self._timestep)
         count = parameters.array.count
         design = parameters.filter
@@ -256,59 +257,55 @@ class _Running:
         self.latest = self._make_frame(None)
 
     def step(self, data: Any, name: str) -> bool:  # noqa: ANN401 -- MjData
-        self._check_clock(data, name)
+        now = data.time
+        # as a rule nothing is wrong: then one comparison tells
+        if data is not self._data or not abs(now - self._time - self._timestep) <= self._slack:
+            self._check_clock(data, now, name)
+        self._time = now
         if self._steps % self._every == 0:
-            self._sample(data, name)
+            self._sample(data, now, name)
         self._steps += 1
-        due = int((self._sampled_at - self._start) * self._electronics.rate_hz + _TICK)
+        due = int((self._sampled_at - self._start) * self._rate + _TICK)
         if due <= self._frames:
             return False
         self._frames = due
         self.latest = self._make_frame(self._noise)
         return True
 
-    def _sample(self, data: Any, name: str) -> None:  # noqa: ANN401 -- MjData
-        reading = self._reader.read(data)
+    def _sample(self, data: Any, now: float, name: str) -> None:  # noqa: ANN401 -- MjData
+        self.reading = reading = self._reader.read(data)
         if not math.isfinite(reading.carried):
-            raise StateError(f"sensor {name!r}: contact forces are not finite at t = {data.time:g} s")
-        self.reading = reading
-        signals = self._signals(reading)
+            raise StateError(f"sensor {name!r}: contact forces are not finite at t = {now:g} s")
+        signals = self._signals(reading) if reading.signals is None else reading.signals
         self._filtered = signals if self._filter is None else self._filter.advance(signals)
-        self._sampled_at = data.time
+        self._sampled_at = now
 
     def _signals(self, reading: Reading) -> FloatArray:
         """What is filtered: force on each texel and the sum of everything, shape (n + 1,) [N]."""
-        self._spreads = reading.texel_forces is not None
-        if reading.signals is not None:
-            return reading.signals
         forces = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
         signals = np.empty(len(forces) + 1)
         signals[:-1], signals[-1] = forces, reading.carried
         return signals
 
     def _make_frame(self, noise: np.random.Generator | None) -> Frame:
-        count, electronics = self._array.count, self._electronics
-        forces = self._filtered[:count]
-        texel_forces = forces.copy() if self._spreads else self._operator @ forces
-        self.outside = float(self._filtered[count] - np.add.reduce(texel_forces))
+        electronics, forces = self._electronics, self._filtered[:-1]
+        texel_forces = forces.copy() if self._operator is None else self._operator @ forces
+        self.outside = float(self._filtered[-1] - np.add.reduce(texel_forces))
         counts, image = self._convert(electronics.felt(electronics.lag(texel_forces, self._play), noise))
         image = image.reshape(self._array.rows, self._array.columns)
         return Frame(time=self._sampled_at, counts=counts, texel_forces=texel_forces, image=image)
 
-    def _check_clock(self, data: Any, name: str) -> None:  # noqa: ANN401 -- MjData
-        if data is not self._data:
-            if data.model is not self._model:
-                raise LifeCycleError(f"sensor {name!r} is bound to another model; call bind(model) again")
-            self._data = data
-        now = data.time
+    def _check_clock(self, data: Any, now: float, name: str) -> None:  # noqa: ANN401 -- MjData
+        if data.model is not self._model:
+            raise LifeCycleError(f"sensor {name!r} is bound to another model; call bind(model) again")
+        self._data = data
         if math.isnan(self._time):
             self._start = now - self._timestep
-        elif abs(now - self._time - self._timestep) > _TICK * self._timestep:
+        elif not abs(now - self._time - self._timestep) <= self._slack:
             raise LifeCycleError(
                 f"sensor {name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step of "
                 f"{self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
             )
-        self._time = now
 
 
 def _rarely(parameters: Parameters, contact: TexelContact, model: Any) -> int:  # noqa: ANN401 -- MjModel
