@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,6 +12,21 @@ from fastmodel.cover_cells import CoverCells
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
+
+
+class _Window(NamedTuple):
+    """A window of cells: its part within the grid, where that begins, and factors to the texels that it reaches.
+
+    The factors have shapes (texel rows * terms, rows) and (terms * columns, texel columns).
+    """
+
+    rows: slice
+    columns: slice
+    first: tuple[int, int]
+    down: int
+    along: FloatArray
+    across: FloatArray
+    texels: tuple[slice, slice]
 
 
 class BaseForces:
@@ -21,7 +38,7 @@ class BaseForces:
         along, across = cells.influence_factors
         self._terms = len(along)
         self._rows = _placed(along, array.rows, grid.rows, cells, grid.margin)
-        self._kept: tuple[tuple[tuple[int, ...], tuple[int, ...]], FloatArray, FloatArray] | None = None
+        self._kept: tuple[tuple[tuple[int, int], tuple[int, ...]], _Window] | None = None
         self._columns = _placed(across, array.columns, grid.columns, cells, grid.margin)
 
     def of_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
@@ -31,38 +48,32 @@ class BaseForces:
             forces: On a window of cells, which may reach beyond the grid where it is zero, shape (rows, columns) [N].
             origin: Row and column of the window's first cell in the grid.
         """
-        row, column = origin
-        # windows carry a rim of empty cells that may lie beyond the grid
-        top, left = max(0, -row), max(0, -column)
-        forces = forces[top : self._grid.rows - row, left : self._grid.columns - column]
-        row, column = row + top, column + left
+        if self._kept is None or self._kept[0] != (origin, forces.shape):
+            self._kept = ((origin, forces.shape), self._window(origin, forces.shape))
+        window = self._kept[1]
+        forces = forces[window.rows, window.columns]
         if self._cells.table is not None:
-            return self._of_table(self._cells.table, forces, (row, column))
-        (r0, r1), (c0, c1) = (
-            self._near(start, length, count)
-            for start, length, count in (
-                (row, forces.shape[0], self._array.rows),
-                (column, forces.shape[1], self._array.columns),
-            )
-        )
+            return self._of_table(self._cells.table, forces, window.first)
         texels = np.zeros((self._array.rows, self._array.columns))
-        if r0 < r1 and c0 < c1:
-            along, across = self._factors((r0, r1, row, forces.shape[0]), (c0, c1, column, forces.shape[1]))
-            first = (along @ forces).reshape(r1 - r0, -1)  # all terms in one product each way
-            texels[r0:r1, c0:c1] = first @ across
+        if window.along.size and window.across.size:
+            first = window.along.dot(forces).reshape(window.down, -1)  # all terms in one product each way
+            texels[window.texels] = first.dot(window.across)
         return self._felt(texels.ravel())
 
-    def _factors(
-        self, down: tuple[int, int, int, int], right: tuple[int, int, int, int]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Factors of a window, (texel rows * terms, rows) and (terms * columns, texel columns); the last are kept."""
-        if self._kept is None or self._kept[0] != (down, right):
-            r0, r1, row, rows = down
-            c0, c1, column, columns = right
-            along = self._rows[:, r0:r1, row : row + rows].transpose(1, 0, 2).reshape(-1, rows)
-            across = self._columns[:, c0:c1, column : column + columns].transpose(0, 2, 1).reshape(-1, c1 - c0)
-            self._kept = (down, right), along, across
-        return self._kept[1:]
+    def _window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Window:
+        """Factors of a window, which may reach beyond the grid: windows carry a rim of empty cells."""
+        (row, column), grid = origin, self._grid
+        top, left = max(0, -row), max(0, -column)
+        rows, columns = slice(top, max(top, grid.rows - row)), slice(left, max(left, grid.columns - column))
+        row, column = row + top, column + left
+        high, wide = len(range(shape[0])[rows]), len(range(shape[1])[columns])
+        r0, r1 = self._near(row, high, self._array.rows)
+        c0, c1 = self._near(column, wide, self._array.columns)
+        along = self._rows[:, r0 : max(r0, r1), row : row + high].transpose(1, 0, 2).reshape(-1, high)
+        across = self._columns[:, c0 : max(c0, c1), column : column + wide].transpose(0, 2, 1)
+        return _Window(
+            rows, columns, (row, column), r1 - r0, along, across.reshape(-1, max(0, c1 - c0)), np.s_[r0:r1, c0:c1]
+        )
 
     def _of_table(self, table: FloatArray, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
         """The part of a window that lies on the array, through the table: beyond it no texel feels anything."""

@@ -89,6 +89,7 @@ class Held:
             native: True for compiled loops, False for numpy, None for whichever is there.
         """
         self.samples, self._touching, self._laid, self._grid, self._base = samples, touching, laid, grid, base
+        self._apart = choose_kernel(_apart_loops, _apart, native=native)
         self._flat, self._between = flat, choose_kernel(_between_loops, _between, native=native)
         self._carried: list[float] = []
         self._windows: tuple[FloatArray, FloatArray | None] | None = None
@@ -118,7 +119,7 @@ class Held:
                 return _scaled(self.reading, factor)
             if self._windows is None:
                 self._windows = self._on_windows(self._laid.forces)
-            return _scaled(self._shifted(*self._windows, slid), factor)
+            return self._shifted(*self._windows, slid, factor)
         forces = self._laid.forces.copy()
         for lean, change in zip(self._leans, changes, strict=True):
             forces[lean.mine] *= lean.factor(change)
@@ -138,17 +139,15 @@ class Held:
         """
         if self._touching.bodies != now.bodies:
             return None
-        slid, apart, axes = np.zeros(3), 0.0, 2 if self._flat else 3
-        edge = self._grid.edge
+        slid, apart, edge = np.zeros(3), 0.0, self._grid.edge
         for k, (a, b, load) in enumerate(zip(self._touching.standing, now.standing, now.loads, strict=True)):
-            way = b.position - a.position
-            if self._flat and k == 0:
-                slid = way[0].copy()
-            turn = np.add.reduce(np.abs(b.rotation - a.rotation) * a.shape.levers, axis=2)
-            if not load.tilts and turn[:, 2].max() > _STILL * min(edge):
+            first = self._flat and k == 0
+            along, tilted = self._apart(
+                a.rotation, a.position, b.rotation, b.position, a.shape.levers, slid, first, self._flat
+            )
+            if not load.tilts and tilted > _STILL * min(edge):
                 return None
-            way -= slid
-            apart = max(apart, float((np.abs(way) + turn)[:, :axes].max()))
+            apart = max(apart, along)
         x, y, _ = slid.tolist()
         return (x / edge[0], y / edge[1]), apart / min(edge)
 
@@ -210,21 +209,23 @@ class Held:
         first, last = (int(row.min()), int(column.min())), (int(row.max()), int(column.max()))
         return first, (last[0] - first[0] + 1, last[1] - first[1] + 1)
 
-    def _shifted(self, own: FloatArray, spread: FloatArray | None, slid: tuple[float, float]) -> Reading:
-        """The reading of windows of cell forces that have slid."""
+    def _shifted(
+        self, own: FloatArray, spread: FloatArray | None, slid: tuple[float, float], factor: float = 1.0
+    ) -> Reading:
+        """The reading of windows of cell forces times a factor that have slid."""
         whole = (math.floor(slid[1]), math.floor(slid[0]))
         part = (slid[1] - whole[0], slid[0] - whole[1])
         first = self._window[0]
-        moved = self._between(own, _linear(part[0]), _linear(part[1]))
+        moved = self._between(own, _linear(part[0]) * factor, _linear(part[1]))
         contact = self._grid.window_on_texels(moved, (first[0] + whole[0], first[1] + whole[1]))
         texels = None
         if self._base is not None and spread is not None:
             origin = self._laid.origin
             # one cell more on the lower side, see _cubic
             corner = (origin[0] + whole[0] - 1, origin[1] + whole[1] - 1)
-            moved = self._between(spread, _cubic(part[0]), _cubic(part[1]))
+            moved = self._between(spread, _cubic(part[0]) * factor, _cubic(part[1]))
             texels = self._base.of_window(moved, corner)
-        return Reading(contact, texels, float(own.sum()), self._laid.approach)
+        return Reading(contact, texels, factor * float(own.sum()), self._laid.approach)
 
 
 class _Lean:
@@ -284,6 +285,53 @@ def _cubic(part: float) -> FloatArray:
     """Weights on the cells from -1 to 2 that act at a distance as one in between does (Lagrange)."""
     p, q, r = part + 1, part - 1, part - 2
     return np.array([-part * q * r / 6, p * q * r / 2, -p * part * r / 2, p * part * q / 6])
+
+
+def _apart(  # noqa: PLR0917 -- numba kernels take positions
+    rotation: FloatArray,
+    position: FloatArray,
+    now_rotation: FloatArray,
+    now_position: FloatArray,
+    levers: FloatArray,
+    slid: FloatArray,
+    first: bool,
+    flat: bool,
+) -> tuple[float, float]:
+    """How far points of solids have moved at most, but for what all have slid: on a flat array along it; by tilts.
+
+    The first body says how far all have slid, into `slid` (3,).
+    """
+    way = now_position - position
+    if first:
+        slid[:] = way[0]
+    turn = np.add.reduce(np.abs(now_rotation - rotation) * levers, axis=2)
+    return float((np.abs(way - slid) + turn)[:, : 2 if flat else 3].max()), float(turn[:, 2].max())
+
+
+def _apart_loops(  # noqa: PLR0917 -- numba kernels take positions
+    rotation: FloatArray,
+    position: FloatArray,
+    now_rotation: FloatArray,
+    now_position: FloatArray,
+    levers: FloatArray,
+    slid: FloatArray,
+    first: bool,
+    flat: bool,
+) -> tuple[float, float]:
+    """The same as loops, for numba."""
+    most, tilted = 0.0, 0.0
+    for p in range(len(position)):
+        for i in range(3):
+            if first and p == 0:
+                slid[i] = now_position[0, i] - position[0, i]
+            turn = 0.0
+            for k in range(3):
+                turn += abs(now_rotation[p, i, k] - rotation[p, i, k]) * levers[p, 0, k]
+            if i < 2 or not flat:  # noqa: PLR2004 -- height
+                most = max(most, turn + abs(now_position[p, i] - position[p, i] - slid[i]))
+            if i == 2:  # noqa: PLR2004
+                tilted = max(tilted, turn)
+    return most, tilted
 
 
 def _between(window: FloatArray, down: FloatArray, right: FloatArray) -> FloatArray:

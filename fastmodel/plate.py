@@ -21,7 +21,7 @@ from fastmodel.joints import Joints
 from fastmodel.layout import Panel, panels
 from fastmodel.lower_surface import solid
 from fastmodel.native import choose_kernel
-from fastmodel.plate_forces import plate_loops, plate_numpy
+from fastmodel.plate_forces import plate_loops, plate_numpy, poses_loops, poses_numpy
 from fastmodel.pose import Pose, multiply, quaternions, rotate
 from fastmodel.sampling import Load, Samples, Shape, Standing, sample
 from meshes import TexelArray
@@ -164,6 +164,7 @@ class PlateReader:
         self._shapes: dict[int, tuple[IntArray, Shape]] = {}
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
         self._press = choose_kernel(plate_loops, plate_numpy, native=native)
+        self._poses = choose_kernel(poses_loops, poses_numpy, native=native)
 
     def touching(self, data: Any) -> Touching | None:  # noqa: ANN401 -- MjData
         """What presses on the plate now; None where nothing does."""
@@ -173,15 +174,14 @@ class PlateReader:
         axes = data.geom_xmat[self._geom].reshape(3, 3).dot(self._turn)
         origin = data.geom_xpos[self._geom] - axes.dot(self._middle)
         pressing = self._loads(data, axes, origin)
-        if not all(math.isfinite(load.force) for _, load in pressing):
-            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
         if not pressing:
             return None
-        return Touching(
-            bodies=tuple(body for body, _ in pressing),
-            loads=tuple(load for _, load in pressing),
-            standing=tuple(self._stand(data, body, axes, origin) for body, _ in pressing),
-        )
+        for _, load in pressing:
+            if not math.isfinite(load.force):
+                raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
+        bodies, loads = zip(*pressing, strict=True)
+        standing = tuple([self._stand(data, body, axes, origin) for body in bodies])
+        return Touching(bodies=bodies, loads=loads, standing=standing)
 
     def look(self, touching: Touching, reach: Sequence[float]) -> Samples:
         """Look at every body from below.
@@ -214,7 +214,7 @@ class PlateReader:
         )
         pressing = []
         for body, (force, x, y) in zip(bodies[:count].tolist(), sums[:count].tolist(), strict=True):
-            if not force <= 0:
+            if not force <= 0:  # what is no number is told by who asked, moments included
                 tilts = self._joints.tilts(data, body, axes[:, 2])
                 pressing.append((body, Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts)))
         return pressing
@@ -222,10 +222,8 @@ class PlateReader:
     def _stand(self, data: Any, body: int, axes: FloatArray, origin: FloatArray) -> Standing:  # noqa: ANN401
         """A body's solids in the array's frame."""
         geoms, shape = self._shape(body)
-        turned = axes.T.dot(data.geom_xmat[geoms].reshape(-1, 3, 3))
-        return Standing(
-            shape=shape, rotation=turned.swapaxes(0, 1), position=(data.geom_xpos[geoms] - origin).dot(axes)
-        )
+        rotation, position = self._poses(geoms, data.geom_xmat, data.geom_xpos, axes, origin)
+        return Standing(shape=shape, rotation=rotation, position=position)
 
     def _shape(self, body: int) -> tuple[IntArray, Shape]:
         """Geoms of a body that can touch the plate, and their solids."""

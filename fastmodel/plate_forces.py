@@ -4,6 +4,8 @@ Both functions take the same arrays as `box_forces` and further: `pos` (k, 3) of
 geom, `group` (geoms,) the body that each geom moves with, `axes` (3, 3) the array's axes in the world as columns,
 `origin` (3,) its origin [m].  They fill `bodies` (k,) and `sums` (k, 3) with force [N] and force times x and y [Nm] and
 return the number of bodies.
+
+`poses_numpy` and `poses_loops` give the axes (p, 3, 3) and origins (p, 3) of some geoms in the array's frame.
 """
 
 from __future__ import annotations
@@ -111,3 +113,27 @@ def plate_loops(  # noqa: C901, PLR0917 -- one flat loop, as numba likes it
         sums[slot, 1] += pressed * x
         sums[slot, 2] += pressed * y
     return count
+
+
+def poses_numpy(
+    geoms: IntArray, xmat: FloatArray, xpos: FloatArray, axes: FloatArray, origin: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """All geoms at once."""
+    # dot: between products this small, @ costs twice as much
+    turned = axes.T.dot(xmat[geoms].reshape(-1, 3, 3))
+    return turned.swapaxes(0, 1), (xpos[geoms] - origin).dot(axes)
+
+
+def poses_loops(
+    geoms: IntArray, xmat: FloatArray, xpos: FloatArray, axes: FloatArray, origin: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """One geom at a time, for numba."""
+    rotation, position = np.zeros((len(geoms), 3, 3)), np.zeros((len(geoms), 3))
+    for p in range(len(geoms)):
+        g = geoms[p]
+        for i in range(3):
+            for j in range(3):
+                position[p, i] += axes[j, i] * (xpos[g, j] - origin[j])
+                for k in range(3):
+                    rotation[p, i, k] += axes[j, i] * xmat[g, 3 * j + k]
+    return rotation, position
