@@ -18,7 +18,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.contact import ConvergenceError
-from fem_reference.finite_strain import InvertedError, Solid
+from fem_reference.finite_strain import InvertedError, SmallStrainSolid, Solid
 from fem_reference.solve import ConstrainedSystem
 from fem_reference.surface_contact import SurfaceContact, Touch
 from fem_reference.units import Units
@@ -46,7 +46,6 @@ _HALVINGS = 4
 _UPHILL = 0.3
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
-_AUGMENTATIONS = 4
 #: Overlap that counts as none, relative to the depth.
 OVERLAP = 5e-4
 
@@ -89,10 +88,12 @@ class Guess:
     Attributes:
         state: Displacements and mean pressures, shape (n,) [m], [Pa].
         depth: Approach [m].
+        pressure: Contact pressure at the top's points, which then is not worked off the overlap once more [Pa].
     """
 
     state: FloatArray
     depth: float
+    pressure: FloatArray | None = None
 
 
 class PathError(ConvergenceError):
@@ -135,12 +136,14 @@ class Problem:
         contact: The top and the obstacle, in `units`.
         fixed: Held unknowns.
         units: What one stands for in lengths and stresses here; messages are in SI.
+        augmentations: How often at most the overlap that the penalty leaves is worked off at a target [-].
     """
 
-    solid: Solid
+    solid: Solid | SmallStrainSolid
     contact: SurfaceContact
     fixed: npt.NDArray[np.int64]
     units: Units
+    augmentations: int = 4
     _last: list[ConstrainedSystem] = field(default_factory=list, init=False, repr=False)
 
     def follow(
@@ -167,10 +170,12 @@ class Problem:
         out: list[Equilibrium] = []
         for target, guess in zip_longest(targets, guesses):
             reached = None if guess is None else self._from_guess(guess, target, control, out[-1] if out else None)
-            if reached is None:
+            if guess is None or reached is None:
                 start = out[-1] if out else self._first(first, target, control)
-                reached = self._walk(start, target, control, first, progress)
-            out.append(self._tightened(reached, control))
+                reached = self._tightened(self._walk(start, target, control, first, progress), control)
+            elif guess.pressure is None:
+                reached = self._tightened(reached, control)
+            out.append(reached)
             if progress is not None:
                 progress(self._where(out[-1]))
         return out
@@ -182,10 +187,13 @@ class Problem:
         """Straight to the target from a good guess; None where that fails."""
         used = before.iterations if before else 0
         load, depth = (target, guess.depth) if control == "load" else (None, target)
+        if guess.pressure is not None:
+            self.contact.augment(guess.pressure)
         try:
-            return self._newton(guess.state, depth, load, used, tight=_LOOSE)
+            return self._newton(guess.state, depth, load, used, tight=_LOOSE if guess.pressure is None else _TIGHT)
         except _FAILURES as error:
             _LOG.info("guess for %s %.4g failed: %s", control, target, error)
+            self.contact.augment(np.zeros_like(self.contact.weight))
             return None
 
     def _walk(
@@ -242,8 +250,8 @@ class Problem:
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""
-        for _ in range(_AUGMENTATIONS):
-            self.contact.augment(here.touch)
+        for _ in range(self.augmentations):
+            self.contact.augment(here.touch.pressure)
             load = here.load if control == "load" else None
             try:
                 here = self._newton(here.state, here.depth, load, here.iterations, tight=_TIGHT)

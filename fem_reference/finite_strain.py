@@ -86,6 +86,12 @@ class Solid:
         residual += np.bincount(rows.ravel(), volumes.ravel(), minlength=len(state))
         return residual, self.pattern.assemble(stiff, couple, squeeze)
 
+    @property
+    def at_rest(self) -> SmallStrainSolid:
+        """The same solid where strain is small."""
+        nothing = np.zeros(self.elements.displacements + self.elements.pressures)
+        return SmallStrainSolid(elements=self.elements, stiffness=self.linearise(nothing)[1])
+
     def energy(self, state: FloatArray) -> float:
         """Total stored energy with the pressure as a Lagrange multiplier [J]."""
         whole = slice(None)
@@ -123,6 +129,23 @@ class Solid:
             found = self.energies[int(index)].isochoric(F[mine], of_mine)
             energy[mine], stress[mine], tangent[mine] = found.energy, found.stress, found.tangent
         return Response(energy=energy, stress=stress, tangent=tangent)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SmallStrainSolid:
+    """Elements of linear elasticity: one stiffness for every state.
+
+    Attributes:
+        elements: Prepared elements.
+        stiffness: The symmetric matrix.
+    """
+
+    elements: MixedElements
+    stiffness: sp.csr_matrix
+
+    def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
+        """Residual and tangent, as `Solid.linearise`."""
+        return np.asarray(self.stiffness @ state), self.stiffness
 
 
 class InvertedError(ArithmeticError):

@@ -8,14 +8,14 @@ finite everywhere.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from fem_reference.relief import Relief
-from meshes import Box, Indenter
+from meshes import Indenter
 from meshes.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
@@ -56,10 +56,15 @@ class Obstacle:
     unit: float = 1.0
     steepness: float = 1.0
 
+    def with_steepness(self, steepness: float) -> Obstacle:
+        """The same shape with that factor on all heights [-]."""
+        return replace(self, steepness=steepness)
+
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape [m]."""
         if isinstance(self.indenter, Flat):
-            return self.steepness * _rounded_edge(self._beyond_flat(self.indenter, x, y), self.fillet)
+            beyond = self.indenter.beyond(self.fillet * self.unit, x * self.unit, y * self.unit) / self.unit
+            return self.steepness * _rounded_edge(beyond, self.fillet)
         return self.steepness * (self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y))
 
     def at(self, x: FloatArray, y: FloatArray) -> Height:
@@ -86,13 +91,6 @@ class Obstacle:
     def _footprint(self) -> FloatArray:
         return np.array(self.indenter.footprint) / self.unit
 
-    def _beyond_flat(self, shape: Flat, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside the part of the face that stays flat; at a box's corners the rounding is a ball [m]."""
-        if isinstance(shape, Box):
-            dx, dy = (np.abs(v) - h + self.fillet for v, h in zip((x, y), self._footprint, strict=True))
-            return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
-        return np.asarray(np.maximum(self.fillet - shape.inside(x * self.unit, y * self.unit) / self.unit, 0.0))
-
     @cached_property
     def _relief(self) -> Relief:
         return Relief(self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit)
@@ -113,6 +111,13 @@ _RIM = float(np.sin(np.arctan(STEEPEST)))
 
 
 def _rounded_edge(beyond: FloatArray, radius: float) -> FloatArray:
-    """Height of a face with a rounded edge, from the distance outside its flat part."""
-    arc = np.minimum(beyond, radius * _RIM)
-    return np.asarray(radius - np.sqrt(radius**2 - arc**2) + STEEPEST * np.maximum(beyond - radius * _RIM, 0))
+    """Height of a face with a rounded edge, from the distance outside its flat part.
+
+    The curvature grows from zero to 1 / radius over half a radius and stays there: where it jumps, points that come to
+    lie on one side and the other make Newton's method cycle.
+    """
+    ramp = radius / 2
+    steep = ramp / 2 + STEEPEST * radius
+    arc = np.clip(beyond, ramp, steep) - ramp
+    bend = np.minimum(beyond, ramp) ** 3 / (6 * radius * ramp)
+    return np.asarray(bend + (ramp * arc + arc**2) / (2 * radius) + STEEPEST * np.maximum(beyond - steep, 0))

@@ -140,7 +140,7 @@ def press_path(
     _refuse_beside(cover, place.pose)
     _check_friction(friction)
     started = time.perf_counter()
-    linear = _small(cover) and not friction
+    linear = cover.small_strain_only and not friction
     solver = press_linear if linear else press_finite if cover.size is None else press_bounded
     found: Sequence[Sequence[Level]]
     if linear:
@@ -169,7 +169,7 @@ def press_path(
 def _assumptions(cover: Cover, friction: float) -> dict[str, str]:
     """What every result says of itself."""
     return {
-        "strain": "small" if _small(cover) else "finite",
+        "strain": "small" if cover.small_strain_only else "finite",
         "friction": _friction(friction),
         "base": cover.base,
         **_sides(cover),
@@ -179,13 +179,9 @@ def _assumptions(cover: Cover, friction: float) -> dict[str, str]:
 def _range(cover: Cover, depth: float) -> dict[str, str]:
     """What a result says that is indented deeper than small strain is meant for."""
     share = depth / cover.thickness
-    if not _small(cover) or share <= _SMALL_STRAIN:
+    if not cover.small_strain_only or share <= _SMALL_STRAIN:
         return {}
     return {"range": f"indented to {share:.0%} of the thickness: more than small strain is meant for"}
-
-
-def _small(cover: Cover) -> bool:
-    return all(layer.material.small_strain_only for layer in cover.layers)
 
 
 def _indentation(

@@ -24,6 +24,8 @@ FloatArray = npt.NDArray[np.float64]
 #: Pressure per overlap, in shear moduli per element size.  It must outweigh what the contact pressure itself takes from
 #: the stiffness of an element; below about 30 surfaces under high pressure wrinkle.
 PENALTY = 300.0
+#: Elements over the radius of a rounded edge [-].
+_FINE = 0.46
 #: A node this close to a boundary lies on it, in thicknesses [-].
 _TOUCH = 1e-9
 
@@ -88,7 +90,7 @@ def press_axisymmetric(
     growth = 1 + 1.2 / elements_per_thickness
     top = size
     if isinstance(indenter, Flat):
-        top = fillet * 6 / elements_per_thickness
+        top = _FINE * fillet
         radii = toward_edge(top, size, radius, reach, growth)
     else:
         radii = graded(size, 1.25 * radius, reach, growth)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -18,10 +19,10 @@ import numpy.typing as npt
 from fem_reference import press_finite, press_linear, store
 from fem_reference.contact import is_flat
 from fem_reference.level import Level, shared_out
+from fem_reference.loading_path import LoadingPath, with_grid
 from fem_reference.obstacle import Height, Obstacle
 from fem_reference.pose import Place, Pose
-from fem_reference.press_finite import LoadingPath
-from fem_reference.press_solid import Block, follow_block
+from fem_reference.press_solid import Block, press_pair
 from fem_reference.side_edges import mirrored
 from fem_reference.tensor import Line, line_matrix
 from fem_reference.units import Units
@@ -88,6 +89,10 @@ class PosedObstacle:
     obstacle: Obstacle
     pose: Pose
 
+    def with_steepness(self, steepness: float) -> PosedObstacle:
+        """The same with that factor on all heights [-]."""
+        return replace(self, obstacle=self.obstacle.with_steepness(steepness))
+
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape."""
         return self.obstacle.height(*self.pose.local(x, y))
@@ -126,7 +131,7 @@ def levels(
         )
     path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
     known = [press_linear.levels(cover, indenter, [t], control, progress, place=place)[0] for t in targets]
-    return press_finite.corrected(path, known, lambda each: _on_grids(each, place, progress))
+    return press_finite.corrected(path, known, partial(_both, place=place, progress=progress))
 
 
 def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for all solvers
@@ -153,47 +158,49 @@ def _fillet(cover: Cover, indenter: Indenter) -> float:
     return min(cover.thickness, *indenter.footprint) / 5
 
 
-def _on_grids(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> list[list[Level]]:
+def _both(
+    path: LoadingPath, approaches: Sequence[float], place: Place, progress: Callable[[str], None] | None
+) -> press_finite.Twice:
     inputs = {"path": path, "grids": GRIDS, "pose": place.pose}
-    data = store.fetch("bounded-press", inputs, lambda: _solve(path, place, progress))
-    return [[_level(data, path, place.pose, n, i) for n in GRIDS] for i in range(len(path.targets))]
+    data = store.fetch("bounded-press", inputs, lambda: _solve(path, approaches, place, progress))
+    rest, deep = (
+        [[_level(data, each, place.pose, f"{name}_{n}_{i}") for n in GRIDS] for i in range(len(path.targets))]
+        for name, each in (("rest", path.at_rest), ("deep", path))
+    )
+    return rest, deep
 
 
-def _solve(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> dict[str, Any]:
+def _solve(
+    path: LoadingPath, approaches: Sequence[float], place: Place, progress: Callable[[str], None] | None
+) -> dict[str, Any]:
     last = path.targets[-1]
     known = press_linear.levels(path.cover, path.indenter, [last], path.control, progress, place=place)
     out: dict[str, Any] = {}
-    coarse = None
+    pair = None
     for n in GRIDS:
         block = _block(path, place.pose, known[0][0].surface, elements=n)
-        states, coarse = follow_block(
-            path.cover,
-            block,
-            path.scaled,
-            control=path.control,
-            elements_per_thickness=n,
-            steepness=path.steepness,
-            friction=path.friction,
-            coarse=coarse,
-            progress=None if progress is None else press_finite.with_grid(progress, n),
+        rest, deep, pair = press_pair(
+            path, block, approaches, elements_per_thickness=n, before=pair, progress=with_grid(progress, n)
         )
-        for i, state in enumerate(states):
-            x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
-            out |= {f"x_{n}_{i}": x, f"y_{n}_{i}": y, f"pressure_{n}_{i}": pressure}
-            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area])
+        for name, states in (("rest", rest), ("deep", deep)):
+            for i, state in enumerate(states):
+                here = f"{name}_{n}_{i}"
+                x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
+                out |= {f"x_{here}": x, f"y_{here}": y, f"pressure_{here}": pressure}
+                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area])
     return out
 
 
-def _level(data: dict[str, Any], path: LoadingPath, pose: Pose, n: int, i: int) -> Level:
-    load, depth, area = (float(value) for value in data[f"scalars_{n}_{i}"])
+def _level(data: dict[str, Any], path: LoadingPath, pose: Pose, here: str) -> Level:
+    load, depth, area = (float(value) for value in data[f"scalars_{here}"])
     return BoundedLevel(
         total_force=load / path.steepness,
         depth=depth / path.steepness,
         area=area,
         pose=pose,
-        x=data[f"x_{n}_{i}"],
-        y=data[f"y_{n}_{i}"],
-        pressure=data[f"pressure_{n}_{i}"] / path.steepness,
+        x=data[f"x_{here}"],
+        y=data[f"y_{here}"],
+        pressure=data[f"pressure_{here}"] / path.steepness,
         half=path.indenter.footprint,
     )
 
@@ -212,12 +219,12 @@ def _block(path: LoadingPath, pose: Pose, surface: FloatArray, *, elements: int)
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
     along = pose.square and not indenter.axisymmetric
     # an edge that runs across the mesh cannot be followed by it: its rounding spans a whole element
-    fillet = _fillet(cover, indenter) / unit * (1 if along or not flat else 2)
+    fillet = press_finite.on_grid(_fillet(cover, indenter), elements, GRIDS) / unit * (1 if along or not flat else 2)
     size = min(1.0, float((high - low).min())) / elements
-    fine = 2.4 * fillet / elements if flat and along else 0.5 * size
+    fine = 0.6 * fillet if flat and along else 0.5 * size
     even = mirrored(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=even[axis]) for axis in (0, 1)]
-    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=path.steepness)
+    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit)
     posed = PosedObstacle(obstacle=obstacle, pose=replace(pose, at=(pose.at[0] / unit, pose.at[1] / unit)))
     return Block(sides=sides, mirrored=even, size=size, obstacle=posed, free=True)
 

@@ -14,11 +14,13 @@ from scipy.interpolate import RectBivariateSpline
 from fem_reference import press_linear, store
 from fem_reference.contact import is_flat
 from fem_reference.level import CorrectedLevel, ExtrapolatedLevel, Level, shared_out
+from fem_reference.loading_path import LoadingPath, with_grid
 from fem_reference.point_spread import PointSpread, closed, decay_length
 from fem_reference.pose import Pose
 from fem_reference.press_axisymmetric import press_axisymmetric
-from fem_reference.press_solid import press_solid
+from fem_reference.press_solid import lay_out, press_pair
 from meshes import Cover, Indenter, TexelArray
+from meshes.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -99,39 +101,6 @@ class PlaneLevel:
 _POINTS = 16
 
 
-@dataclass(frozen=True, kw_only=True)
-class LoadingPath:
-    """One path of loads or depths.
-
-    Attributes:
-        cover: The cover; a small-strain material counts as neo-Hookean with the same moduli.
-        indenter: The shape.
-        targets: Loads [N] or depths [m], ascending.
-        control: Which of the two.
-        friction: Coefficient of Coulomb's law, inf for no slip [-].
-        steepness: Factor on targets and on the indenter's heights; far below one there is no strain to speak of and the
-            answer, divided by it again, is that of small strain [-].
-    """
-
-    cover: Cover
-    indenter: Indenter
-    targets: tuple[float, ...]
-    control: Literal["load", "depth"]
-    friction: float = 0.0
-    steepness: float = 1.0
-
-    @property
-    def scaled(self) -> list[float]:
-        """What the solver is asked for [N] or [m]."""
-        return [self.steepness * target for target in self.targets]
-
-    @property
-    def at_its_strain(self) -> LoadingPath:
-        """The path at the strain that the materials ask for: small where all of them are small-strain models."""
-        small = all(layer.material.small_strain_only for layer in self.cover.layers)
-        return replace(self, steepness=_REST if small else 1.0)
-
-
 def levels(
     cover: Cover,
     indenter: Indenter,
@@ -148,28 +117,36 @@ def levels(
     """
     path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
     if not _corrected(indenter):
-        return _on_grids(path.at_its_strain, progress)
+        return _around_axis(path.at_its_strain, progress)
     known = [press_linear.levels(cover, indenter, [target], control, progress)[0] for target in targets]
-    return corrected(path, known, lambda each: _on_grids(each, progress))
+    return corrected(path, known, partial(_both, progress=progress))
+
+
+#: A path on three grids, twice: without friction at small strain, and as asked for; a list of grids for every target.
+Twice = tuple[list[list[Level]], list[list[Level]]]
 
 
 def corrected(
-    path: LoadingPath, known: Sequence[Sequence[Level]], solve: Callable[[LoadingPath], list[list[Level]]]
+    path: LoadingPath,
+    known: Sequence[Sequence[Level]],
+    solve: Callable[[LoadingPath, Sequence[float]], Twice],
 ) -> list[list[Level]]:
     """The path as corrections of the frictionless small-strain answer.
 
     Args:
         path: What was asked for.
         known: Small-strain grids of every target.
-        solve: The path on three coarse grids.
+        solve: The path twice on three coarse grids, from the path and its small-strain depths [m].
     """
     flat = is_flat(path.indenter)
     wanted = list(path.targets)
     if flat and not path.friction:
         wanted = _resolved(wanted, [grids[-1].depth / (_SHALLOW * path.cover.thickness) for grids in known])
-    stops = sorted(set(wanted))
-    stopping = replace(path, targets=tuple(stops))
-    deep, rest = solve(stopping.at_its_strain), solve(replace(stopping, friction=0.0, steepness=_REST))
+    depth = {
+        stop: grids[-1].depth * stop / target for target, stop, grids in zip(path.targets, wanted, known, strict=True)
+    }
+    stops = sorted(depth)
+    rest, deep = solve(replace(path, targets=tuple(stops)).at_its_strain, [depth[stop] for stop in stops])
     out: list[list[Level]] = []
     for target, stop, grids in zip(path.targets, wanted, known, strict=True):
         at = stops.index(stop)
@@ -196,17 +173,19 @@ def _resolved(targets: Sequence[float], relative: Sequence[float]) -> list[float
 
 #: Depth over thickness from which finite strain is told from the noise of a grid under a flat face [-].
 _SHALLOW = 0.04
-#: Factor on heights and targets that leaves no strain to speak of [-].
-_REST = 1e-3
 
 
-def _on_grids(path: LoadingPath, progress: Callable[[str], None] | None) -> list[list[Level]]:
-    around = path.indenter.axisymmetric
-    grids = GRIDS if around else SOLID_GRIDS
-    inputs = {"path": path, "grids": grids, "fillet": fillet(path.cover, path.indenter)}
-    solve, read = (_around_axis, _radial) if around else (_in_space, _plane)
-    data = store.fetch("finite-press", inputs, lambda: solve(path, progress))
-    return [[read(data, path, n, i) for n in grids] for i in range(len(path.targets))]
+def _both(path: LoadingPath, approaches: Sequence[float], progress: Callable[[str], None] | None) -> Twice:
+    """The path twice: around the axis one after the other, in space together."""
+    if path.indenter.axisymmetric:
+        return _around_axis(path.at_rest, progress), _around_axis(path, progress)
+    inputs = {"path": path, "grids": SOLID_GRIDS, "fillet": fillet(path.cover, path.indenter)}
+    data = store.fetch("finite-press", inputs, lambda: _in_space(path, approaches, progress))
+    rest, deep = (
+        [[_plane(data, each, name, n, i) for n in SOLID_GRIDS] for i in range(len(path.targets))]
+        for name, each in (("rest", path.at_rest), ("deep", path))
+    )
+    return rest, deep
 
 
 def sizes(indenter: Indenter) -> list[float]:
@@ -236,11 +215,32 @@ def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
 
 
 def fillet(cover: Cover, indenter: Indenter) -> float:
-    """Radius of the rounding of sharp edges, as small as the mesh around it can resolve [m]."""
-    return min(cover.thickness, *indenter.footprint) / (20 if indenter.axisymmetric else 5)
+    """Radius of the rounding of sharp edges on the finest grid, as small as the mesh around it can resolve [m]."""
+    if indenter.axisymmetric:
+        return min(cover.thickness, *indenter.footprint) / 20
+    within = min(indenter.footprint)
+    if isinstance(indenter, Flat):
+        x, y = (np.linspace(-half, half, _SAMPLES) for half in indenter.footprint)
+        within = min(within, 2 * float(indenter.inside(*np.meshgrid(x, y)).max()))
+    return min(cover.thickness, within) / 5
 
 
-def _around_axis(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[str, Any]:
+#: Places along each side at which a face is asked how far inside they lie.
+_SAMPLES = 81
+
+
+def on_grid(fillet: float, n: int, grids: Sequence[int]) -> float:
+    """The rounding on a grid: as much coarser as the grid, so that the spread of the grids tells what it does [m]."""
+    return fillet * grids[-1] / n
+
+
+def _around_axis(path: LoadingPath, progress: Callable[[str], None] | None) -> list[list[Level]]:
+    inputs = {"path": path, "grids": GRIDS, "fillet": fillet(path.cover, path.indenter)}
+    data = store.fetch("finite-press", inputs, lambda: _solved_around_axis(path, progress))
+    return [[_radial(data, path, n, i) for n in GRIDS] for i in range(len(path.targets))]
+
+
+def _solved_around_axis(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[str, Any]:
     cover, indenter = path.cover, path.indenter
     radius = _contact_radius(cover, indenter, path.targets[-1], path.control)
     reach = 12 * decay_length(cover) + 1.5 * radius
@@ -254,42 +254,40 @@ def _around_axis(path: LoadingPath, progress: Callable[[str], None] | None) -> d
             control=path.control,
             elements_per_thickness=n,
             contact_radius=radius,
-            fillet=fillet(cover, indenter),
+            fillet=on_grid(fillet(cover, indenter), n, GRIDS),
             reach=reach,
             steepness=path.steepness,
             friction=path.friction,
             coarse=coarse,
-            progress=None if progress is None else with_grid(progress, n),
+            progress=with_grid(progress, n),
         )
         for i, state in enumerate(states):
             for name, values in closed(state.base, reach).items():
                 out[f"{name}_{n}_{i}"] = values
-            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
+            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area])
     return out
 
 
-def _in_space(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[str, Any]:
+def _in_space(path: LoadingPath, approaches: Sequence[float], progress: Callable[[str], None] | None) -> dict[str, Any]:
     cover, indenter = path.cover, path.indenter
     out: dict[str, Any] = {}
-    coarse = None
+    pair = None
     for n in SOLID_GRIDS:
-        states, coarse = press_solid(
-            cover,
-            indenter,
-            path.scaled,
-            control=path.control,
+        block = lay_out(
+            path,
             elements_per_thickness=n,
             contact_half=_contact_half(cover, indenter, path.targets[-1], path.control),
-            fillet=fillet(cover, indenter),
+            fillet=on_grid(fillet(cover, indenter), n, SOLID_GRIDS),
             reach=7 * decay_length(cover),
-            steepness=path.steepness,
-            friction=path.friction,
-            coarse=coarse,
-            progress=None if progress is None else with_grid(progress, n),
         )
-        for i, state in enumerate(states):
-            out |= {f"x_{n}_{i}": state.x, f"y_{n}_{i}": state.y, f"pressure_{n}_{i}": state.pressure}
-            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap])
+        rest, deep, pair = press_pair(
+            path, block, approaches, elements_per_thickness=n, before=pair, progress=with_grid(progress, n)
+        )
+        for name, states in (("rest", rest), ("deep", deep)):
+            for i, state in enumerate(states):
+                here = f"{name}_{n}_{i}"
+                out |= {f"x_{here}": state.x, f"y_{here}": state.y, f"pressure_{here}": state.pressure}
+                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area])
     return out
 
 
@@ -303,11 +301,6 @@ def _contact_half(
     return (float(np.abs(surface[:, 0]).max()), float(np.abs(surface[:, 1]).max()))
 
 
-def with_grid(progress: Callable[[str], None], n: int) -> Callable[[str], None]:
-    """`progress` with the grid named first."""
-    return lambda text: progress(f"{n} elements through the cover: {text}")
-
-
 def _contact_radius(cover: Cover, indenter: Indenter, target: float, control: Literal["load", "depth"]) -> float:
     """Contact radius of the small-strain solution, which a mesh is laid out for [m]."""
     if is_flat(indenter):
@@ -317,7 +310,7 @@ def _contact_radius(cover: Cover, indenter: Indenter, target: float, control: Li
 
 
 def _radial(data: dict[str, Any], path: LoadingPath, n: int, i: int) -> Level:
-    load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
+    load, depth, area = (float(value) for value in data[f"scalars_{n}_{i}"])
     spread = PointSpread(
         radius=data[f"radius_{n}_{i}"],
         pressure_per_force=data[f"pressure_{n}_{i}"] / load,
@@ -327,14 +320,15 @@ def _radial(data: dict[str, Any], path: LoadingPath, n: int, i: int) -> Level:
     return RadialLevel(total_force=load / path.steepness, depth=depth / path.steepness, area=area, spread=spread)
 
 
-def _plane(data: dict[str, Any], path: LoadingPath, n: int, i: int) -> Level:
-    load, depth, area, _ = (float(value) for value in data[f"scalars_{n}_{i}"])
+def _plane(data: dict[str, Any], path: LoadingPath, name: str, n: int, i: int) -> Level:
+    here = f"{name}_{n}_{i}"
+    load, depth, area = (float(value) for value in data[f"scalars_{here}"])
     return PlaneLevel(
         total_force=load / path.steepness,
         depth=depth / path.steepness,
         area=area,
         half=path.indenter.footprint,
-        x=data[f"x_{n}_{i}"],
-        y=data[f"y_{n}_{i}"],
-        pressure=data[f"pressure_{n}_{i}"] / path.steepness,
+        x=data[f"x_{here}"],
+        y=data[f"y_{here}"],
+        pressure=data[f"pressure_{here}"] / path.steepness,
     )

@@ -7,7 +7,8 @@ mirrors in x or in y is solved on the half or the quarter that is enough, withou
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,12 +17,13 @@ import skfem
 
 from fem_reference.axisymmetric import edge_shape, layer_heights
 from fem_reference.elements import MixedElements, mixed_elements
-from fem_reference.equilibrium import Equilibrium, Problem
-from fem_reference.finite_strain import Solid
+from fem_reference.equilibrium import Equilibrium, Guess, Problem
+from fem_reference.finite_strain import SmallStrainSolid, Solid
+from fem_reference.loading_path import LoadingPath
 from fem_reference.obstacle import Obstacle
 from fem_reference.press_axisymmetric import PENALTY
 from fem_reference.surface_contact import Rigid, SurfaceContact
-from fem_reference.transfer import Coarse
+from fem_reference.transfer import transferred
 from fem_reference.units import Units
 from meshes import Cover, Indenter
 from meshes.indenter import Flat
@@ -58,6 +60,13 @@ class SolidState:
     forces: FloatArray
 
 
+class Steepened(Protocol):
+    """What comes down on a block, and can do so with all its heights scaled."""
+
+    def with_steepness(self, steepness: float) -> Rigid:
+        """The same with that factor on its heights [-]."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
     """The part of a cover that is meshed, lengths in thicknesses.
@@ -73,135 +82,221 @@ class Block:
     sides: list[FloatArray]
     mirrored: tuple[bool, bool]
     size: float
-    obstacle: Rigid
+    obstacle: Steepened
     free: bool = False
+
+    @property
+    def multiple(self) -> float:
+        """Whole force over the force on the meshed part [-]."""
+        return float((1 + self.mirrored[0]) * (1 + self.mirrored[1]))
 
 
 def mirrors(indenter: Indenter) -> tuple[bool, bool]:
     """Whether the shape is its own mirror image in the planes x = 0 and y = 0."""
     half = indenter.footprint
     x, y = np.meshgrid(np.linspace(-half[0], half[0], 61), np.linspace(-half[1], half[1], 61))
-    gap = np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
+    # a face's gap jumps on its outline, where rounding tells what is inside; the distance from it does not
+    gap = indenter.inside(x, y) if isinstance(indenter, Flat) else np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
     scale = 1e-9 + 1e-6 * max(half)
     return bool(np.abs(gap - gap[:, ::-1]).max() < scale), bool(np.abs(gap - gap[::-1]).max() < scale)
 
 
-def press_solid(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
-    *,
-    control: str,
-    elements_per_thickness: int,
-    contact_half: tuple[float, float],
-    fillet: float,
-    reach: float,
-    steepness: float = 1.0,
-    friction: float = 0.0,
-    coarse: Coarse | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[SolidState], Coarse]:
-    """Follow one loading path; return the state at every target, and the path for a finer mesh to start from.
+def lay_out(
+    path: LoadingPath, *, elements_per_thickness: int, contact_half: tuple[float, float], fillet: float, reach: float
+) -> Block:
+    """The block under a shape on a wide cover.
 
     Args:
-        cover: Layers; a small-strain material counts as neo-Hookean with the same moduli.
-        indenter: Any shape with a gap.
-        targets: Loads [N] or depths [m], ascending.
-        control: "load" or "depth".
+        path: What is pressed.
         elements_per_thickness: Elements through the cover [-].
         contact_half: Half widths of the largest contact; the mesh is fine up to them [m].
         fillet: Radius of the rounding of sharp edges [m].
         reach: Distance from the contact to the outer boundary [m].
-        steepness: Factor on the indenter's heights, see `Obstacle` [-].
-        friction: Coefficient of Coulomb's law, inf for no slip; such a path is walked in small steps [-].
-        coarse: The same path on a coarser mesh, to start from.
+    """
+    mirrored = mirrors(path.indenter)
+    unit = Units.of(path.cover).length
+    fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
+    size = min(1.0, 2 * min(halves)) / elements_per_thickness
+    fine = _FINE * fillet if isinstance(path.indenter, Flat) else 0.5 * size
+    most = 1.2 * size
+    if isinstance(path.indenter, Flat) and not _rectangular(path.indenter, path.indenter.footprint):
+        fine = most = min(size, _EVEN * fillet)
+    return Block(
+        sides=[_side(half, (fine, most), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)],
+        mirrored=mirrored,
+        size=size,
+        obstacle=Obstacle(indenter=path.indenter, fillet=fillet, unit=unit),
+    )
+
+
+#: Elements over the radius of a rounded edge, across the edge where it lies on the mesh's lines and where it may be
+#: anywhere [-].
+_FINE, _EVEN = 0.6, 1.3
+
+
+def _rectangular(shape: Flat, footprint: tuple[float, float]) -> bool:
+    """Whether a face fills the rectangle around it, so that its outline lies on the lines of a mesh."""
+    half = np.array(footprint)
+    corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
+    filled = abs(float(shape.inside(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_LINE * half.min()
+    return filled and bool((np.abs(shape.inside(*corners.T)) < _ON_LINE * half.min()).all())
+
+
+#: Distance over the half width that counts as none [-].
+_ON_LINE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pair:
+    """One loading path twice on one grid.
+
+    Attributes:
+        elements: The grid.
+        rest: The targets without friction at small strain.
+        deep: The targets as asked for.
+        ratio: Steepness of the second over that of the first [-].
+    """
+
+    elements: MixedElements
+    rest: list[Equilibrium]
+    deep: list[Equilibrium]
+    ratio: float
+
+    def changes(self, target: MixedElements) -> list[Guess]:
+        """What the second adds to the first, scaled alike, on another grid."""
+        pairs = zip(self.rest, self.deep, strict=True)
+        return [
+            Guess(
+                state=transferred(self.elements, target, deep.state - self.ratio * rest.state),
+                depth=deep.depth - self.ratio * rest.depth,
+            )
+            for rest, deep in pairs
+        ]
+
+
+def press_pair(
+    path: LoadingPath,
+    block: Block,
+    approaches: Sequence[float],
+    *,
+    elements_per_thickness: int,
+    before: Pair | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[list[SolidState], list[SolidState], Pair]:
+    """Follow one loading path on one grid, and the same path without friction at small strain.
+
+    The small-strain path starts at each target from the depth that is known, the other from the small-strain solution
+    and what a coarser grid added to it; steps are walked only where that fails, or where friction asks for them.
+
+    Args:
+        path: What is pressed how far.
+        block: What is meshed.
+        approaches: Small-strain depth at each target [m].
+        elements_per_thickness: Elements through the cover [-].
+        before: The pair on a coarser grid.
         progress: Called with a line of text after each step.
+
+    Returns:
+        The states at small strain, those asked for, and the pair for a finer grid to start from.
 
     Raises:
         PathError: If the path stops early.
     """
-    mirrored = mirrors(indenter)
-    unit = Units.of(cover).length
-    fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
-    size = min(1.0, 2 * min(halves)) / elements_per_thickness
-    fine = 2.4 * fillet / elements_per_thickness if isinstance(indenter, Flat) else 0.5 * size
-    block = Block(
-        sides=[_side(half, (fine, size), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)],
-        mirrored=mirrored,
-        size=size,
-        obstacle=Obstacle(indenter=indenter, fillet=fillet, unit=unit, steepness=steepness),
-    )
-    return follow_block(
-        cover,
+    units = Units.of(path.cover)
+    elements = _meshed(block, units.thin(path.cover), elements_per_thickness)
+    solid = Solid.of_cover(elements, path.cover, units)
+    at_rest, ratio = path.at_rest, path.steepness / path.at_rest.steepness
+    undeformed = np.zeros(elements.displacements + elements.pressures)
+    guesses = [Guess(state=undeformed, depth=at_rest.steepness * depth / units.length) for depth in approaches]
+    # What overlap does is the same in both and drops out of the difference.
+    often = 4 if path.friction else 1
+    linear = solid.at_rest
+    rest = _followed(at_rest, block, linear, guesses=guesses, augmentations=often, progress=progress)
+    scaled = [
+        Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure) for each in rest
+    ]
+    changes = [Guess(state=undeformed, depth=0.0)] * len(scaled) if before is None else before.changes(elements)
+    obstacle = block.obstacle.with_steepness(path.steepness)
+    guesses = [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
+    small = path.steepness == at_rest.steepness
+    deep = _followed(
+        path,
         block,
-        targets,
-        control=control,
-        elements_per_thickness=elements_per_thickness,
-        steepness=steepness,
-        friction=friction,
-        coarse=coarse,
+        linear if small else solid,
+        guesses=() if path.friction else guesses,
+        augmentations=often,
         progress=progress,
     )
+    states = [[_state(elements, units, each, block) for each in reached] for reached in (rest, deep)]
+    return states[0], states[1], Pair(elements=elements, rest=rest, deep=deep, ratio=ratio)
 
 
-def follow_block(
-    cover: Cover,
-    block: Block,
-    targets: Sequence[float],
-    *,
-    control: str,
-    elements_per_thickness: int,
-    steepness: float = 1.0,
-    friction: float = 0.0,
-    coarse: Coarse | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[SolidState], Coarse]:
-    """`press_solid` on a block that is laid out already.
+def _changed(still: Guess, change: Guess, elements: MixedElements, obstacle: Rigid) -> Guess:
+    """A change added to a solution whose points touched the obstacle where they were before they moved sideways.
 
-    Args:
-        cover: As for `press_solid`.
-        block: What is meshed.
-        targets: As for `press_solid`.
-        control: As for `press_solid`.
-        elements_per_thickness: As for `press_solid` [-].
-        steepness: As for `press_solid` [-].
-        friction: As for `press_solid` [-].
-        coarse: As for `press_solid`.
-        progress: As for `press_solid`.
-
-    Raises:
-        PathError: As for `press_solid`.
+    Points that touched lie on it again where they have moved to: under a penalty a false overlap is a large force.
     """
-    units = Units.of(cover)
-    thin = units.thin(cover)
-    counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in thin.layers]
-    heights, region = layer_heights(thin, counts, top=block.size)
+    state, depth = still.state + change.state, still.depth + change.depth
+    top = np.flatnonzero(elements.nodes[:, 2] > 1 - _ON_LINE)
+    x, y, _ = elements.nodes[top].T
+    gap = obstacle.at(x, y).value - still.depth - still.state[3 * top + 2]
+    there = gap < _SHUT * still.depth
+    top, gap = top[there], gap[there]
+    moved = elements.nodes[top, :2] + np.column_stack([state[3 * top], state[3 * top + 1]])
+    state[3 * top + 2] = obstacle.at(*moved.T).value - depth - gap
+    return replace(still, state=state, depth=depth)
+
+
+#: Gap over the depth that counts as none [-].
+_SHUT = 0.01
+
+
+def _meshed(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
+    """The block's elements, each in the region of its layer; lengths in thicknesses."""
+    counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
+    heights, region = layer_heights(cover, counts, top=block.size)
     mesh = skfem.MeshHex.init_tensor(*block.sides, heights)
     row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
-    elements = mixed_elements(mesh, region=region[row])
-    multiple = float((1 + block.mirrored[0]) * (1 + block.mirrored[1]))
-    problem = Problem(
-        solid=Solid.of_cover(elements, cover, units),
-        contact=SurfaceContact(
-            elements, 1.0, block.obstacle, penalty=PENALTY / block.size, multiple=multiple, friction=friction
-        ),
-        fixed=_held(thin, elements, block),
-        units=units,
+    return mixed_elements(mesh, region=region[row])
+
+
+def _followed(
+    path: LoadingPath,
+    block: Block,
+    solid: Solid | SmallStrainSolid,
+    *,
+    guesses: Sequence[Guess],
+    augmentations: int,
+    progress: Callable[[str], None] | None,
+) -> list[Equilibrium]:
+    """The path's targets on a solid that is prepared."""
+    units = Units.of(path.cover)
+    contact = SurfaceContact(
+        solid.elements,
+        1.0,
+        block.obstacle.with_steepness(path.steepness),
+        penalty=PENALTY / block.size,
+        multiple=block.multiple,
+        friction=path.friction,
     )
-    aims = [units.target(value, control) for value in targets]
-    guesses = () if coarse is None or friction else coarse.guesses(elements)
-    path = problem.follow(aims, control=control, first=0.02 * steepness, guesses=guesses, progress=progress)
-    states = [_state(elements, units, reached, block.mirrored, multiple) for reached in path]
-    return states, Coarse(elements=elements, path=path)
+    problem = Problem(
+        solid=solid,
+        contact=contact,
+        fixed=_held(units.thin(path.cover), solid.elements, block),
+        units=units,
+        augmentations=augmentations,
+    )
+    aims = [units.target(value, path.control) for value in path.scaled]
+    return problem.follow(aims, control=path.control, first=0.02 * path.steepness, guesses=guesses, progress=progress)
 
 
 def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
-    """Nodes along one side: coarser in the middle of the contact, fine at its edge, growing outside [m]."""
-    fine, coarse = steps
+    """Nodes along one side: up to `most` apart in the middle of the contact, fine at its edge, growing outside [m]."""
+    fine, most = steps
     inner, step = [half], fine
     while inner[-1] > 0.6 * step:
         inner.append(inner[-1] - step)
-        step = min(step * 1.5, 1.2 * coarse)
+        step = min(step * 1.5, most)
     inside = np.array(inner[::-1])
     inside = (inside - inside[0]) / (half - inside[0]) * half  # the last node falls on the axis
     outer, step = [half], fine
@@ -230,9 +325,7 @@ def _held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np
     return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
 
 
-def _state(
-    elements: MixedElements, units: Units, reached: Equilibrium, mirrored: tuple[bool, bool], multiple: float
-) -> SolidState:
+def _state(elements: MixedElements, units: Units, reached: Equilibrium, block: Block) -> SolidState:
     x, y, z = elements.nodes.T
     base = np.flatnonzero(z < 1e-9 * z.max())
     base = base[np.lexsort((y[base], x[base]))]
@@ -240,7 +333,7 @@ def _state(
     forces = reached.reaction[3 * base + 2].reshape(len(lines[0]), len(lines[1]))
     points, pressure = _pressure(lines, forces)
     for axis in range(2):
-        if mirrored[axis]:
+        if block.mirrored[axis]:
             points[axis] = np.concatenate([-points[axis][::-1], points[axis]])
             pressure = np.concatenate([np.flip(pressure, axis), pressure], axis)
     return SolidState(
@@ -251,7 +344,7 @@ def _state(
         x=points[0] * units.length,
         y=points[1] * units.length,
         pressure=pressure * units.stress,
-        reaction=float(forces.sum()) * multiple * units.force,
+        reaction=float(forces.sum()) * block.multiple * units.force,
         lines=(lines[0] * units.length, lines[1] * units.length),
         forces=forces * units.force,
     )

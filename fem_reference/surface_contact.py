@@ -82,6 +82,9 @@ class SurfaceContact:
         penalty: Pressure per overlap [Pa/m].
         multiple: Whole force over the force on the modelled part (4 for a quarter) [-].
         friction: Coefficient of Coulomb's law, inf for no slip [-].
+
+    Attributes:
+        weight: Reference area of each point, shape (f, q) [m2].
     """
 
     def __init__(
@@ -103,13 +106,13 @@ class SurfaceContact:
         self._nodes = basis.element_dofs[used].T.astype(np.int64)
         place = np.asarray(basis.global_coordinates())
         self._place = np.moveaxis(place, 0, -1)
-        self._weight = basis.dx * (2 * np.pi * place[0] if self._d == 2 else 1.0)  # noqa: PLR2004
+        self.weight = basis.dx * (2 * np.pi * place[0] if self._d == 2 else 1.0)  # noqa: PLR2004
         self._top, self._obstacle, self._penalty, self.multiple = top, obstacle, penalty, multiple
-        self._multiplier = np.zeros_like(self._weight)
+        self._multiplier = np.zeros_like(self.weight)
         self.friction = friction
         self._settled_place = self._place
         self._settled_traction = np.zeros_like(self._place)
-        self._cone = np.zeros_like(self._weight)
+        self._cone = np.zeros_like(self.weight)
         self._spring = penalty * (_ALONG if np.isfinite(friction) else 1.0)
         self._unknowns = (self._d * self._nodes[:, :, None] + np.arange(self._d)).reshape(len(self._nodes), -1)
 
@@ -128,8 +131,8 @@ class SurfaceContact:
         overlap = moved[..., -1] - (self._top - depth + height.value)
         pressed = self._penalty * overlap + self._multiplier
         touching = pressed > 0
-        pressure = np.where(touching, pressed, 0.0) * self._weight
-        active = self._penalty * touching * self._weight
+        pressure = np.where(touching, pressed, 0.0) * self.weight
+        active = self._penalty * touching * self.weight
         normal = np.concatenate([-height.slope[..., : d - 1], np.ones((*overlap.shape, 1))], axis=-1)
         curve = active[..., None, None] * normal[..., :, None] * normal[..., None, :]
         if curved:
@@ -139,9 +142,9 @@ class SurfaceContact:
         place = moved + depth * np.eye(d)[-1]
         traction, sticks = None, np.zeros_like(touching)
         if self.friction:
-            traction, along, sticks = self._drag(place, normal, pressure / self._weight)
-            force = force + traction * self._weight[..., None]
-            along *= self._weight[..., None, None]
+            traction, along, sticks = self._drag(place, normal, pressure / self.weight)
+            force = force + traction * self.weight[..., None]
+            along *= self.weight[..., None, None]
             curve, per_depth = curve + along, per_depth + along[..., -1]
         return Touch(
             force=self._scatter(force, len(state)),
@@ -149,9 +152,9 @@ class SurfaceContact:
             depth_force=self._scatter(per_depth, len(state)),
             total=float(force[..., -1].sum()) * self.multiple,
             stiffness=float(per_depth[..., -1].sum()) * self.multiple,
-            area=float(self._weight[touching].sum()) * self.multiple,
+            area=float(self.weight[touching].sum()) * self.multiple,
             overlap=float((pressure * np.abs(overlap)).sum() / max(pressure.sum(), 1e-300)),
-            pressure=pressure / self._weight,
+            pressure=pressure / self.weight,
             traction=traction,
             place=place,
             sticks=sticks,
@@ -188,7 +191,7 @@ class SurfaceContact:
         """Take the pressures found for the width of Coulomb's cone; return how much of them changed [-]."""
         if not self.friction:
             return 0.0
-        change = float((np.abs(touch.pressure - self._cone) * self._weight).sum())
+        change = float((np.abs(touch.pressure - self._cone) * self.weight).sum())
         self._cone = touch.pressure
         return change * self.multiple / max(touch.total, 1e-300)
 
@@ -198,9 +201,9 @@ class SurfaceContact:
             self._settled_place = np.where(touch.sticks[..., None], self._settled_place, touch.place)
             self._settled_traction = touch.traction
 
-    def augment(self, touch: Touch) -> None:
-        """Take the pressures found as multipliers, so that the next solve leaves less overlap (Uzawa)."""
-        self._multiplier = touch.pressure
+    def augment(self, pressure: FloatArray) -> None:
+        """Take pressures found, shape (f, q) [Pa], as multipliers: the next solve leaves less overlap (Uzawa)."""
+        self._multiplier = pressure
 
     def _scatter(self, density: FloatArray, size: int) -> FloatArray:
         each = np.einsum("fqa,fqi->fai", self._shape, density).reshape(self._unknowns.shape)

@@ -61,3 +61,8 @@ class Cover:
     def thickness(self) -> float:
         """Total thickness [m]."""
         return sum(layer.thickness for layer in self.layers)
+
+    @property
+    def small_strain_only(self) -> bool:
+        """Whether no layer has a stored energy, so that only small strain makes sense."""
+        return all(layer.material.small_strain_only for layer in self.layers)

@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from meshes.outline import Loop, flats_of_circle, hexagon, inside_loops, within_loops
+from meshes.outline import Loop, beyond_loops, flats_of_circle, hexagon, inside_loops, within_loops
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -72,6 +72,13 @@ class Flat(Protocol):
 
     def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Distance from the outline, positive inside, negative outside, any shape [m]."""
+
+    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside of what is left of the face when an inset is taken off all along its outline, >= 0 [m].
+
+        Raises:
+            ValueError: If the inset leaves nothing.
+        """
 
 
 def _length() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
@@ -153,6 +160,10 @@ class Cylinder(_Round):
         """Distance from the circle, positive inside [m]."""
         return np.asarray(self.radius - np.hypot(x, y))
 
+    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside of the smaller circle [m]."""
+        return np.maximum(np.hypot(x, y) - self.radius + inset, 0.0)
+
     def primitives(self) -> tuple[Primitive, ...]:
         """One cylinder, one diameter tall."""
         return (Primitive(kind="cylinder", size=(self.radius, self.radius), position=(0, 0, self.radius)),)
@@ -188,6 +199,11 @@ class Box:
         dx, dy = np.abs(x) - self.size[0] / 2, np.abs(y) - self.size[1] / 2
         beyond = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0))
         return np.asarray(-beyond - np.minimum(np.maximum(dx, dy), 0))
+
+    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside of the smaller rectangle [m]."""
+        dx, dy = np.abs(x) - self.size[0] / 2 + inset, np.abs(y) - self.size[1] / 2 + inset
+        return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One box."""
@@ -303,6 +319,10 @@ class Nut:
         """Distance from the nearer hexagon, positive in the wall [m]."""
         return inside_loops(self._outlines, x, y)
 
+    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside of the narrower wall [m]."""
+        return beyond_loops(self._outlines, inset, x, y)
+
     @property
     def _outlines(self) -> list[Loop]:
         return [hexagon(self.across), hexagon(flats_of_circle(self.bore))]
@@ -351,6 +371,10 @@ class LetterH:
     def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Distance from the outline, positive inside [m]."""
         return inside_loops([self._outline], x, y)
+
+    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside of the thinner letter [m]."""
+        return beyond_loops([self._outline], inset, x, y)
 
     @property
     def _outline(self) -> Loop:

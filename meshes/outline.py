@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,8 @@ Loop = Sequence[Corner]
 _NOTHING = 1e-9
 #: What single precision leaves of a length, over the size of the outline: corners this close stand level [-].
 _ROUNDING = 1e-6
+#: Straight pieces of a whole circle that stand for the arcs of an inset outline [-].
+_ARC = 64
 #: Directions of sides that are tried for slabs [-].
 _DIRECTIONS = 8
 
@@ -43,6 +46,31 @@ def inside_loops(loops: Sequence[Loop], x: FloatArray, y: FloatArray) -> FloatAr
         if dy:
             crossings ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * dx / dy)
     return np.where(crossings | (nearest == 0), nearest, -nearest)
+
+
+def beyond_loops(loops: Sequence[Loop], inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Distance outside of what an inset leaves inside an odd number of outlines, any shape [m].
+
+    Around a corner that stands out this is the distance from a point, so that it bends there but has no crease.
+
+    Raises:
+        ValueError: If the inset leaves nothing.
+    """
+    left = _inset(tuple(tuple((float(x), float(y)) for x, y in loop) for loop in loops), inset)
+    return np.maximum(-inside_loops(left, x, y), 0.0)
+
+
+@lru_cache(maxsize=32)
+def _inset(loops: tuple[tuple[Corner, ...], ...], inset: float) -> list[Loop]:
+    """Outlines of the points that lie deeper inside than the inset."""
+    import manifold3d
+
+    section = manifold3d.CrossSection([np.array(loop) / inset for loop in loops], manifold3d.FillRule.EvenOdd).offset(
+        -1.0, manifold3d.JoinType.Round, circular_segments=_ARC
+    )
+    if section.is_empty():
+        raise ValueError(f"an inset of {inset:.3g} m leaves nothing of the outline")
+    return [polygon * inset for polygon in section.to_polygons()]
 
 
 def within_loops(loops: Sequence[Loop], x: FloatArray, y: FloatArray) -> npt.NDArray[np.bool_]:

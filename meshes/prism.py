@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.indenter import Primitive
-from meshes.outline import check_loop, convex_parts, inside_loops, within_loops
+from meshes.outline import beyond_loops, check_loop, convex_parts, inside_loops, within_loops
 
 FloatArray = npt.NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
@@ -59,6 +59,10 @@ class Prism:
     def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Distance from the outline, positive inside [m]."""
         return inside_loops(self._loops, x, y)
+
+    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance outside of the smaller face [m]."""
+        return beyond_loops(self._loops, inset, x, y)
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Convex prisms that tile it, as tall as its larger half width."""

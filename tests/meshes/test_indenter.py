@@ -113,6 +113,37 @@ def test_inside_is_the_distance_from_the_outline(indenter):
     assert np.array_equal(indenter.inside(x, y) >= 0, indenter.gap(x, y) == 0)
 
 
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+def test_beyond_an_inset_is_the_distance_from_what_it_leaves(indenter):
+    """Nothing where the face is deeper than the inset; beside straight sides as much as the inset lacks; no creases."""
+    rng = np.random.default_rng(3)
+    inset = 0.4e-3
+    x, y = (rng.uniform(-1.2, 1.2, (2, 3000)).T * indenter.footprint).T
+    inside, beyond = indenter.inside(x, y), indenter.beyond(inset, x, y)
+    assert np.abs(beyond[inside >= inset]).max() < 2e-3 * inset
+    assert (beyond >= inset - inside - 2e-3 * inset).all()
+    step, rim = 1e-7, beyond > 1e-2 * inset
+    slope = [
+        (indenter.beyond(inset, x + a, y + b) - indenter.beyond(inset, x - a, y - b)) / (2 * step)
+        for a, b in ((step, 0), (0, step))
+    ]
+    assert np.mean(np.abs(np.hypot(*slope)[rim] - 1) < 1e-3) > 0.99
+
+
+def test_corners_that_stand_out_are_round_beyond_an_inset():
+    corner = np.array(NUT.footprint) * [0, 1]
+    inset = 0.5e-3
+    left = corner - [0, inset * 2 / np.sqrt(3)]  # the inset hexagon's corner, where two sides meet at 120 degrees
+    turn = np.radians(np.linspace(62, 118, 15))
+    beyond = NUT.beyond(inset, left[0] + 0.3e-3 * np.cos(turn), left[1] + 0.3e-3 * np.sin(turn))
+    assert beyond == pytest.approx(0.3e-3, rel=1e-9)
+
+
+def test_an_inset_that_leaves_nothing_is_refused():
+    with pytest.raises(ValueError, match="leaves nothing"):
+        LETTER.beyond(3e-3, np.zeros(1), np.zeros(1))
+
+
 def test_area_of_the_compound_shapes():
     x, y = np.meshgrid(*(np.linspace(-9e-3, 9e-3, 1801),) * 2)
     cell = (18e-3 / 1800) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,10 +11,11 @@ import skfem
 
 from fem_reference import press, surface_contact
 from fem_reference.elements import mixed_elements
+from fem_reference.loading_path import LoadingPath
 from fem_reference.obstacle import Obstacle
 from fem_reference.point_spread import decay_length
 from fem_reference.press_axisymmetric import press_axisymmetric
-from fem_reference.press_solid import press_solid
+from fem_reference.press_solid import lay_out, press_pair
 from fem_reference.surface_contact import SurfaceContact
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 
@@ -166,21 +168,12 @@ def test_a_box_and_a_cylinder_without_slip_stiffen_alike():
     cover = rubber(0.49)
     half = np.sqrt(np.pi) / 2 * 3e-3
     box = Box(size=(2 * half, 2 * half, 5e-3))
-    loads = []
-    for friction in (0.0, np.inf):
-        states, _ = press_solid(
-            cover,
-            box,
-            [REST * 20e-6],
-            control="depth",
-            elements_per_thickness=3,
-            contact_half=box.footprint,
-            fillet=0.4e-3,
-            reach=7 * decay_length(cover),
-            steepness=REST,
-            friction=friction,
-        )
-        loads.append(states[-1].load)
+    path = LoadingPath(cover=cover, indenter=box, targets=(20e-6,), control="depth", friction=np.inf)
+    block = lay_out(
+        path, elements_per_thickness=3, contact_half=box.footprint, fillet=0.4e-3, reach=7 * decay_length(cover)
+    )
+    slides, sticks, _ = press_pair(replace(path, steepness=REST), block, [20e-6], elements_per_thickness=3)
+    loads = [slides[0].load, sticks[0].load]
     round_one = [
         pressed(Cylinder(radius=3e-3), f, nu=0.49, depth=20e-6, elements=6, fillet=0.4e-3)[0] for f in (0.0, np.inf)
     ]
