@@ -78,12 +78,17 @@ def _press_parallel(  # noqa: PLR0917 -- as above
     pyramidal: bool,
 ) -> float:
     """All contacts at once, where all are of one size and texels share a normal (3,) and a body: they never touch."""
-    texels = texel_of.take(geom)
+    texel = texel_of.take(geom[:, 0])
     local = decode(efc_force, address, friction, size, pyramidal=pyramidal)
-    along = (frame.reshape(-1, 3) @ normal).reshape(-1, 3)
-    pressed = np.einsum("ki,ki->k", local, along[:, : local.shape[1]])
-    np.negative(pressed, out=pressed, where=texels[:, 1] >= 0)
-    sums = np.bincount(np.maximum(texels[:, 0], texels[:, 1]) + 1, pressed, len(signals))
+    normals = np.zeros((9, 3))
+    normals[:3, 0] = normals[3:6, 1] = normals[6:, 2] = normal
+    along = frame @ normals
+    # a product with ones: the quickest sum over three
+    pressed = (local * along[:, : local.shape[1]]).dot(np.ones(local.shape[1]))
+    if np.minimum.reduce(texel) < 0:
+        np.negative(pressed, out=pressed, where=texel < 0)
+        texel = np.maximum(texel, texel_of.take(geom[:, 1]))
+    sums = np.bincount(texel + 1, pressed, len(signals))
     signals[:-1] = sums[1:]
     signals[-1] = np.add.reduce(sums[1:])
     return float(np.minimum.reduce(sums[1:]))

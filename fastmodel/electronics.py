@@ -176,11 +176,12 @@ class Electronics:
         kernel, count = choose_kernel(convert_loops, _no_kernel, native=native), len(active)
         gains = np.zeros(0) if self.gains is None else self._gains((count,))
         if kernel is _no_kernel:
-            dead = ~active
+            dead = None if active.all() else ~active
 
             def convert(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
                 counts = self._converted(felt)
-                counts[dead] = 0
+                if dead is not None:
+                    counts[dead] = 0
                 return counts, self.image(counts)
 
             return convert
