@@ -65,9 +65,8 @@ def _room(windows: IntArray, points: int) -> tuple[FloatArray, npt.NDArray[np.bo
     """Heights of the cells of all windows, not found yet; marks; room for a line; the first column and row."""
     c0, r0, columns, rows = _around(windows)
     height, near = np.empty((rows, columns)), np.zeros((rows, columns), dtype=np.bool_)
-    for i in range(rows):
-        for j in range(columns):
-            height[i, j] = np.inf
+    for i in range(rows * columns):
+        height[i // columns, i % columns] = np.inf
     return height, near, np.empty(max(columns + 1, points)), c0, r0
 
 
@@ -127,9 +126,8 @@ def _look_closely(
             means[i, j, 0], means[i, j, 1], means[i, j, 2] = 1.0, 0.0, 0.0
             if height[i, j] < np.inf or not near[i, j]:
                 continue
-            for a in range(points):
-                for b in range(points):
-                    gaps[0, a, b] = np.inf
+            for a in range(points * points):
+                gaps[0, a // points, a % points] = np.inf
             x, y = fine_x[j * points : (j + 1) * points], fine_y[i * points : (i + 1) * points]
             for p in range(len(kinds)):
                 if windows[p, 0] <= c0 + j < windows[p, 2] and windows[p, 1] <= r0 + i < windows[p, 3]:

@@ -28,14 +28,14 @@ def touching(shape, *, at=(0.3e-3, -0.4e-3), yaw=0.0, load=3.0, off=None, body=1
     return Touching(bodies=(body,), loads=loads, standing=(standing(shape, at=at, yaw=yaw, edge=0.125 * CELL),))
 
 
-def held(touch, method="cover", reach=2e-3):
-    samples = sample(GRID, touch.standing, [reach])
+def held(touch, method="cover", *, native=False):
+    samples = sample(GRID, touch.standing, [2e-3])
     if method == "foundation":
         forces, levels = foundation_forces(samples, touch.loads, 2e9 * CELL**2 * samples.coverage)
-        return Held(touch, samples, Laid(forces, levels), GRID, None, flat=True)
+        return Held(touch, samples, Laid(forces, levels), GRID, None, flat=True, native=native)
     found = CoverSolver(CELLS, GRID, Settings(tolerance=1e-9, steps=2000)).solve(samples, touch.loads)
     laid = Laid(found.forces, found.level, found.approach, found.on_cells, found.origin)
-    return Held(touch, samples, laid, GRID, BASE, flat=True)
+    return Held(touch, samples, laid, GRID, BASE, flat=True, native=native)
 
 
 def misplaced(one, other):
@@ -106,9 +106,12 @@ def test_what_it_carries_are_the_forces_and_moments_given():
     )
 
 
-def test_what_changes_more_is_solved():
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+def test_what_changes_more_is_solved(native):
+    if native:
+        pytest.importorskip("numba")
     box = Box(size=(12e-3, 7e-3, 5e-3))
-    start = held(touching(box, off=np.zeros(2)))
+    start = held(touching(box, off=np.zeros(2)), native=native)
     x, y = 0.3e-3, -0.4e-3
     assert start.carry(touching(box, off=np.zeros(2), at=(x + 0.5 * CELL, y))) is not None
     for other in (
@@ -123,9 +126,12 @@ def test_what_changes_more_is_solved():
     assert held(touching(box, at=(edge, y))).carry(touching(box, at=(edge - 0.5 * CELL, y))) is None
 
 
-def test_round_bodies_may_turn_about_what_they_are_round_about():
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+def test_round_bodies_may_turn_about_what_they_are_round_about(native):
+    if native:
+        pytest.importorskip("numba")
     for shape, same in ((DISC, True), (Sphere(radius=5e-3), True), (Box(size=(9e-3, 9e-3, 5e-3)), False)):
-        carried = held(touching(shape)).carry(touching(shape, yaw=0.3))
+        carried = held(touching(shape), native=native).carry(touching(shape, yaw=0.3))
         assert (carried is not None) is same
 
 
@@ -140,10 +146,7 @@ def test_come_to_rest_elsewhere_it_is_solved_once():
 
 def test_the_compiled_loop_moves_the_same():
     pytest.importorskip("numba")
-    plain, fast = (
-        Held(each._touching, each.samples, each._laid, GRID, BASE, flat=True, native=native)
-        for each, native in ((held(touching(DISC)), False), (held(touching(DISC)), True))
-    )
+    plain, fast = (held(touching(DISC), native=native) for native in (False, True))
     there = touching(DISC, at=(0.5e-3, -0.7e-3))
     one, other = plain.carry(there), fast.carry(there)
     np.testing.assert_allclose(one.contact_forces, other.contact_forces, atol=1e-12)
