@@ -1,5 +1,5 @@
 # ruff: noqa: PLR0917 -- as the numba kernel takes them
-"""The inner loop of `cover_solver`, in numpy; `cover_loops` is the same for numba.
+"""The inner loop of `cover_solver`, in numpy; `contact_loops` is the same for numba.
 
 Polonsky and Keer's conjugate gradients on the touching cells, with linear constraints projected out.  While no cell
 comes or goes the residual is carried on; else it is computed anew.

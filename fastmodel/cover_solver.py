@@ -20,9 +20,9 @@ import numpy.typing as npt
 
 from fastmodel.cell_grid import CellGrid
 from fastmodel.cell_shares import shares_loops, shares_numpy
+from fastmodel.contact_loops import iterate_loops
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_iteration import iterate
-from fastmodel.cover_loops import iterate_loops
 from fastmodel.foundation import foundation_forces
 from fastmodel.native import choose_kernel
 from fastmodel.sampling import Load, Samples

@@ -1,5 +1,8 @@
 # ruff: noqa: PLR0917 -- numba kernels take positions
-"""The inner loop of `cover_solver` as explicit loops, for numba; `cover_iteration` says what it does and takes."""
+"""The inner loops of `cover_solver` and `foundation`, for numba; `iterate` and `match_springs` say what they take.
+
+All in one file: numba's cache notices changes in the file of a kernel only, not in those of what it calls.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,61 @@ import numpy.typing as npt
 
 from fastmodel.cover_iteration import CORRECTIONS, KEPT
 from fastmodel.native import called_by_kernels
-from fastmodel.small_systems import eliminate, gram, project
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+#: Most steps of Newton's method on springs.
+SPRING_STEPS = 60
 _Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+@called_by_kernels()
+def _gram(columns: FloatArray, weight: FloatArray, matrix: FloatArray) -> None:
+    """Sums of weight times column times column over the rows of `columns` (m, k), into `matrix` (k, k)."""
+    k = columns.shape[1]
+    for a in range(k):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(columns.shape[0]):
+                total += weight[i] * columns[i, a] * columns[i, b]
+            matrix[a, b] = total
+            matrix[b, a] = total
+
+
+@called_by_kernels()
+def _project(values: FloatArray, columns: FloatArray, sums: FloatArray) -> None:
+    """Sums of values (m,) times columns (m, k), into `sums` (k,)."""
+    for a in range(columns.shape[1]):
+        total = 0.0
+        for i in range(columns.shape[0]):
+            total += values[i] * columns[i, a]
+        sums[a] = total
+
+
+@called_by_kernels()
+def _eliminate(matrix: FloatArray, ridge: float, wanted: FloatArray, found: FloatArray) -> None:
+    """Solve matrix @ found = wanted, without a choice of pivots, which a positive matrix does not need.
+
+    Args:
+        matrix: Symmetric, positive, shape (k, k); destroyed.
+        ridge: What is added to its diagonal.
+        wanted: Right-hand side, shape (k,).
+        found: The solution, shape (k,).
+    """
+    k = matrix.shape[0]
+    for i in range(k):
+        found[i] = wanted[i]
+        matrix[i, i] += ridge
+    for i in range(k):
+        for j in range(i + 1, k):
+            factor = matrix[j, i] / matrix[i, i]
+            for n in range(i, k):
+                matrix[j, n] -= factor * matrix[i, n]
+            found[j] -= factor * found[i]
+    for i in range(k - 1, -1, -1):
+        for n in range(i + 1, k):
+            found[i] -= matrix[i, n] * found[n]
+        found[i] /= matrix[i, i]
 
 
 @called_by_kernels()
@@ -52,7 +105,7 @@ def _balance(
     for a in range(k):
         scale = max(scale, abs(wanted[a]))
     for _ in range(CORRECTIONS):
-        project(forces, columns, room[0])
+        _project(forces, columns, room[0])
         missed = 0.0
         for a in range(k):
             room[0, a] = wanted[a] - room[0, a]
@@ -60,8 +113,8 @@ def _balance(
         if missed <= 1e-9 * scale:
             break
         changed = True
-        gram(columns, forces, matrix)
-        eliminate(matrix, _ridge(matrix), room[0], room[1])
+        _gram(columns, forces, matrix)
+        _eliminate(matrix, _ridge(matrix), room[0], room[1])
         for i in range(len(forces)):
             factor = 1.0
             for a in range(k):
@@ -102,12 +155,12 @@ def _fit(
     active: FloatArray, values: FloatArray, columns: FloatArray, matrix: FloatArray, sums: FloatArray, found: FloatArray
 ) -> None:
     """Motions whose columns are nearest to some values on the touching cells; `matrix` and `sums` are room."""
-    gram(columns, active, matrix)
+    _gram(columns, active, matrix)
     for a in range(len(sums)):
         sums[a] = 0.0
         for i in range(len(values)):
             sums[a] += active[i] * values[i] * columns[i, a]
-    eliminate(matrix, _ridge(matrix), sums, found)
+    _eliminate(matrix, _ridge(matrix), sums, found)
 
 
 @called_by_kernels()
@@ -209,3 +262,86 @@ def iterate_loops(  # noqa: C901 -- one loop, as numba likes it
             for i in range(count):
                 overlap[i] -= length * image[i]
     return forces, motion, most, False
+
+
+@called_by_kernels()
+def _press(
+    springs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    motion: FloatArray,
+    active: FloatArray,
+    forces: FloatArray,
+    level: FloatArray,
+) -> float:
+    """What is minimised, at some motion; fills the stiffness of pressed springs, forces and levels."""
+    columns, gap, stiffness, target = springs
+    value = 0.0
+    for a in range(len(target)):
+        value -= motion[a] * target[a]
+    for i in range(len(gap)):
+        level[i] = 0.0
+        for a in range(len(target)):
+            level[i] += columns[i, a] * motion[a]
+        depth = max(level[i] - gap[i], 0.0)
+        forces[i] = stiffness[i] * depth
+        active[i] = stiffness[i] if depth > 0 else 0.0
+        value += 0.5 * forces[i] * depth
+    return value
+
+
+@called_by_kernels()
+def _first_motion(gap: FloatArray, stiffness: FloatArray, target: FloatArray, motion: FloatArray) -> float:
+    """Put in the approach at which all springs together would bear the load; their stiffness."""
+    total, lowest = 0.0, np.inf
+    for i in range(len(gap)):
+        total += stiffness[i]
+        lowest = min(lowest, gap[i])
+    motion[0] = lowest + target[0] / total
+    return total
+
+
+@called_by_kernels()
+def _missed(forces: FloatArray, columns: FloatArray, target: FloatArray, room: FloatArray) -> float:
+    """Fill what products with the columns are, and miss, shape (2, k); the largest miss."""
+    _project(forces, columns, room[0])
+    most = 0.0
+    for a in range(len(target)):
+        room[1, a] = target[a] - room[0, a]
+        most = max(most, abs(room[1, a]))
+    return most
+
+
+@called_by_kernels()
+def _newton(
+    columns: FloatArray, active: FloatArray, ridge: float, miss: FloatArray, matrix: FloatArray, step: FloatArray
+) -> None:
+    """The step that would close the miss if no spring came or went."""
+    _gram(columns, active, matrix)
+    _eliminate(matrix, ridge, miss, step)
+
+
+def match_springs_loops(
+    columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
+) -> tuple[FloatArray, FloatArray, bool]:
+    """The same as loops, for numba."""
+    count, k = columns.shape
+    forces, level, active = np.empty(count), np.empty(count), np.empty(count)
+    motion, tried, step, room, matrix = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros((2, k)), np.zeros((k, k))
+    total = _first_motion(gap, stiffness, target, motion)
+    value = _press((columns, gap, stiffness, target), motion, active, forces, level)
+    for _ in range(SPRING_STEPS):
+        if _missed(forces, columns, target, room) <= 1e-9 * target[0]:
+            for i in range(count):
+                forces[i] *= target[0] / room[0, 0]
+            return forces, level, True
+        _newton(columns, active, 1e-9 * total, room[1], matrix, step)
+        share, before = 1.0, value
+        while True:
+            for a in range(k):
+                tried[a] = motion[a] + share * step[a]
+            value = _press((columns, gap, stiffness, target), tried, active, forces, level)
+            if value <= before or share <= 1e-6:  # noqa: PLR2004 -- nothing is left
+                break
+            share /= 2
+        for a in range(k):
+            motion[a] = tried[a]
+    return forces, level, False
