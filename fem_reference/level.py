@@ -80,6 +80,43 @@ def shared_out(level: Grounded, pose: Pose) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class ScaledLevel:
+    """A flat face's small-strain answer at another load or depth: the contact stays as it is and all else is scaled.
+
+    Attributes:
+        level: The answer that is scaled.
+        factor: By how much [-].
+    """
+
+    level: Level
+    factor: float
+
+    @property
+    def total_force(self) -> float:
+        """Force on the indenter [N]."""
+        return self.factor * self.level.total_force
+
+    @property
+    def depth(self) -> float:
+        """Approach from first touch [m]."""
+        return self.factor * self.level.depth
+
+    @property
+    def area(self) -> float:
+        """Contact area [m2]."""
+        return self.level.area
+
+    @property
+    def surface(self) -> FloatArray:
+        """Touching points, shape (m, 3)."""
+        return self.level.surface * [1, 1, self.factor]
+
+    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
+        """Force on each texel for a pose, shape (n,) [N]."""
+        return self.factor * self.level.texel_forces(array, at, yaw)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ExtrapolatedLevel:
     """The limit of a first-order sequence of grids, as the pressure under a sharp edge makes it.
 

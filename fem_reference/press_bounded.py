@@ -130,7 +130,7 @@ def levels(
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
     path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
-    known = [press_linear.levels(cover, indenter, [t], control, progress, place=place)[0] for t in targets]
+    known = press_linear.levels(cover, indenter, targets, control, progress, place=place)
     return press_finite.corrected(path, known, partial(_both, place=place, progress=progress))
 
 

@@ -118,7 +118,7 @@ def levels(
     path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
     if not _corrected(indenter):
         return _around_axis(path.at_its_strain, progress)
-    known = [press_linear.levels(cover, indenter, [target], control, progress)[0] for target in targets]
+    known = press_linear.levels(cover, indenter, targets, control, progress)
     return corrected(path, known, partial(_both, progress=progress))
 
 

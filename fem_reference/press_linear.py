@@ -7,7 +7,7 @@ the base forces come from the three-dimensional solution.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from fem_reference import store
 from fem_reference.contact import Patch, is_flat, touch
+from fem_reference.level import Level, ScaledLevel
 from fem_reference.point_spread import PointSpread, decay_length, point_spread
 from fem_reference.pose import Place, Pose
 from fem_reference.side_edges import SideEdges
@@ -31,10 +32,11 @@ CELLS = (64, 96, 144)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearLevel:
-    """One grid's answer: where the cells touch, and how the cover spreads them."""
+    """One grid's answer: where the cells touch, and how the cover spreads them; the last pose's forces are kept."""
 
     patch: Patch
     spread: PointSpread | SolidInfluence
+    _last: list[tuple[TexelArray, Pose, FloatArray]] = field(default_factory=list, init=False, repr=False)
 
     @property
     def total_force(self) -> float:
@@ -58,12 +60,18 @@ class LinearLevel:
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
         """Superpose the base response of every cell, gathered into bins far smaller than the response is wide."""
+        pose = Pose(at=at, yaw=yaw)
+        for known, where, forces in self._last:
+            if known is array and where == pose:
+                return forces
         x, y, each = self.surface.T
-        place = np.column_stack(Pose(at=at, yaw=yaw).placed(x, y))
+        place = np.column_stack(pose.placed(x, y))
         _, group = np.unique(np.round(place / (self.spread.thickness / 16)), axis=0, return_inverse=True)
         force = np.bincount(group, each)
         centre = np.column_stack([np.bincount(group, place[:, i] * each) / force for i in range(2)])
-        return np.asarray(force @ self.spread.texel_influence(array, centre))
+        forces = np.asarray(force @ self.spread.texel_influence(array, centre))
+        self._last[:] = [(array, pose, forces)]
+        return forces
 
 
 def levels(
@@ -74,19 +82,30 @@ def levels(
     progress: Callable[[str], None] | None,
     *,
     place: Place | None = None,
-) -> list[list[LinearLevel]]:
+) -> list[list[Level]]:
     """The contact on three grids for every target, from the store where it is known.
 
-    A cover of limited size needs the place; its levels hold for that place only.
+    A cover of limited size needs the place; its levels hold for that place only.  A flat face is solved at one depth,
+    and scaled: the contact is the face at any load.
     """
     spread = _spread(cover, place, progress)
+
+    def solved(target: float, control: Literal["load", "depth"]) -> list[Level]:
+        patches = _patches(cover, indenter, target, control, progress, place=place)
+        return [LinearLevel(patch=patch, spread=spread) for patch in patches]
+
+    if not is_flat(indenter):
+        return [solved(target, control) for target in targets]
+    known = solved(_FLAT_DEPTH * cover.thickness, "depth")
+    reached = [each.depth if control == "depth" else each.total_force for each in known]
     return [
-        [
-            LinearLevel(patch=patch, spread=spread)
-            for patch in _patches(cover, indenter, target, control, progress, place=place)
-        ]
+        [ScaledLevel(level=each, factor=target / one) for each, one in zip(known, reached, strict=True)]
         for target in targets
     ]
+
+
+#: Depth over thickness at which flat faces are solved; small strain knows no scale [-].
+_FLAT_DEPTH = 1e-2
 
 
 def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for both solvers
