@@ -94,7 +94,7 @@ def touch(
     Raises:
         ConvergenceError: If conjugate gradients do not converge, or the approach is too small for any cell to touch.
     """
-    middle, half = (np.zeros(2), np.array(indenter.footprint)) if sides is None else sides.window
+    middle, half = (np.zeros(2), np.array(widest(indenter, surface.thickness))) if sides is None else sides.window
     sharp = is_flat(indenter)
 
     def gap(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -119,6 +119,20 @@ def touch(
     if not hit.any():
         raise ConvergenceError(f"nothing touches on cells of {grid.cell * 1e3:.2g} mm; press deeper")
     return Patch(x=grid.x[hit], y=grid.y[hit], force=pressure[hit] * grid.cell**2, cell=grid.cell, depth=approach)
+
+
+def widest(indenter: Indenter, thickness: float) -> tuple[float, float]:
+    """Half widths that no contact passes before the cover is pierced: the footprint, or less of a large ball [m]."""
+    if not indenter.axisymmetric:
+        return indenter.footprint
+    r = np.linspace(0, indenter.footprint[0], _RADII)
+    low = np.flatnonzero(indenter.gap(r, np.zeros_like(r)) <= thickness)
+    radius = float(r[min(int(low[-1]) + 1, len(r) - 1)])
+    return radius, radius
+
+
+#: Places along the radius at which a round shape's height is asked.
+_RADII = 10_001
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference import store
-from fem_reference.contact import Patch, is_flat, touch
+from fem_reference.contact import Patch, is_flat, touch, widest
 from fem_reference.level import Level, ScaledLevel
 from fem_reference.point_spread import PointSpread, decay_length, point_spread
 from fem_reference.pose import Place, Pose
@@ -155,14 +155,17 @@ def _patches(
     def compute() -> dict[str, Any]:
         if progress is not None:
             progress("contact on three grids")
-        reach = max(3.0 * float(np.hypot(*indenter.footprint)), 4 * decay_length(cover))
+        reach = max(3.0 * float(np.hypot(*widest(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = surface_compliance(replace(cover, size=None), reach)
         out: dict[str, Any] = {}
         for grid, cells in enumerate(CELLS):
-            if cover.size is None:
-                patch = touch(surface, indenter, cells=cells, load=load, depth=depth)
-            else:
-                patch = _touch_near_sides(surface, cover, indenter, _known(place), grid=grid, load=load, depth=depth)
+            with np.errstate(over="ignore", invalid="ignore"):  # an absurd load pierces any cover, which is told below
+                if cover.size is None:
+                    patch = touch(surface, indenter, cells=cells, load=load, depth=depth)
+                else:
+                    patch = _touch_near_sides(
+                        surface, cover, indenter, _known(place), grid=grid, load=load, depth=depth
+                    )
             out[f"cells_{cells}"] = np.column_stack([patch.x, patch.y, patch.force])
             out[f"scalars_{cells}"] = np.array([patch.cell, patch.depth])
         return out
@@ -190,7 +193,7 @@ def _touch_near_sides(
     depth: float | None,
 ) -> Patch:
     """Contact on a cover of limited size, in a rectangle that grows until it holds the contact."""
-    whole = np.array(indenter.footprint)
+    whole = np.array(widest(indenter, cover.thickness))
     half = whole
     if not is_flat(indenter):
         wide = touch(surface, indenter, cells=CELLS[0], load=load, depth=depth)

@@ -72,11 +72,13 @@ class SurfaceCompliance:
         half_space: (1 - nu) / (2 pi mu) of the top layer: displacement is this over the distance [m2/N].
         regular: What the finite thickness adds, as a function of distance [m/N].
         reach: Largest distance of the table [m].
+        thickness: Thickness of the cover [m].
     """
 
     half_space: float
     regular: CubicSpline
     reach: float
+    thickness: float
 
     def of_rectangle(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
         """Displacement at (x, y) under unit pressure on a small rectangle around the origin [m/Pa].
@@ -101,6 +103,7 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
         half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
         regular=CubicSpline(radius, table, bc_type="clamped"),
         reach=reach,
+        thickness=cover.thickness,
     )
 
 

@@ -90,6 +90,7 @@ def test_progress_counts_every_case(derivation):
     assert seen == [(0, 1, "sphere"), (1, 1, "")]
 
 
+@pytest.mark.slow
 def test_case_that_no_model_can_press_is_named_and_the_others_scored(derivation, bonded):
     soft = bonded(0.49, thickness=1e-3, youngs_modulus=24e3)
     piercing = Case.read("tip", "tip:radius=1mm", "500 g")

@@ -236,7 +236,11 @@ def test_out_folder_of_somebody_else_is_left_alone(softcover, tmp_path):
 
 @pytest.mark.parametrize(
     ("module", "extra"),
-    [("skfem", "fem"), ("jinja2", "report"), pytest.param("plotly", "report", marks=pytest.mark.slow)],
+    [
+        ("skfem", "fem"),
+        pytest.param("jinja2", "report", marks=pytest.mark.slow),
+        pytest.param("plotly", "report", marks=pytest.mark.slow),
+    ],
 )
 def test_missing_extra_gives_the_command_that_installs_it(tmp_path, module, extra):
     code = f"import sys; sys.modules[{module!r}] = None\nfrom validation.cli import main\nmain(['demo'])"

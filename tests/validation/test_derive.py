@@ -206,6 +206,7 @@ def test_parameters_come_back_from_their_folder(derivation, tmp_path):
     assert again.provenance["depth"]["foundation"]["modulus"] == derivation.depth.foundation.modulus
 
 
+@pytest.mark.slow
 def test_depths_are_those_of_the_elements_and_what_they_leave_open_is_said(derivation):
     depth = derivation.depth
     description, ball = derivation.sensor, Sphere(radius=depth.ball_radius)

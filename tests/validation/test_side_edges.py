@@ -10,8 +10,8 @@ import pytest
 import fastmodel
 from fastmodel import ShapeError, Tabulated
 from fastmodel.base_forces import BaseForces
-from fastmodel.methods import choose
 from fastmodel.cell_grid import CellGrid
+from fastmodel.methods import choose
 from meshes import Sphere, TexelArray
 from validation.cli import main
 from validation.derive import derive

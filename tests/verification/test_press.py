@@ -20,8 +20,15 @@ def test_sphere_force_and_area(bonded, wts, nu, ratio):
     found = press(cover, wts, Sphere(radius=10e-3), depth=exact.depth)
     assert found.total_force == pytest.approx(exact.force, rel=1e-3)
     assert found.contact_area == pytest.approx(np.pi * exact.contact_radius**2, rel=0.01)
-    back = press(cover, wts, Sphere(radius=10e-3), load=exact.force)
-    assert back.depth == pytest.approx(exact.depth, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.49, 0.5])
+def test_sphere_depth_under_a_load(bonded, wts, nu):
+    cover = bonded(nu)
+    exact = closed_form.sphere(cover, 10e-3, cover.thickness)
+    found = press(cover, wts, Sphere(radius=10e-3), load=exact.force)
+    assert found.depth == pytest.approx(exact.depth, rel=1e-3)
 
 
 @pytest.mark.parametrize("nu", RATIOS)
@@ -102,3 +109,12 @@ def test_results_name_their_assumptions(bonded, wts):
     found = press(bonded(0.3), wts, Cylinder(radius=5e-3), load=0.5)
     assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
     assert set(found.error_estimate) == {"total_force", "peak_texel", "contact_area"}
+
+
+@pytest.mark.slow
+def test_a_ball_far_larger_than_the_cover_is_thick(bonded, wts):
+    """Its footprint is a thousand times the contact; what counts is where it is lower than the cover is thick."""
+    cover = bonded(0.45)
+    exact = closed_form.sphere(cover, 0.8, 4e-3)
+    found = press(cover, wts, Sphere(radius=0.8), depth=exact.depth)
+    assert found.total_force == pytest.approx(exact.force, rel=2e-3)

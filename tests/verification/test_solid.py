@@ -156,9 +156,8 @@ def test_an_array_off_the_middle_is_served_too(bonded):
 PLACES = np.array([[0, 0], [1.7e-3, 0], [1.7e-3, 1.7e-3], [0.3e-3, 1.1e-3], [5.1e-3, 5.1e-3]])
 
 
-@pytest.mark.parametrize(
-    "nu", [pytest.param(0.3, marks=pytest.mark.slow), pytest.param(0.49, marks=pytest.mark.slow), 0.5]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.3, 0.49, 0.5])
 def test_a_cover_whose_sides_are_far_equals_the_axisymmetric_solution(bonded, nu):
     found = one_grid(bonded(nu, size=(26e-3, 26e-3)), THREE, FINE)
     spread = point_spread(bonded(nu))
