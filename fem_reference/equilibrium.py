@@ -136,6 +136,7 @@ class Problem:
         contact: The top and the obstacle, in `units`.
         fixed: Held unknowns.
         units: What one stands for in lengths and stresses here; messages are in SI.
+        steepness: Factor on heights and targets, which messages undo [-].
         augmentations: How often at most the overlap that the penalty leaves is worked off at a target [-].
     """
 
@@ -143,6 +144,7 @@ class Problem:
     contact: SurfaceContact
     fixed: npt.NDArray[np.int64]
     units: Units
+    steepness: float = 1.0
     augmentations: int = 4
     _last: list[ConstrainedSystem] = field(default_factory=list, init=False, repr=False)
 
@@ -181,7 +183,8 @@ class Problem:
         return out
 
     def _where(self, here: Equilibrium) -> str:
-        return f"{here.load * self.units.force:.3g} N at {here.depth * self.units.length * 1e3:.3g} mm"
+        force, length = self.units.force / self.steepness, self.units.length / self.steepness
+        return f"{here.load * force:.3g} N at {here.depth * length * 1e3:.3g} mm"
 
     def _from_guess(self, guess: Guess, target: float, control: str, before: Equilibrium | None) -> Equilibrium | None:
         """Straight to the target from a good guess; None where that fails."""
@@ -246,7 +249,7 @@ class Problem:
             if control == "depth" or here.load <= most:
                 self.contact.settle(here.touch)
                 return here
-        raise PathError(f"no convergence even at a depth of {step * self.units.length:.3g} m", None)
+        raise PathError(f"no convergence even at a depth of {step * self.units.length / self.steepness:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""

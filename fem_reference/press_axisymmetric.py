@@ -102,6 +102,7 @@ def press_axisymmetric(
         contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, friction=friction),
         fixed=held(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
+        steepness=steepness,
     )
     aims = [units.target(value, control) for value in targets]
     guesses = () if coarse is None or friction else coarse.guesses(elements)

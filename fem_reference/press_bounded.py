@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference import press_finite, press_linear, store
-from fem_reference.contact import is_flat
 from fem_reference.level import Level, shared_out
 from fem_reference.loading_path import LoadingPath, with_grid
 from fem_reference.obstacle import Height, Obstacle
@@ -146,16 +145,7 @@ def least_order(indenter: Indenter) -> float:  # noqa: ARG001 -- one interface f
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
     """How sharp edges and facets were treated."""
-    size = _fillet(cover, indenter) * 1e3
-    if is_flat(indenter):
-        rounding = f"rounded with at least {size:.3g} mm"
-        return {"edge": f"sharp at small strain, {rounding} for what finite strain or friction adds"}
-    return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
-
-
-def _fillet(cover: Cover, indenter: Indenter) -> float:
-    """Radius of the rounding of sharp edges that lie along the mesh [m]."""
-    return min(cover.thickness, *indenter.footprint) / 5
+    return press_finite.rounded(indenter, press_finite.solid_fillet(cover, indenter))
 
 
 def _both(
@@ -218,8 +208,7 @@ def _block(path: LoadingPath, pose: Pose, surface: FloatArray, *, elements: int)
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
     along = pose.square and not indenter.axisymmetric
-    # an edge that runs across the mesh cannot be followed by it: its rounding spans a whole element
-    fillet = press_finite.on_grid(_fillet(cover, indenter), elements, GRIDS) / unit * (1 if along or not flat else 2)
+    fillet = press_finite.on_grid(press_finite.solid_fillet(cover, indenter), elements, GRIDS) / unit
     size = min(1.0, float((high - low).min())) / elements
     fine = 0.6 * fillet if flat and along else 0.5 * size
     even = mirrored(indenter, pose)

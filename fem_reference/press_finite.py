@@ -208,16 +208,26 @@ def _corrected(indenter: Indenter) -> bool:
 
 def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
     """How sharp edges and facets were treated."""
-    size = fillet(cover, indenter) * 1e3
+    return rounded(indenter, fillet(cover, indenter))
+
+
+def rounded(indenter: Indenter, size: float) -> dict[str, str]:
+    """What a result says of a rounding [m]."""
     if is_flat(indenter):
-        return {"edge": f"sharp at small strain, rounded with {size:.3g} mm for what finite strain or friction adds"}
-    return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size:.3g} mm"}
+        rounding = f"rounded with {size * 1e3:.3g} mm on the finest grid"
+        return {"edge": f"sharp at small strain, {rounding} for what finite strain or friction adds"}
+    return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size * 1e3:.3g} mm"}
 
 
 def fillet(cover: Cover, indenter: Indenter) -> float:
     """Radius of the rounding of sharp edges on the finest grid, as small as the mesh around it can resolve [m]."""
     if indenter.axisymmetric:
         return min(cover.thickness, *indenter.footprint) / 20
+    return solid_fillet(cover, indenter)
+
+
+def solid_fillet(cover: Cover, indenter: Indenter) -> float:
+    """The same where grids are coarse, in three dimensions; the coarsest leaves something of the thickest wall [m]."""
     within = min(indenter.footprint)
     if isinstance(indenter, Flat):
         x, y = (np.linspace(-half, half, _SAMPLES) for half in indenter.footprint)

@@ -120,7 +120,7 @@ def lay_out(
     fine = _FINE * fillet if isinstance(path.indenter, Flat) else 0.5 * size
     most = 1.2 * size
     if isinstance(path.indenter, Flat) and not _rectangular(path.indenter, path.indenter.footprint):
-        fine = most = min(size, _EVEN * fillet)
+        fine = most = max(min(size, _EVEN * fillet), _finest(halves, mirrored) / elements_per_thickness)
     return Block(
         sides=[_side(half, (fine, most), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)],
         mirrored=mirrored,
@@ -132,6 +132,15 @@ def lay_out(
 #: Elements over the radius of a rounded edge, across the edge where it lies on the mesh's lines and where it may be
 #: anywhere [-].
 _FINE, _EVEN = 0.6, 1.3
+
+
+def _finest(halves: Sequence[float], mirrored: tuple[bool, bool]) -> float:
+    """Element size times the elements per thickness below which a mesh would outgrow the machine."""
+    return max(half / (_MOST if mirror else _MOST / 2) for half, mirror in zip(halves, mirrored, strict=True))
+
+
+#: Elements along half a footprint, for each element through the cover, at most [-].
+_MOST = 6
 
 
 def _rectangular(shape: Flat, footprint: tuple[float, float]) -> bool:
@@ -211,7 +220,8 @@ def press_pair(
     # What overlap does is the same in both and drops out of the difference.
     often = 4 if path.friction else 1
     linear = solid.at_rest
-    rest = _followed(at_rest, block, linear, guesses=guesses, augmentations=often, progress=progress)
+    tell = None if progress is None else lambda text: progress(f"small strain, {text}")
+    rest = _followed(at_rest, block, linear, guesses=guesses, augmentations=often, progress=tell)
     scaled = [
         Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure) for each in rest
     ]
@@ -284,6 +294,7 @@ def _followed(
         contact=contact,
         fixed=_held(units.thin(path.cover), solid.elements, block),
         units=units,
+        steepness=path.steepness,
         augmentations=augmentations,
     )
     aims = [units.target(value, path.control) for value in path.scaled]
