@@ -9,7 +9,7 @@ to another moment; elsewhere it is close for small moves, and larger ones, turns
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import chain
 from typing import NamedTuple, Protocol
@@ -74,6 +74,7 @@ class Held:
         grid: CellGrid,
         base: Base | None,
         *,
+        reach: Sequence[float],
         flat: bool,
         native: bool | None = False,
     ) -> None:
@@ -85,10 +86,12 @@ class Held:
             laid: The solution.
             grid: The cells of the array.
             base: The way to the base, where the method knows it.
+            reach: Height over each body's lowest point up to which those cells were looked at, shape (bodies,) [m].
             flat: Whether the array is one flat, even grid, on which contacts can slide.
             native: True for compiled loops, False for numpy, None for whichever is there.
         """
-        self.samples, self._touching, self._laid, self._grid, self._base = samples, touching, laid, grid, base
+        self.samples, self.touching, self.reach = samples, touching, reach
+        self._laid, self._grid, self._base = laid, grid, base
         self._apart = choose_kernel(_apart_loops, _apart, native=native)
         self._flat, self._between = flat, choose_kernel(_between_loops, _between, native=native)
         self._carried: list[float] = []
@@ -137,10 +140,10 @@ class Held:
 
         None where other bodies touch than before, or one has tilted whose moments do not say so.
         """
-        if self._touching.bodies != now.bodies:
+        if self.touching.bodies != now.bodies:
             return None
         slid, apart, edge = np.zeros(3), 0.0, self._grid.edge
-        for k, (a, b, load) in enumerate(zip(self._touching.standing, now.standing, now.loads, strict=True)):
+        for k, (a, b, load) in enumerate(zip(self.touching.standing, now.standing, now.loads, strict=True)):
             first = self._flat and k == 0
             along, tilted = self._apart(
                 a.rotation, a.position, b.rotation, b.position, a.shape.levers, slid, first, self._flat
@@ -165,12 +168,12 @@ class Held:
     @cached_property
     def _bounds(self) -> tuple[list[float], list[float]]:
         """Lowest and highest x and y of all bodies, in cells from the grid's corner."""
-        low, high = zip(*(standing.bounds(self._grid) for standing in self._touching.standing), strict=True)
+        low, high = zip(*(standing.bounds(self._grid) for standing in self.touching.standing), strict=True)
         return np.concatenate(low).min(axis=0).tolist(), np.concatenate(high).max(axis=0).tolist()
 
     def _changes(self, now: Touching, slid: tuple[float, float]) -> list[_Change] | None:
         """How the pressure of each body follows its load; None where that is too much."""
-        loads = list(zip(self._touching.loads, now.loads, strict=True))
+        loads = list(zip(self.touching.loads, now.loads, strict=True))
         if any(abs(b.force - a.force) > _HARDER * a.force for a, b in loads):
             return None
         if not self._flat:
@@ -186,7 +189,7 @@ class Held:
 
     @cached_property
     def _leans(self) -> list[_Lean]:
-        return [_Lean(self.samples, self._laid.forces, body) for body in range(len(self._touching.bodies))]
+        return [_Lean(self.samples, self._laid.forces, body) for body in range(len(self.touching.bodies))]
 
     def _read(self, forces: FloatArray) -> Reading:
         """The reading of cell forces where the contact was solved."""

@@ -7,6 +7,7 @@ between cells (`CoverContact`), which is also how it arrives at the base.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
@@ -225,11 +226,13 @@ class _SurfaceReader:
     def _hold(self, touching: Touching) -> Held | None:
         """Solve the contact; None where nothing of it lies on the cells."""
         samples, slid = None, (0, 0)
+        reach = [self._reach.get(body, self._first) for body in touching.bodies]
         if self._held is not None and (moved := self._held.slid(touching)) is not None:
             slid = moved
         elif self._held is not None:
-            samples = self._held.samples
-        reach = [self._reach.get(body, self._first) for body in touching.bodies]
+            # the same cells, and the pose that they were looked at in: what creeps adds up
+            samples, reach = self._held.samples, list(self._held.reach)
+            touching = dataclasses.replace(touching, standing=self._held.touching.standing)
         while True:
             if samples is None:
                 samples = self._touching.look(touching, reach)
@@ -251,7 +254,7 @@ class _SurfaceReader:
             reach, samples = higher, None
         for body, top in zip(touching.bodies, level, strict=True):
             self._reach[body] = min(max(_SPARE * top, self._first / 4), self._most)
-        return Held(touching, samples, laid, self._grid, self._base, flat=self._flat, native=self._native)
+        return Held(touching, samples, laid, self._grid, self._base, reach=reach, flat=self._flat, native=self._native)
 
 
 class _FoundationLayer:

@@ -1,10 +1,12 @@
 """Contacts that are carried along with their bodies: equal to a solution where they are."""
 
+import mujoco
 import numpy as np
 import pytest
-from cover_data import WTS, cells
+from cover_data import WTS, cells, parameters
 from test_sampling import GRID, standing
 
+import fastmodel
 from fastmodel.base_forces import BaseForces
 from fastmodel.carrying import Held, Laid
 from fastmodel.cover_solver import CoverSolver, Settings
@@ -32,10 +34,10 @@ def held(touch, method="cover", *, native=False):
     samples = sample(GRID, touch.standing, [2e-3])
     if method == "foundation":
         forces, levels = foundation_forces(samples, touch.loads, 2e9 * CELL**2 * samples.coverage)
-        return Held(touch, samples, Laid(forces, levels), GRID, None, flat=True, native=native)
+        return Held(touch, samples, Laid(forces, levels), GRID, None, reach=[2e-3], flat=True, native=native)
     found = CoverSolver(CELLS, GRID, Settings(tolerance=1e-9, steps=2000)).solve(samples, touch.loads)
     laid = Laid(found.forces, found.level, found.approach, found.on_cells, found.origin)
-    return Held(touch, samples, laid, GRID, BASE, flat=True, native=native)
+    return Held(touch, samples, laid, GRID, BASE, reach=[2e-3], flat=True, native=native)
 
 
 def misplaced(one, other):
@@ -142,6 +144,31 @@ def test_come_to_rest_elsewhere_it_is_solved_once():
     assert start.carry(there) is None
     start = held(there)
     assert all(start.carry(there) is not None for _ in range(3))
+
+
+def pressed_ball(method):
+    """A 10 mm ball on a slide along the normal, and its sensor."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = 1e-3
+    fastmodel.recommend_options(spec)
+    sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method, native=False)
+    ball = spec.worldbody.add_body(name="ball", pos=[0.4e-3, -0.3e-3, 10.05e-3])
+    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[10e-3, 0, 0], mass=0.05)
+    model = spec.compile()
+    return sensor.bind(model), mujoco.MjData(model), model
+
+
+@pytest.mark.parametrize("method", ["cover", "foundation"])
+def test_a_load_that_rises_slowly_is_laid_out_as_if_it_came_at_once(method):
+    sensor, data, model = pressed_ball(method)
+    for k in range(800):
+        data.xfrc_applied[1, 2] = -0.2 * 50 ** min(1, k / 650)
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    at_once = pressed_ball(method)[0]._running._reader.read(data)
+    assert at_once.carried > 10
+    assert misplaced(sensor.contact_forces(), at_once.contact_forces) < 1e-4
 
 
 def test_the_compiled_loop_moves_the_same():
