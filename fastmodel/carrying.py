@@ -146,7 +146,7 @@ class Held:
         for k, (a, b, load) in enumerate(zip(self.touching.standing, now.standing, now.loads, strict=True)):
             first = self._flat and k == 0
             along, tilted = self._apart(
-                a.rotation, a.position, b.rotation, b.position, a.shape.levers, slid, first, self._flat
+                a.rotation, a.position, b.rotation, b.position, a.shape.levers, a.shape.rims, slid, first, self._flat
             )
             if not load.tilts and tilted > _STILL * min(edge):
                 return None
@@ -296,19 +296,25 @@ def _apart(  # noqa: PLR0917 -- numba kernels take positions
     now_rotation: FloatArray,
     now_position: FloatArray,
     levers: FloatArray,
+    rims: FloatArray,
     slid: FloatArray,
     first: bool,
     flat: bool,
 ) -> tuple[float, float]:
     """How far points of solids have moved at most, but for what all have slid: on a flat array along it; by tilts.
 
-    The first body says how far all have slid, into `slid` (3,).
+    The first body says how far all have slid, into `slid` (3,).  What is round tilts as its axis does: its ends by the
+    axis' own height, and their rims by as much as they face the array.
     """
     way = now_position - position
     if first:
         slid[:] = way[0]
-    turn = np.add.reduce(np.abs(now_rotation - rotation) * levers, axis=2)
-    return float((np.abs(way - slid) + turn)[:, : 2 if flat else 3].max()), float(turn[:, 2].max())
+    change = now_rotation - rotation
+    turn = np.add.reduce(np.abs(change) * levers, axis=2)
+    axis = change[:, :, 2]
+    rim = rims * np.abs(now_rotation[:, 2, 2]) * np.sqrt((axis * axis).sum(axis=1))
+    tilted = turn[:, 2] + rim + np.abs(way[:, 2] - way[0, 2])
+    return float((np.abs(way - slid) + turn)[:, : 2 if flat else 3].max()), float(tilted.max())
 
 
 def _apart_loops(  # noqa: PLR0917 -- numba kernels take positions
@@ -317,6 +323,7 @@ def _apart_loops(  # noqa: PLR0917 -- numba kernels take positions
     now_rotation: FloatArray,
     now_position: FloatArray,
     levers: FloatArray,
+    rims: FloatArray,
     slid: FloatArray,
     first: bool,
     flat: bool,
@@ -333,7 +340,12 @@ def _apart_loops(  # noqa: PLR0917 -- numba kernels take positions
             if i < 2 or not flat:  # noqa: PLR2004 -- height
                 most = max(most, turn + abs(now_position[p, i] - position[p, i] - slid[i]))
             if i == 2:  # noqa: PLR2004
-                tilted = max(tilted, turn)
+                axis = 0.0
+                for k in range(3):
+                    axis += (now_rotation[p, k, 2] - rotation[p, k, 2]) ** 2
+                turn += rims[p] * abs(now_rotation[p, 2, 2]) * math.sqrt(axis)
+                apart = now_position[p, 2] - position[p, 2] - now_position[0, 2] + position[0, 2]
+                tilted = max(tilted, turn + abs(apart))
     return most, tilted
 
 

@@ -97,6 +97,11 @@ class Shape:
         half[self.kinds >= 2, :2] = 0.0  # noqa: PLR2004
         return half[:, None]
 
+    @cached_property
+    def rims(self) -> FloatArray:
+        """Radius of flat round ends, which tilt with the axis that they are square to, else 0, shape (p,) [m]."""
+        return np.where(self.kinds == 2, self.halves[:, 0], 0.0)  # noqa: PLR2004 -- cylinders
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Standing:

@@ -8,7 +8,7 @@ from test_sampling import GRID, standing
 
 import fastmodel
 from fastmodel.base_forces import BaseForces
-from fastmodel.carrying import Held, Laid
+from fastmodel.carrying import Held, Laid, _apart, _apart_loops
 from fastmodel.cover_solver import CoverSolver, Settings
 from fastmodel.foundation import foundation_forces
 from fastmodel.plate import Touching
@@ -169,6 +169,59 @@ def test_a_load_that_rises_slowly_is_laid_out_as_if_it_came_at_once(method):
     at_once = pressed_ball(method)[0]._running._reader.read(data)
     assert at_once.carried > 10
     assert misplaced(sensor.contact_forces(), at_once.contact_forces) < 1e-4
+
+
+GUIDED = {
+    "cylinder": [(mujoco.mjtGeom.mjGEOM_CYLINDER, [5e-3, 1e-3, 0], 0.0)],
+    "two balls": [(mujoco.mjtGeom.mjGEOM_SPHERE, [3e-3, 0, 0], y) for y in (-6e-3, 6e-3)],
+}
+
+
+def guided(geoms):
+    """A tool that goes where it is put, above an array on a slide, and the array's sensor."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = 1e-3
+    spec.option.gravity = np.zeros(3)
+    fastmodel.recommend_options(spec)
+    table = spec.worldbody.add_body(name="table")
+    table.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=20)
+    table.mass, table.explicitinertial, table.inertia = 0.5, True, [1e-4] * 3
+    sensor = fastmodel.attach(spec, "table", parameters(filter=None), contact="cover", every=1, native=False)
+    tool = spec.worldbody.add_body(name="tool", pos=[0.3e-3, -0.4e-3, 0.5e-3], mocap=True)
+    for kind, size, y in geoms:
+        tool.add_geom(type=kind, size=size, pos=[0, y, size[1] or size[0]])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.xfrc_applied[1, 2] = 3.0
+    return sensor.bind(model), data, model
+
+
+@pytest.mark.parametrize("geoms", GUIDED.values(), ids=GUIDED)
+def test_a_guided_tilt_is_solved(geoms):
+    sensor, data, model = guided(geoms)
+    reader = sensor._running._reader
+    mujoco.mj_step(model, data, 300)
+    level = reader.read(data)
+    for tilt in (1e-3, 2e-3):
+        data.mocap_quat[0] = [np.cos(tilt / 2), np.sin(tilt / 2), 0, 0]
+        mujoco.mj_step(model, data, 100)
+        found, anew = reader.read(data), guided(geoms)[0]._running._reader.read(data)
+        assert misplaced(level.contact_forces, anew.contact_forces) > 5e-3
+        assert misplaced(found.contact_forces, anew.contact_forces) < 1e-3
+
+
+def test_loops_and_numpy_find_the_same_moves():
+    rng = np.random.default_rng(7)
+    for flat in (True, False):
+        (was, now), (here, there) = rng.normal(size=(2, 4, 3, 3)), rng.normal(size=(2, 4, 3))
+        levers, rims = rng.uniform(size=(4, 1, 3)), rng.uniform(size=4)
+        slid = np.zeros((2, 3))
+        found = [
+            apart(was, here, now, there, levers, rims, slid[k], first=True, flat=flat)
+            for k, apart in enumerate((_apart, _apart_loops))
+        ]
+        np.testing.assert_allclose(*found)
+        np.testing.assert_array_equal(*slid)
 
 
 def test_the_compiled_loop_moves_the_same():
