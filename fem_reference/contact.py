@@ -161,7 +161,12 @@ class _Grid:
         """
         fine = _Grid.over(self.middle, half, 1201)
         area = np.isfinite(gap(fine.x, fine.y)).sum() * fine.cell**2
-        scale = np.sqrt(area / (np.isfinite(gap(self.x, self.y)).sum() * self.cell**2))
+        own = int(np.isfinite(gap(self.x, self.y)).sum())
+        if not own:
+            raise ValueError(
+                f"no cell of {self.cell * 1e3:.2g} mm has its middle on the indenter's face: its walls are too thin"
+            )
+        scale = np.sqrt(area / (own * self.cell**2))
         x, y = (m + (place - m) * scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
         return _Grid(x=x, y=y, cell=self.cell * float(scale), middle=self.middle, scale=float(scale))
 

@@ -46,6 +46,8 @@ _HALVINGS = 4
 _UPHILL = 0.3
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
+#: How often at most the overlap that the penalty leaves is worked off at a target [-].
+_AUGMENTATIONS = 4
 #: Overlap that counts as none, relative to the depth.
 OVERLAP = 5e-4
 
@@ -137,7 +139,6 @@ class Problem:
         fixed: Held unknowns.
         units: What one stands for in lengths and stresses here; messages are in SI.
         steepness: Factor on heights and targets, which messages undo [-].
-        augmentations: How often at most the overlap that the penalty leaves is worked off at a target [-].
     """
 
     solid: Solid | SmallStrainSolid
@@ -145,7 +146,6 @@ class Problem:
     fixed: npt.NDArray[np.int64]
     units: Units
     steepness: float = 1.0
-    augmentations: int = 4
     _last: list[ConstrainedSystem] = field(default_factory=list, init=False, repr=False)
 
     def follow(
@@ -175,7 +175,7 @@ class Problem:
             if guess is None or reached is None:
                 start = out[-1] if out else self._first(first, target, control)
                 reached = self._tightened(self._walk(start, target, control, first, progress), control)
-            elif guess.pressure is None:
+            elif guess.pressure is None or reached.touch.overlap >= OVERLAP * reached.depth:
                 reached = self._tightened(reached, control)
             out.append(reached)
             if progress is not None:
@@ -253,7 +253,7 @@ class Problem:
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth."""
-        for _ in range(self.augmentations):
+        for _ in range(_AUGMENTATIONS):
             self.contact.augment(here.touch.pressure)
             load = here.load if control == "load" else None
             try:

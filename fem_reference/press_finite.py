@@ -215,8 +215,28 @@ def rounded(indenter: Indenter, size: float) -> dict[str, str]:
     """What a result says of a rounding [m]."""
     if is_flat(indenter):
         rounding = f"rounded with {size * 1e3:.3g} mm on the finest grid"
-        return {"edge": f"sharp at small strain, {rounding} for what finite strain or friction adds"}
+        lost = f"; walls thinner than {2e3 * size:.3g} mm are left out of that" if _vanishing(indenter, size) else ""
+        return {"edge": f"sharp at small strain, {rounding} for what finite strain or friction adds{lost}"}
     return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {size * 1e3:.3g} mm"}
+
+
+def _vanishing(indenter: Indenter, size: float) -> bool:
+    """Whether some of a face is so thin that its rounding leaves nothing of it."""
+    if indenter.axisymmetric or not isinstance(indenter, Flat):
+        return False
+    x, y = _samples(indenter.footprint)
+    far = indenter.beyond(size, x, y) > _CORNER * size
+    return bool((far & (indenter.inside(x, y) >= 0)).any())
+
+
+#: How far in front of what an inset leaves the corner of an outline may stand, in insets: one of 50 degrees [-].
+_CORNER = 2.4
+
+
+def _samples(footprint: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Places all over a footprint [m]."""
+    x, y = np.meshgrid(*(np.linspace(-half, half, _SAMPLES) for half in footprint))
+    return x, y
 
 
 def fillet(cover: Cover, indenter: Indenter) -> float:
@@ -230,9 +250,18 @@ def solid_fillet(cover: Cover, indenter: Indenter) -> float:
     """The same where grids are coarse, in three dimensions; the coarsest leaves something of the thickest wall [m]."""
     within = min(indenter.footprint)
     if isinstance(indenter, Flat):
-        x, y = (np.linspace(-half, half, _SAMPLES) for half in indenter.footprint)
-        within = min(within, 2 * float(indenter.inside(*np.meshgrid(x, y)).max()))
+        within = min(within, 2 * float(indenter.inside(*_samples(indenter.footprint)).max()))
+    if within < _THINNEST * max(indenter.footprint):
+        raise ValueError(
+            f"no wall of the indenter's face is wider than about {max(within, 0) * 1e3:.2g} mm, too thin beside "
+            f"{2e3 * max(indenter.footprint):.3g} mm for the grids of finite strain and friction; press it without "
+            "friction into linear-elastic layers"
+        )
     return min(cover.thickness, within) / 5
+
+
+#: Width of the thickest wall over half the footprint that grids still resolve [-].
+_THINNEST = 0.05
 
 
 #: Places along each side at which a face is asked how far inside they lie.

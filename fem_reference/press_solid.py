@@ -217,24 +217,23 @@ def press_pair(
     at_rest, ratio = path.at_rest, path.steepness / path.at_rest.steepness
     undeformed = np.zeros(elements.displacements + elements.pressures)
     guesses = [Guess(state=undeformed, depth=at_rest.steepness * depth / units.length) for depth in approaches]
-    # What overlap does is the same in both and drops out of the difference.
-    often = 4 if path.friction else 1
     linear = solid.at_rest
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
-    rest = _followed(at_rest, block, linear, guesses=guesses, augmentations=often, progress=tell)
-    scaled = [
-        Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure) for each in rest
-    ]
-    changes = [Guess(state=undeformed, depth=0.0)] * len(scaled) if before is None else before.changes(elements)
-    obstacle = block.obstacle.with_steepness(path.steepness)
-    guesses = [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
+    rest = _followed(at_rest, block, linear, guesses=guesses, progress=tell)
+    if not path.friction:  # what slips depends on the way and is walked
+        scaled = [
+            Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure)
+            for each in rest
+        ]
+        changes = [Guess(state=undeformed, depth=0.0)] * len(scaled) if before is None else before.changes(elements)
+        obstacle = block.obstacle.with_steepness(path.steepness)
+        guesses = [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
     small = path.steepness == at_rest.steepness
     deep = _followed(
         path,
         block,
         linear if small else solid,
         guesses=() if path.friction else guesses,
-        augmentations=often,
         progress=progress,
     )
     states = [[_state(elements, units, each, block) for each in reached] for reached in (rest, deep)]
@@ -276,7 +275,6 @@ def _followed(
     solid: Solid | SmallStrainSolid,
     *,
     guesses: Sequence[Guess],
-    augmentations: int,
     progress: Callable[[str], None] | None,
 ) -> list[Equilibrium]:
     """The path's targets on a solid that is prepared."""
@@ -295,7 +293,6 @@ def _followed(
         fixed=_held(units.thin(path.cover), solid.elements, block),
         units=units,
         steepness=path.steepness,
-        augmentations=augmentations,
     )
     aims = [units.target(value, path.control) for value in path.scaled]
     return problem.follow(aims, control=path.control, first=0.02 * path.steepness, guesses=guesses, progress=progress)
