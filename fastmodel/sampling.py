@@ -90,7 +90,7 @@ class Shape:
 
         A ball may turn as it likes, and what is round about its axis about that.
         """
-        half = np.where(np.isfinite(self.halves), self.halves, 1.0)
+        half = np.where(np.isfinite(self.halves), self.halves, 1.0) + np.abs(self.centres)
         ball = (self.kinds == 1) & (np.ptp(self.sizes, axis=1) == 0)
         half[ball] = 0.0
         half[self.kinds >= 2, 2] += half[self.kinds >= 2, 0]  # noqa: PLR2004 -- cylinders and capsules

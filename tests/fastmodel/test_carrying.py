@@ -11,8 +11,9 @@ from fastmodel.base_forces import BaseForces
 from fastmodel.carrying import Held, Laid, _apart, _apart_loops
 from fastmodel.cover_solver import CoverSolver, Settings
 from fastmodel.foundation import foundation_forces
+from fastmodel.lower_surface import solid
 from fastmodel.plate import Touching
-from fastmodel.sampling import Load, sample
+from fastmodel.sampling import Load, Shape, sample
 from meshes import Box, Cylinder, LetterH, Sphere
 
 CELLS = cells()
@@ -208,6 +209,16 @@ def test_a_guided_tilt_is_solved(geoms):
         found, anew = reader.read(data), guided(geoms)[0]._running._reader.read(data)
         assert misplaced(level.contact_forces, anew.contact_forces) > 5e-3
         assert misplaced(found.contact_forces, anew.contact_forces) < 1e-3
+
+
+def test_levers_reach_to_the_farthest_corner_of_a_hull():
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="wedge", uservert=[0, 0, 0, 9e-3, 0, 0, 0, 5e-3, 0, 0, 0, 7e-3])
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="wedge")
+    model = spec.compile()
+    corners = np.abs(model.mesh_vert).max(axis=0)
+    assert (corners > 1.1 * model.geom_aabb[0, 3:]).any()
+    np.testing.assert_allclose(Shape(solids=(solid(model, 0),)).levers[0, 0], corners, rtol=1e-5)
 
 
 def test_loops_and_numpy_find_the_same_moves():
