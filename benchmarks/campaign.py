@@ -21,8 +21,7 @@ import numpy as np
 
 from fem_reference.press import Indentation, press, press_path
 from fem_reference.press_together import Body, press_together
-from meshes import Cover, Layer, Material, TexelArray
-from meshes.indenter import Box, Cylinder, LetterH, Nut
+from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, TexelArray
 
 NU, E = 0.49, 1e6
 LOADS = (0.1 * 9.80665, 0.5 * 9.80665)

@@ -7,8 +7,9 @@ centre.  Texel order is row-major, x fastest; images are `[row, column]` with ro
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
-from meshes.indenter import Box, Cone, Cylinder, Indenter, LetterH, Nut, Primitive, Roller, RoundedTip, Sphere
+from meshes.indenter import Box, Cone, Cylinder, Indenter, Primitive, Roller, RoundedTip, Sphere
 from meshes.material import Material
+from meshes.outlined import LetterH, Nut
 from meshes.prism import Prism
 from meshes.stl import read_stl
 from meshes.triangle_mesh import TriangleMesh

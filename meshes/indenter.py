@@ -7,15 +7,11 @@ the cover.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-
-from meshes.outline import Loop, beyond_loops, flats_of_circle, hexagon, inside_loops, within_loops
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -81,7 +77,8 @@ class Flat(Protocol):
         """
 
 
-def _length() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
+def length() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
+    """A field that holds lengths [m]."""
     return field(metadata={"quantity": "length"})
 
 
@@ -93,11 +90,11 @@ def _angle() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
 class _Round:
     """What shapes of revolution that are as wide as their radius share."""
 
-    radius: float = _length()
+    radius: float = length()
 
     def __post_init__(self) -> None:
         """Check the radius."""
-        _positive(self, self.radius)
+        require_positive(self, self.radius)
 
     axisymmetric = True
 
@@ -177,11 +174,11 @@ class Box:
         size: Edge lengths along x, y and z [m].
     """
 
-    size: tuple[float, float, float] = _length()
+    size: tuple[float, float, float] = length()
 
     def __post_init__(self) -> None:
         """Check the edges."""
-        _positive(self, *self.size)
+        require_positive(self, *self.size)
 
     axisymmetric = False
 
@@ -220,12 +217,12 @@ class Roller:
         length: Length along y [m].
     """
 
-    radius: float = _length()
-    length: float = _length()
+    radius: float = length()
+    length: float = length()
 
     def __post_init__(self) -> None:
         """Check the lengths."""
-        _positive(self, self.radius, self.length)
+        require_positive(self, self.radius, self.length)
 
     axisymmetric = False
 
@@ -255,11 +252,11 @@ class Cone:
     """
 
     angle: float = _angle()
-    radius: float = _length()
+    radius: float = length()
 
     def __post_init__(self) -> None:
         """Check angle and radius."""
-        _positive(self, self.radius)
+        require_positive(self, self.radius)
         if not 0 < self.angle < np.pi:
             raise ValueError(f"Cone needs an angle between 0 and 180 degrees, not {np.degrees(self.angle):g}")
 
@@ -284,130 +281,12 @@ class Cone:
         return (Primitive(kind="hull", vertices=((0.0, 0.0, 0.0), *ends)),)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Nut:
-    """A hexagonal nut lying flat, two of its flats facing along x.
+def require_positive(shape: object, *values: float) -> None:
+    """Check lengths.
 
-    Its bore is a hexagon too, of the area of the round bore: so six convex prisms make the nut exactly.
-
-    Attributes:
-        across: Width across flats [m].
-        bore: Diameter of the round bore [m].
+    Raises:
+        ValueError: If one is not positive.
     """
-
-    across: float = _length()
-    bore: float = _length()
-
-    def __post_init__(self) -> None:
-        """Check that the bore fits."""
-        _positive(self, self.across, self.bore)
-        if not flats_of_circle(self.bore) < self.across:
-            raise ValueError(f"Nut needs a bore that leaves a wall, not {self.bore} m in {self.across} m")
-
-    axisymmetric = False
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.across / 2, self.across / np.sqrt(3))
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Zero between the two hexagons [m]."""
-        return np.where(within_loops(self._outlines, x, y), 0.0, np.inf)
-
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the nearer hexagon, positive in the wall [m]."""
-        return inside_loops(self._outlines, x, y)
-
-    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the narrower wall [m]."""
-        return beyond_loops(self._outlines, inset, x, y)
-
-    @property
-    def _outlines(self) -> list[Loop]:
-        return [hexagon(self.across), hexagon(flats_of_circle(self.bore))]
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """Six prisms, as tall as 0.8 of the width across flats."""
-        outer, inner = hexagon(self.across), hexagon(flats_of_circle(self.bore))
-        corners = [(outer[k], outer[k - 1], inner[k], inner[k - 1]) for k in range(6)]
-        return tuple(
-            Primitive(kind="hull", vertices=tuple((x, y, z) for z in (0.0, 0.8 * self.across) for x, y in each))
-            for each in corners
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class LetterH:
-    """A block in the shape of the letter H, its legs along y.
-
-    Attributes:
-        size: Edge lengths along x and y [m].
-        bar: Width of the legs and of the bar between them [m].
-    """
-
-    size: tuple[float, float] = _length()
-    bar: float = _length()
-
-    def __post_init__(self) -> None:
-        """Check that the bars fit."""
-        _positive(self, *self.size, self.bar)
-        if not (2 * self.bar < self.size[0] and self.bar < self.size[1]):
-            raise ValueError(
-                f"LetterH needs a bar that leaves room between the legs, not {self.bar} m in {self.size} m"
-            )
-
-    axisymmetric = False
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.size[0] / 2, self.size[1] / 2)
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Zero inside the letter [m]."""
-        return np.where(within_loops([self._outline], x, y), 0.0, np.inf)
-
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the outline, positive inside [m]."""
-        return inside_loops([self._outline], x, y)
-
-    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the thinner letter [m]."""
-        return beyond_loops([self._outline], inset, x, y)
-
-    @property
-    def _outline(self) -> Loop:
-        half_x, half_y = self.footprint
-        leg, bar = half_x - self.bar, self.bar / 2
-        quarter = [(half_x, half_y), (leg, half_y), (leg, bar)]
-        half = quarter + [(-a, b) for a, b in reversed(quarter)]
-        return half + [(-a, -b) for a, b in half]
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """Three boxes, as tall as the legs are long."""
-        half_x, half_y = self.footprint
-        bar = self.bar / 2
-        parts = ((bar, half_y, half_x - bar), (bar, half_y, bar - half_x), (half_x - self.bar, bar, 0.0))
-        return tuple(Primitive(kind="box", size=(a, b, half_y), position=(x, 0, half_y)) for a, b, x in parts)
-
-
-#: Shapes by the name that sensor files and the command line use.
-SHAPES: Mapping[str, type[Any]] = MappingProxyType(
-    {
-        "sphere": Sphere,
-        "cylinder": Cylinder,
-        "box": Box,
-        "tip": RoundedTip,
-        "roller": Roller,
-        "cone": Cone,
-        "nut": Nut,
-        "h": LetterH,
-    }
-)
-
-
-def _positive(shape: object, *values: float) -> None:
     if not all(np.isfinite(value) and value > 0 for value in values):
         raise ValueError(f"{type(shape).__name__} needs positive lengths, not {values}")
 

@@ -8,14 +8,15 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.indenter import Primitive
-from meshes.outline import beyond_loops, check_loop, convex_parts, inside_loops, within_loops
+from meshes.outline import check_loop, convex_parts
+from meshes.outlined import Outlined
 
 FloatArray = npt.NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prism:
+class Prism(Outlined):
     """A prism; its axis goes through the origin of its corners.
 
     Attributes:
@@ -35,41 +36,28 @@ class Prism:
         """
         object.__setattr__(self, "points", _plain(self.points))
         object.__setattr__(self, "holes", tuple(_plain(hole) for hole in self.holes))
-        for loop in self._loops:
+        for loop in self.loops:
             check_loop(loop)
-        corners = np.concatenate([np.array(loop) for loop in self._loops])
+        corners = np.concatenate([np.array(loop) for loop in self.loops])
         require_axis(corners)
 
-    axisymmetric = False
-
     @property
-    def _loops(self) -> tuple[Outline, ...]:
+    def loops(self) -> tuple[Outline, ...]:
+        """All outlines [m]."""
         return (self.points, *self.holes)
 
     @property
     def footprint(self) -> tuple[float, float]:
         """Half widths along x and y [m]."""
-        reach = np.abs(np.concatenate([np.array(loop) for loop in self._loops])).max(axis=0)
+        reach = np.abs(np.concatenate([np.array(loop) for loop in self.loops])).max(axis=0)
         return (float(reach[0]), float(reach[1]))
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Zero inside the outline [m]."""
-        return np.where(within_loops(self._loops, x, y), 0.0, np.inf)
-
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the outline, positive inside [m]."""
-        return inside_loops(self._loops, x, y)
-
-    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the smaller face [m]."""
-        return beyond_loops(self._loops, inset, x, y)
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Convex prisms that tile it, as tall as its larger half width."""
         height = max(self.footprint)
         return tuple(
             Primitive(kind="hull", vertices=tuple((float(x), float(y), z) for z in (0.0, height) for x, y in part))
-            for part in convex_parts(self._loops)
+            for part in convex_parts(self.loops)
         )
 
 

@@ -1,6 +1,6 @@
 """Indenters and poses as text: `sphere:radius=5mm`, `box:size=10mmx10mmx5mm`, `--at=0.7mm,-1.1mm`.
 
-The shapes and their parameters are those of `meshes.indenter.SHAPES`, a new one needs nothing here, and two more:
+The shapes and their parameters are those of `meshes.shapes.SHAPES`, a new one needs nothing here, and two more:
 `prism`, whose corners are joined by `/`, and `mesh`, which is read from an STL file.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from meshes import Indenter, Prism, read_stl
-from meshes.indenter import SHAPES
+from meshes.shapes import SHAPES
 from meshes.stl import SIZES
 from validation.errors import InputError, nearest
 from validation.quantity import QuantityError, read, read_vector

@@ -4,7 +4,7 @@ import pytest
 import trimesh
 
 from meshes import Box, Prism, RoundedTip, Sphere, read_stl
-from meshes.indenter import SHAPES
+from meshes.shapes import SHAPES
 from validation.errors import InputError
 from validation.indenter_text import _EXAMPLES, read_indenter, read_position, read_yaw
 
