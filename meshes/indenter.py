@@ -158,7 +158,12 @@ class Cylinder(_Round):
         return np.asarray(self.radius - np.hypot(x, y))
 
     def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the smaller circle [m]."""
+        """Distance outside of the smaller circle [m].
+
+        Raises:
+            ValueError: If the inset leaves nothing.
+        """
+        _require_rest(inset, self.radius)
         return np.maximum(np.hypot(x, y) - self.radius + inset, 0.0)
 
     def primitives(self) -> tuple[Primitive, ...]:
@@ -198,7 +203,12 @@ class Box:
         return np.asarray(-beyond - np.minimum(np.maximum(dx, dy), 0))
 
     def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the smaller rectangle [m]."""
+        """Distance outside of the smaller rectangle [m].
+
+        Raises:
+            ValueError: If the inset leaves nothing.
+        """
+        _require_rest(inset, min(self.footprint))
         dx, dy = np.abs(x) - self.size[0] / 2 + inset, np.abs(y) - self.size[1] / 2 + inset
         return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
 
@@ -289,6 +299,11 @@ def require_positive(shape: object, *values: float) -> None:
     """
     if not all(np.isfinite(value) and value > 0 for value in values):
         raise ValueError(f"{type(shape).__name__} needs positive lengths, not {values}")
+
+
+def _require_rest(inset: float, within: float) -> None:
+    if not inset < within:
+        raise ValueError(f"an inset of {inset:.3g} m leaves nothing of a face whose middle lies {within:.3g} m inside")
 
 
 def _flat_gap(inside: FloatArray) -> FloatArray:

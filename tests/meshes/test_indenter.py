@@ -139,9 +139,10 @@ def test_corners_that_stand_out_are_round_beyond_an_inset():
     assert beyond == pytest.approx(0.3e-3, rel=1e-9)
 
 
-def test_an_inset_that_leaves_nothing_is_refused():
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+def test_an_inset_that_leaves_nothing_is_refused(indenter):
     with pytest.raises(ValueError, match="leaves nothing"):
-        LETTER.beyond(3e-3, np.zeros(1), np.zeros(1))
+        indenter.beyond(1.01 * min(indenter.footprint), np.zeros(1), np.zeros(1))
 
 
 def test_area_of_the_compound_shapes():
