@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +12,11 @@ from fem_reference.axisymmetric import BaseResponse, base_response, graded, held
 from fem_reference.elements import MixedElements, mixed_elements
 from fem_reference.equilibrium import Equilibrium, Problem
 from fem_reference.finite_strain import Solid
+from fem_reference.loading_path import LoadingPath
 from fem_reference.obstacle import Obstacle
 from fem_reference.surface_contact import SurfaceContact
 from fem_reference.transfer import Coarse
 from fem_reference.units import Units
-from meshes import Cover, Indenter
 from meshes.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
@@ -50,65 +50,56 @@ class PressedState:
 
 
 def press_axisymmetric(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
+    path: LoadingPath,
     *,
-    control: str,
     elements_per_thickness: int,
     contact_radius: float,
     fillet: float,
     reach: float,
-    steepness: float = 1.0,
-    friction: float = 0.0,
     coarse: Coarse | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[PressedState], Coarse]:
     """Follow one loading path; return the state at every target, and the path for a finer mesh to start from.
 
     Args:
-        cover: Layers; a small-strain material counts as neo-Hookean with the same moduli.
-        indenter: An axisymmetric shape.
-        targets: Loads [N] or depths [m], ascending.
-        control: "load" or "depth".
+        path: What is pressed how far; a path with friction is walked in small steps.
         elements_per_thickness: Elements through the cover [-].
         contact_radius: Estimated radius of the largest contact; the mesh is fine up to it [m].
         fillet: Radius of the rounding of sharp edges [m].
         reach: Radius of the outer boundary [m].
-        steepness: Factor on the indenter's heights, see `Obstacle` [-].
-        friction: Coefficient of Coulomb's law, inf for no slip; such a path is walked in small steps [-].
         coarse: The same path on a coarser mesh, to start from.
         progress: Called with a line of text after each step.
 
     Raises:
         PathError: If the path stops early.
     """
-    units = Units.of(cover)
-    thin = units.thin(cover)
+    units = Units.of(path.cover)
+    thin = units.thin(path.cover)
     fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
     size = min(1.0, radius) / elements_per_thickness
     growth = 1 + 1.2 / elements_per_thickness
     top = size
-    if isinstance(indenter, Flat):
+    if isinstance(path.indenter, Flat):
         top = _FINE * fillet
         radii = toward_edge(top, size, radius, reach, growth)
     else:
         radii = graded(size, 1.25 * radius, reach, growth)
     mesh, region = tensor_mesh(thin, elements_per_thickness, radii, top=top)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
-    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=units.length, steepness=steepness)
+    obstacle = Obstacle(indenter=path.indenter, fillet=fillet, unit=units.length, steepness=path.steepness)
     problem = Problem(
-        solid=Solid.of_cover(elements, cover, units),
-        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, friction=friction),
+        solid=Solid.of_cover(elements, path.cover, units),
+        contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, friction=path.friction),
         fixed=held(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
-        steepness=steepness,
+        steepness=path.steepness,
     )
-    aims = [units.target(value, control) for value in targets]
-    guesses = () if coarse is None or friction else coarse.guesses(elements)
-    path = problem.follow(aims, control=control, first=0.02 * steepness, guesses=guesses, progress=progress)
-    states = [_state(elements, units, obstacle, reached) for reached in path]
-    return states, Coarse(elements=elements, path=path)
+    aims = [units.target(value, path.control) for value in path.scaled]
+    guesses = () if coarse is None or path.friction else coarse.guesses(elements)
+    first = 0.02 * path.steepness
+    reached = problem.follow(aims, control=path.control, first=first, guesses=guesses, progress=progress)
+    states = [_state(elements, units, obstacle, each) for each in reached]
+    return states, Coarse(elements=elements, path=reached)
 
 
 def _state(elements: MixedElements, units: Units, obstacle: Obstacle, reached: Equilibrium) -> PressedState:

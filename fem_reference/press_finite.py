@@ -287,16 +287,11 @@ def _solved_around_axis(path: LoadingPath, progress: Callable[[str], None] | Non
     coarse = None
     for n in GRIDS:
         states, coarse = press_axisymmetric(
-            cover,
-            indenter,
-            path.scaled,
-            control=path.control,
+            path,
             elements_per_thickness=n,
             contact_radius=radius,
             fillet=on_grid(fillet(cover, indenter), n, GRIDS),
             reach=reach,
-            steepness=path.steepness,
-            friction=path.friction,
             coarse=coarse,
             progress=with_grid(progress, n),
         )
