@@ -214,30 +214,36 @@ def press_pair(
     units = Units.of(path.cover)
     elements = _meshed(block, units.thin(path.cover), elements_per_thickness)
     solid = Solid.of_cover(elements, path.cover, units)
-    at_rest, ratio = path.at_rest, path.steepness / path.at_rest.steepness
+    at_rest = path.at_rest
     undeformed = np.zeros(elements.displacements + elements.pressures)
     guesses = [Guess(state=undeformed, depth=at_rest.steepness * depth / units.length) for depth in approaches]
     linear = solid.at_rest
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
     rest = _followed(at_rest, block, linear, guesses=guesses, progress=tell)
-    if not path.friction:  # what slips depends on the way and is walked
-        scaled = [
-            Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure)
-            for each in rest
-        ]
-        changes = [Guess(state=undeformed, depth=0.0)] * len(scaled) if before is None else before.changes(elements)
-        obstacle = block.obstacle.with_steepness(path.steepness)
-        guesses = [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
     small = path.steepness == at_rest.steepness
-    deep = _followed(
-        path,
-        block,
-        linear if small else solid,
-        guesses=() if path.friction else guesses,
-        progress=progress,
-    )
+    starts = [] if path.friction else _starts(path, block, rest, elements, before)  # slip depends on the way
+    deep = _followed(path, block, linear if small else solid, guesses=starts, progress=progress)
     states = [[_state(elements, units, each, block) for each in reached] for reached in (rest, deep)]
-    return states[0], states[1], Pair(elements=elements, rest=rest, deep=deep, ratio=ratio)
+    return states[0], states[1], Pair(elements=elements, rest=rest, deep=deep, ratio=_ratio(path))
+
+
+def _ratio(path: LoadingPath) -> float:
+    """A path's steepness over that of its small-strain twin [-]."""
+    return path.steepness / path.at_rest.steepness
+
+
+def _starts(
+    path: LoadingPath, block: Block, rest: Sequence[Equilibrium], elements: MixedElements, before: Pair | None
+) -> list[Guess]:
+    """The small-strain targets, scaled, with what the coarser grid added to its own."""
+    ratio = _ratio(path)
+    scaled = [
+        Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure) for each in rest
+    ]
+    nothing = Guess(state=np.zeros_like(rest[0].state), depth=0.0)
+    changes = [nothing] * len(rest) if before is None else before.changes(elements)
+    obstacle = block.obstacle.with_steepness(path.steepness)
+    return [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
 
 
 def _changed(still: Guess, change: Guess, elements: MixedElements, obstacle: Rigid) -> Guess:
