@@ -19,9 +19,7 @@ import argparse
 import cProfile
 import itertools
 import json
-import os
 import pstats
-import subprocess
 import sys
 import tempfile
 import time
@@ -31,13 +29,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pad import THREADS, installed, plot
+from peers import answered, environment, installed, plot
 
 Task = dict[str, Any]
 
 BULK, TRAVELS, TOLERANCE = 500.0, [0.05, 0.1, 0.15], 1e-8
 REPEATS = 5
 LIMIT = 300
+_PEER = Path(__file__).with_name("finite_strain_felupe.py")
 CASES = {
     "disk": {"shape": "disk", "radius": 4.0, "through": 16, "across": 64},
     "block": {"shape": "block", "radius": 1.0, "through": 6, "across": 6},
@@ -145,26 +144,13 @@ class Bench:
 
     def __init__(self, folder: Path, peer: Path) -> None:
         self.peer = peer
-        self.environment = {**os.environ, **THREADS, "SOFTCOVER_STORE": str(folder / "store")}
+        self.environment = environment(folder)
 
     def run(self, task: Task) -> dict[str, Any] | None:
         """One process; None where it fails or takes too long."""
         mine = "fields" not in task
-        script = [__file__, "--worker"] if mine else [str(Path(__file__).with_name("finite_strain_felupe.py"))]
-        python = sys.executable if mine else str(self.peer)
-        try:
-            done = subprocess.run(
-                [python, *script, json.dumps(whole(task))],
-                env=self.environment,
-                capture_output=True,
-                text=True,
-                check=True,
-                timeout=LIMIT,
-            )
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-            print(f"  {task}: {(getattr(error, 'stderr', '') or str(error)).strip().splitlines()[-1]}")
-            return None
-        return dict(json.loads(done.stdout.splitlines()[-1]))
+        command = [sys.executable, __file__, "--worker"] if mine else [str(self.peer), str(_PEER)]
+        return answered([*command, json.dumps(whole(task))], self.environment, str(task), limit=LIMIT)
 
     def compare(self, case: str) -> dict[str, Any]:
         """Medians of ours and of the fastest of FElupe's ways, run in turn."""

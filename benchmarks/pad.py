@@ -14,18 +14,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 import tempfile
 import time
-import venv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from peers import answered, environment, installed, plot
 
 FloatArray = npt.NDArray[np.float64]
 Task = dict[str, Any]
@@ -34,7 +32,7 @@ PITCH, THICKNESS, TEXELS, DISK = 3.4e-3, 2e-3, 4, 0.5e-3
 TARGET = 0.005
 REPEATS = 7
 LIMIT = 120
-THREADS = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+_PEER = Path(__file__).with_name("pad_ngsolve.py")
 
 #: Elements per texel, through the cover, and the order of the displacement.
 GRIDS = [(1, 1, 2), (2, 1, 2), (2, 2, 2), (3, 1, 2), (3, 2, 2), (4, 2, 2), (5, 2, 2), (5, 3, 2), (1, 1, 3), (2, 2, 3)]
@@ -167,7 +165,7 @@ class Bench:
         self.folder, self.peer, self.poisson_ratio = folder, peer, poisson_ratio
         np.save(folder / "loads.npy", loads())
         np.save(folder / "loads_mm.npy", loads() * 1e3)
-        self.environment = {**os.environ, **THREADS, "SOFTCOVER_STORE": str(folder / "store")}
+        self.environment = environment(folder)
 
     def run(self, task: Task) -> Run | None:
         """One process; None where it fails or takes too long."""
@@ -176,21 +174,9 @@ class Bench:
         places = self.folder / ("loads.npy" if mine else "loads_mm.npy")
         told = {**task, "poisson_ratio": self.poisson_ratio, "nu": self.poisson_ratio}
         told |= {"loads": str(places), "result": str(result)}
-        script = [__file__, "--worker"] if mine else [str(Path(__file__).with_name("pad_ngsolve.py"))]
-        python = sys.executable if mine else str(self.peer)
-        try:
-            done = subprocess.run(
-                [python, *script, json.dumps(told)],
-                env=self.environment,
-                capture_output=True,
-                text=True,
-                check=True,
-                timeout=LIMIT,
-            )
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-            print(f"  {name_of(task)}: {(getattr(error, 'stderr', '') or str(error)).strip().splitlines()[-1]}")
-            return None
-        return Run(task=task, cost=json.loads(done.stdout.splitlines()[-1]), forces=forces(np.load(result)))
+        command = [sys.executable, __file__, "--worker"] if mine else [str(self.peer), str(_PEER)]
+        cost = answered([*command, json.dumps(told)], self.environment, name_of(task), limit=LIMIT)
+        return None if cost is None else Run(task=task, cost=cost, forces=forces(np.load(result)))
 
     def tune(self, tasks: list[Task], reference: FloatArray) -> Task:
         """The cheapest task within the target."""
@@ -238,30 +224,6 @@ def name_of(task: Task) -> str:
     grid = f"{task['size']:.2g} mm" if task["mesh"] == "tet" else f"{task['per_texel']} x {task['through']}"
     kind = "mixed" if task["mixed"] else "displacement"
     return f"NGSolve {task['mesh']} order {task['order']} {kind}, {grid}, {task['solver']}"
-
-
-def installed(folder: Path, *packages: str) -> Path:
-    """An environment with a peer, which softcover itself never needs."""
-    venv.create(folder / "peer", with_pip=True)
-    python = folder / "peer" / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    subprocess.run([str(python), "-m", "pip", "install", "--quiet", *packages], check=True)
-    return python
-
-
-def plot(lines: dict[str, list[tuple[float, float]]], path: Path, *, title: str, **labels: str) -> None:
-    """Cost against unknowns, both axes logarithmic."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-    for name, points in lines.items():
-        axes.loglog(*zip(*points, strict=True), "o-", label=name)
-    axes.set(title=title, **labels)
-    axes.grid(visible=True, which="both", alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=150)
 
 
 def main() -> None:
