@@ -134,12 +134,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
 
     started = time.perf_counter()
     tell = progress or (lambda _: None)
-    array = sensor.array
-    if not array.planar:
-        raise InputError(
-            f"{sensor.source}: array: the reference knows planar covers only; derive a flat array of its pitch, and "
-            f"give its parameters the curved one: dataclasses.replace(fastmodel.load(folder), array=..., tables={{}})"
-        )
+    array = _planar_array(sensor)
     wide = sensor.cover.size is None
     tell("point spread function by finite elements")
     spread = point_spread(sensor.cover) if wide else solid_influence(sensor.cover, array, progress=progress)
@@ -168,12 +163,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
             electronics=sensor.electronics,
             provenance=_provenance(sensor, fit, depth, undetermined),
             cells=cells,
-            tables={}
-            if radial is None
-            else {
-                "point_response_radius": np.asarray(radial.radius),
-                "point_response_pressure": np.asarray(radial.pressure_per_force),
-            },
+            tables={} if radial is None else _radial_tables(radial),
         ),
         error_estimate=spread.error_estimate,
         resolution=None if radial is None else two_point_separation(radial),
@@ -182,6 +172,16 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         depth=depth,
         undetermined=undetermined,
         seconds=time.perf_counter() - started,
+    )
+
+
+def _planar_array(sensor: SensorDescription) -> TexelArray:
+    """The sensor's array, refused where it is curved: the reference knows no such cover."""
+    if sensor.array.planar:
+        return sensor.array
+    raise InputError(
+        f"{sensor.source}: array: the reference knows planar covers only; derive a flat array of its pitch, and "
+        f"give its parameters the curved one: dataclasses.replace(fastmodel.load(folder), array=..., tables={{}})"
     )
 
 
@@ -333,6 +333,14 @@ def _with_poisson_ratio(cover: Cover, index: int, ratio: float) -> Cover:
     material = dataclasses.replace(layers[index].material, poisson_ratio=ratio)
     layers[index] = dataclasses.replace(layers[index], material=material)
     return dataclasses.replace(cover, layers=tuple(layers))
+
+
+def _radial_tables(spread: PointSpread) -> dict[str, FloatArray]:
+    """The radial profile as the parameter folder keeps it: radii [m] and pressure per force [1/m²]."""
+    return {
+        "point_response_radius": np.asarray(spread.radius),
+        "point_response_pressure": np.asarray(spread.pressure_per_force),
+    }
 
 
 def _provenance(
