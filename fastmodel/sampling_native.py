@@ -10,6 +10,8 @@ from fastmodel.native import called_by_kernels
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+#: A body's parts as they stand: kinds, sizes, edge, faces as `_lines` has them, first face of each, axes and origins.
+_Parts = tuple[IntArray, FloatArray, float, FloatArray, IntArray, FloatArray, FloatArray]
 
 
 def sample_loops(
@@ -50,13 +52,9 @@ def sample_loops(
     """
     windows = _windows(rotation, position, centres, halves, size, low, cell)
     height, near, top, c0, r0 = _room(windows, points)
-    lines = _lines(planes, first_plane, rotation, position)
-    _look_at_parts(
-        kinds, sizes, edge, lines, first_plane, rotation, position, windows, low, cell, sparse, height, near, top
-    )
-    means = _look_closely(
-        kinds, sizes, edge, lines, first_plane, rotation, position, windows, low, cell, points, height, near, top
-    )
+    parts = (kinds, sizes, edge, _lines(planes, first_plane, rotation, position), first_plane, rotation, position)
+    _look_at_parts(parts, windows, low, cell, sparse, height, near, top)
+    means = _look_closely(parts, windows, low, cell, points, height, near, top)
     return _kept(height, means, r0, c0, low, cell, reach)
 
 
@@ -72,13 +70,7 @@ def _room(windows: IntArray, points: int) -> tuple[FloatArray, npt.NDArray[np.bo
 
 @called_by_kernels()
 def _look_at_parts(
-    kinds: IntArray,
-    sizes: FloatArray,
-    edge: float,
-    lines: FloatArray,
-    first_plane: IntArray,
-    rotation: FloatArray,
-    position: FloatArray,
+    parts: _Parts,
     windows: IntArray,
     low: FloatArray,
     cell: FloatArray,
@@ -89,24 +81,18 @@ def _look_at_parts(
 ) -> None:
     """Fill heights of cells that lie under a part altogether, and mark those that an outline may cross."""
     c0, r0, _, _ = _around(windows)
-    for p in range(len(kinds)):
+    for p in range(len(windows)):
         left, first, right, last = windows[p]
         if left < right and first < last:
             corner = np.empty((last - first + 1, right - left + 1))
             x, y = _places(low[0], cell[0], left, right, 1), _places(low[1], cell[1], first, last, 1)
-            _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, corner)
+            _undersides(parts, p, x, y, top, corner)
             _look_at_corners(corner, sparse, first - r0, left - c0, height, near)
 
 
 @called_by_kernels()
 def _look_closely(
-    kinds: IntArray,
-    sizes: FloatArray,
-    edge: float,
-    lines: FloatArray,
-    first_plane: IntArray,
-    rotation: FloatArray,
-    position: FloatArray,
+    parts: _Parts,
     windows: IntArray,
     low: FloatArray,
     cell: FloatArray,
@@ -129,9 +115,9 @@ def _look_closely(
             for a in range(points * points):
                 gaps[0, a // points, a % points] = np.inf
             x, y = fine_x[j * points : (j + 1) * points], fine_y[i * points : (i + 1) * points]
-            for p in range(len(kinds)):
+            for p in range(len(windows)):
                 if windows[p, 0] <= c0 + j < windows[p, 2] and windows[p, 1] <= r0 + i < windows[p, 3]:
-                    _undersides(kinds, sizes, edge, lines, first_plane, rotation, position, p, x, y, top, gaps[1])
+                    _undersides(parts, p, x, y, top, gaps[1])
                     _lower(gaps)
             means[i, j, 0], means[i, j, 1], means[i, j, 2], height[i, j] = _means(gaps[0], offsets)
     return means
@@ -228,24 +214,12 @@ def _lines(planes: FloatArray, first_plane: IntArray, rotation: FloatArray, posi
 
 
 @called_by_kernels()
-def _undersides(
-    kinds: IntArray,
-    sizes: FloatArray,
-    edge: float,
-    lines: FloatArray,
-    first_plane: IntArray,
-    rotation: FloatArray,
-    position: FloatArray,
-    p: int,
-    x: FloatArray,
-    y: FloatArray,
-    top: FloatArray,
-    under: FloatArray,
-) -> None:
+def _undersides(parts: _Parts, p: int, x: FloatArray, y: FloatArray, top: FloatArray, under: FloatArray) -> None:
     """Height of one part's underside at all x and y, inf where there is none, into `under` (y, x).
 
     `top` is room to work in.  Many points at a call: handing arrays over costs more than a point does.
     """
+    kinds, sizes, edge, lines, first_plane, rotation, position = parts
     if kinds[p] == 0:
         _under_faces(lines, first_plane[p], first_plane[p + 1], x, y, position[p, 0], position[p, 1], top, under)
         return
