@@ -142,11 +142,12 @@ class Held:
         """
         if self.touching.bodies != now.bodies:
             return None
-        slid, apart, edge = np.zeros(3), 0.0, self._grid.edge
-        for k, (a, b, load) in enumerate(zip(self.touching.standing, now.standing, now.loads, strict=True)):
-            first = self._flat and k == 0
+        stood, stands, apart, edge = self.touching.standing, now.standing, 0.0, self._grid.edge
+        # the first body says how far all have slid
+        slid = stands[0].position[0] - stood[0].position[0] if self._flat else np.zeros(3)
+        for a, b, load in zip(stood, stands, now.loads, strict=True):
             along, tilted = self._apart(
-                a.rotation, a.position, b.rotation, b.position, a.shape.levers, a.shape.rims, slid, first, self._flat
+                a.rotation, a.position, b.rotation, b.position, a.shape.extents, slid, self._flat
             )
             if not load.tilts and tilted > _STILL * min(edge):
                 return None
@@ -291,60 +292,48 @@ def _cubic(part: float) -> FloatArray:
 
 
 def _apart(  # noqa: PLR0917 -- numba kernels take positions
-    rotation: FloatArray,
-    position: FloatArray,
-    now_rotation: FloatArray,
-    now_position: FloatArray,
-    levers: FloatArray,
-    rims: FloatArray,
-    slid: FloatArray,
-    first: bool,
-    flat: bool,
+    was: FloatArray, at: FloatArray, now: FloatArray, to: FloatArray, extents: FloatArray, slid: FloatArray, flat: bool
 ) -> tuple[float, float]:
     """How far points of solids have moved at most, but for what all have slid: on a flat array along it; by tilts.
 
-    The first body says how far all have slid, into `slid` (3,).  What is round tilts as its axis does: its ends by the
-    axis' own height, and their rims by as much as they face the array.
+    What is round tilts as its axis does: its ends by the axis' own height, and their rims by as much as they face the
+    array.
+
+    Args:
+        was: Axes of the solids before, shape (p, 3, 3) [-].
+        at: Their origins before, shape (p, 3) [m].
+        now: Their axes now.
+        to: Their origins now.
+        extents: As `Shape` has them, shape (p, 4) [m].
+        slid: How far all have slid, shape (3,) [m].
+        flat: Whether the array is flat.
     """
-    way = now_position - position
-    if first:
-        slid[:] = way[0]
-    change = now_rotation - rotation
-    turn = np.add.reduce(np.abs(change) * levers, axis=2)
+    way, change = to - at, now - was
+    turn = np.add.reduce(np.abs(change) * extents[:, None, :3], axis=2)
     axis = change[:, :, 2]
-    rim = rims * np.abs(now_rotation[:, 2, 2]) * np.sqrt((axis * axis).sum(axis=1))
+    rim = extents[:, 3] * np.abs(now[:, 2, 2]) * np.sqrt((axis * axis).sum(axis=1))
     tilted = turn[:, 2] + rim + np.abs(way[:, 2] - way[0, 2])
     return float((np.abs(way - slid) + turn)[:, : 2 if flat else 3].max()), float(tilted.max())
 
 
 def _apart_loops(  # noqa: PLR0917 -- numba kernels take positions
-    rotation: FloatArray,
-    position: FloatArray,
-    now_rotation: FloatArray,
-    now_position: FloatArray,
-    levers: FloatArray,
-    rims: FloatArray,
-    slid: FloatArray,
-    first: bool,
-    flat: bool,
+    was: FloatArray, at: FloatArray, now: FloatArray, to: FloatArray, extents: FloatArray, slid: FloatArray, flat: bool
 ) -> tuple[float, float]:
     """The same as loops, for numba."""
     most, tilted = 0.0, 0.0
-    for p in range(len(position)):
+    for p in range(len(at)):
         for i in range(3):
-            if first and p == 0:
-                slid[i] = now_position[0, i] - position[0, i]
             turn = 0.0
             for k in range(3):
-                turn += abs(now_rotation[p, i, k] - rotation[p, i, k]) * levers[p, 0, k]
+                turn += abs(now[p, i, k] - was[p, i, k]) * extents[p, k]
             if i < 2 or not flat:  # noqa: PLR2004 -- height
-                most = max(most, turn + abs(now_position[p, i] - position[p, i] - slid[i]))
+                most = max(most, turn + abs(to[p, i] - at[p, i] - slid[i]))
             if i == 2:  # noqa: PLR2004
                 axis = 0.0
                 for k in range(3):
-                    axis += (now_rotation[p, k, 2] - rotation[p, k, 2]) ** 2
-                turn += rims[p] * abs(now_rotation[p, 2, 2]) * math.sqrt(axis)
-                apart = now_position[p, 2] - position[p, 2] - now_position[0, 2] + position[0, 2]
+                    axis += (now[p, k, 2] - was[p, k, 2]) ** 2
+                turn += extents[p, 3] * abs(now[p, 2, 2]) * math.sqrt(axis)
+                apart = to[p, 2] - at[p, 2] - to[0, 2] + at[0, 2]
                 tilted = max(tilted, turn + abs(apart))
     return most, tilted
 

@@ -85,22 +85,19 @@ class Shape:
         return np.array([each.half for each in self.solids])
 
     @cached_property
-    def levers(self) -> FloatArray:
-        """By how much a point of each solid moves at most as each of its axes turns, shape (p, 1, 3) [m].
+    def extents(self) -> FloatArray:
+        """By how much a point of each solid moves at most as each of its axes turns, and its rim, shape (p, 4) [m].
 
-        A ball may turn as it likes, and what is round about its axis about that.
+        A ball may turn as it likes, and what is round about its axis about that.  The rim is the radius of flat round
+        ends, which tilt with the axis that they are square to, else 0.
         """
         half = np.where(np.isfinite(self.halves), self.halves, 1.0) + np.abs(self.centres)
         ball = (self.kinds == 1) & (np.ptp(self.sizes, axis=1) == 0)
         half[ball] = 0.0
         half[self.kinds >= 2, 2] += half[self.kinds >= 2, 0]  # noqa: PLR2004 -- cylinders and capsules
         half[self.kinds >= 2, :2] = 0.0  # noqa: PLR2004
-        return half[:, None]
-
-    @cached_property
-    def rims(self) -> FloatArray:
-        """Radius of flat round ends, which tilt with the axis that they are square to, else 0, shape (p,) [m]."""
-        return np.where(self.kinds == 2, self.halves[:, 0], 0.0)  # noqa: PLR2004 -- cylinders
+        rims = np.where(self.kinds == 2, self.halves[:, 0], 0.0)  # noqa: PLR2004 -- cylinders
+        return np.column_stack([half, rims])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
