@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.cover_iteration import CORRECTIONS, KEPT
+from fastmodel.cover_iteration import CORRECTIONS, KEPT, Contact, Cover
 from fastmodel.native import called_by_kernels
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 #: Most steps of Newton's method on springs.
 SPRING_STEPS = 60
-_Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @called_by_kernels()
@@ -70,7 +69,7 @@ def _eliminate(matrix: FloatArray, ridge: float, wanted: FloatArray, found: Floa
 
 @called_by_kernels()
 def _yields(
-    cover: _Cover, forces: FloatArray, window: FloatArray, half: FloatArray, beside: FloatArray, moved: FloatArray
+    cover: Cover, forces: FloatArray, window: FloatArray, half: FloatArray, beside: FloatArray, moved: FloatArray
 ) -> None:
     """Displacements of the sampled cells, into `moved` (m,); the others are room for windows."""
     target, weight, soft, first, second = cover
@@ -217,15 +216,10 @@ def _change(forces: FloatArray, before: FloatArray, active: FloatArray) -> float
 
 
 def iterate_loops(  # noqa: C901 -- one loop, as numba likes it
-    cover: _Cover,
-    gap: FloatArray,
-    columns: FloatArray,
-    wanted: FloatArray,
-    start: FloatArray,
-    tolerance: float,
-    most: int,
+    contact: Contact, start: FloatArray, tolerance: float, most: int
 ) -> tuple[FloatArray, FloatArray, int, bool]:
-    """As `cover_iteration.iterate`, with row and column of the first of four cells for `cover[0]`, shape (2, m)."""
+    """As `cover_iteration.iterate`, but of the cells that each acts on row and column of the first, shape (2, m)."""
+    cover, gap, columns, wanted = contact
     count, k = columns.shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
     window, half, beside = np.empty((rows, cols)), np.empty((tall, cols)), np.empty((rows, tall // rows * cols))

@@ -12,6 +12,13 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+#: Cells of the window that each sampled cell acts on and its shares [-], both of shape (shares, m); what each yields
+#: under its own force beyond that, shape (m,) [m/N]; stacked row matrices of the compliance, shape (terms * rows,
+#: rows), and column matrices, shape (terms * cols, cols) [m/N].
+Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+#: A cover; heights of the undeformed gap, shape (m,) [m]; what the forces are summed with, shape (m, k); what these
+#: sums must be, shape (k,).
+Contact = tuple[Cover, FloatArray, FloatArray, FloatArray]
 
 #: Least share of a cell's force that one correction of the balance leaves, so that none changes its sign [-].
 KEPT = 0.2
@@ -52,27 +59,17 @@ def _balanced(forces: FloatArray, columns: FloatArray, wanted: FloatArray) -> tu
 
 
 def iterate(
-    cover: tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray],
-    gap: FloatArray,
-    columns: FloatArray,
-    wanted: FloatArray,
-    start: FloatArray,
-    tolerance: float,
-    most: int,
+    contact: Contact, start: FloatArray, tolerance: float, most: int
 ) -> tuple[FloatArray, FloatArray, int, bool]:
     """Cell forces, motions of the bodies, steps taken, and whether the tolerance was met.
 
     Args:
-        cover: Cells of the window that each sampled cell acts on and its shares [-], both of shape (shares, m); what
-            each yields under its own force beyond that, shape (m,) [m/N]; stacked row matrices of the compliance, shape
-            (terms * rows, rows), and column matrices, shape (terms * cols, cols) [m/N].
-        gap: Heights of the undeformed gap, shape (m,) [m].
-        columns: What the forces are summed with, shape (m, k).
-        wanted: What these sums must be, shape (k,).
+        contact: What is to be solved.
         start: Where to start, shape (m,) [N].
         tolerance: Change of the forces in one step at which to stop [N].
         most: Most steps.
     """
+    cover, gap, columns, wanted = contact
     count, k = columns.shape
     scale = np.abs(wanted).max()
     forces, before, motion = start.copy(), start, np.zeros(k)

@@ -141,10 +141,12 @@ class CoverSolver:
     def _find(self, operator: _Operator, constraints: _Constraints, start: FloatArray) -> _Found:
         cells = operator.target if self._iterate is iterate else operator.corner
         forces, motion, steps, converged = self._iterate(
-            (cells, operator.weight, operator.soft, *operator.matrices),
-            operator.samples.gap,
-            constraints.columns,
-            constraints.target,
+            (
+                (cells, operator.weight, operator.soft, *operator.matrices),
+                operator.samples.gap,
+                constraints.columns,
+                constraints.target,
+            ),
             start,
             self._settings.tolerance * constraints.total,
             self._settings.steps,
