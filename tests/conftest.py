@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+# Before NumPy loads: test processes share the cores already, and threads of theirs would spin while they wait for one.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
 
 from meshes import Cover, Layer, Material, TexelArray
 from meshes.catalogue import ARRAYS
+
+if TYPE_CHECKING:
+    from validation.derive import Derivation
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,9 +28,11 @@ def _interruptible() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Tests never read or write the user's result store."""
+    """Tests never read or write the user's result store; the processes of a run share one, as those of a user do."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SOFTCOVER_STORE", str(tmp_path_factory.mktemp("store")))
+        patch.setenv("SOFTCOVER_STORE", str(shared / "shared-store"))
         yield
 
 
@@ -40,6 +50,15 @@ def bonded() -> Callable[..., Cover]:
         return Cover(layers=(Layer(thickness=thickness, material=material),), **options)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def wts_derivation() -> Derivation:
+    """The catalogue's sensor under its assumed cover, derived once for all that only read it."""
+    from validation.derive import derive
+    from validation.sensor_file import load
+
+    return derive(load("wts-0614-34"))
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from validation.derive import derive
-from validation.sensor_file import load
-
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 DOCUMENTS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md")] + sorted((ROOT / "docs").glob("*.md"))
@@ -22,8 +19,8 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
 
 
-def test_robot_example_runs_as_it_stands(tmp_path):
-    derive(load("wts-0614-34")).parameters.save(tmp_path / "wts")
+def test_robot_example_runs_as_it_stands(tmp_path, wts_derivation):
+    wts_derivation.parameters.save(tmp_path / "wts")
     (example,) = blocks("python")
     done = subprocess.run(  # noqa: S603 -- our own README
         [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=True

@@ -8,9 +8,7 @@ import fem_reference
 from meshes.catalogue import ARRAYS
 from validation.campaign import default_cases, run
 from validation.case import Case
-from validation.derive import derive
 from validation.errors import InputError
-from validation.sensor_file import load
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -20,8 +18,8 @@ CASES = (
 
 
 @pytest.fixture(scope="module")
-def derivation():
-    return derive(load("wts-0614-34"))
+def derivation(wts_derivation):
+    return wts_derivation
 
 
 @pytest.fixture(scope="module")

@@ -120,7 +120,7 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
 
 
 def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
-    touch = ("press", "wts-0614-34", "--indenter", "nut:across=13mm,bore=8mm", "--load", "500g", "--json")
+    touch = ("press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--json")
     cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
     assert boxes["models"]["fast"]["depth"] is None
     assert boxes["scores"]["misplaced_force"] > 5 * cover["scores"]["misplaced_force"]

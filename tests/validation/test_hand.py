@@ -9,9 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from validation.derive import derive
 from validation.recordings.importing import open_recording
-from validation.sensor_file import load
 
 needs_hand = pytest.mark.skipif(
     importlib.util.find_spec("gymnasium_robotics") is None,
@@ -20,8 +18,8 @@ needs_hand = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def parameters():
-    return derive(load("wts-0614-34")).parameters
+def parameters(wts_derivation):
+    return wts_derivation.parameters
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ CASES = (
 
 
 @pytest.fixture(scope="module")
-def derivation():
-    return derive(load_sensor("wts-0614-34"))
+def derivation(wts_derivation):
+    return wts_derivation
 
 
 @pytest.fixture(scope="module")

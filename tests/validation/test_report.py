@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import re
 from html.parser import HTMLParser
@@ -64,10 +65,12 @@ def test_numbers_beside_the_page_are_those_of_the_evaluation(folder, evaluation)
     )
 
 
-def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, tmp_path):
+def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tmp_path):
     assert "assumed cover" in (folder / "index.html").read_text()
-    known = evaluate(load("wts-0614-34", material="neoprene", thickness="2mm"), cases=CASES[:1])
-    write_report(known, tmp_path)
+    known = load("wts-0614-34", material="neoprene", thickness="2mm")
+    assert not known.cover.assumed
+    derivation = dataclasses.replace(evaluation.derivation, sensor=known)
+    write_report(dataclasses.replace(evaluation, derivation=derivation), tmp_path)
     assert "assumed" not in (tmp_path / "index.html").read_text()
 
 
