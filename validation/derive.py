@@ -298,12 +298,15 @@ def _poisson_slope(sensor: SensorDescription, array: TexelArray, spread: PointSp
     """Derivative of sigma_x by one layer's Poisson ratio: slope of a parabola through three ratios in their range."""
     here = sensor.cover.layers[index].material.poisson_ratio
     middle = float(np.clip(here, _POISSON_STEP, 0.5 - _POISSON_STEP))
-    low, centre, high = (
-        _sigma(_exact(_with_poisson_ratio(sensor.cover, index, middle + step), spread), array)
-        for step in (-_POISSON_STEP, 0.0, _POISSON_STEP)
-    )
-    bend = (high - 2 * centre + low) / _POISSON_STEP**2
-    return (high - low) / (2 * _POISSON_STEP) + (here - middle) * bend
+
+    def at(ratio: float) -> float:
+        return _sigma(_exact(_with_poisson_ratio(sensor.cover, index, ratio), spread), array)
+
+    low, high = at(middle - _POISSON_STEP), at(middle + _POISSON_STEP)
+    slope = (high - low) / (2 * _POISSON_STEP)
+    if here == middle:  # a parabola's slope midway is that of its chord
+        return slope
+    return slope + (here - middle) * (high - 2 * at(middle) + low) / _POISSON_STEP**2
 
 
 def _exact(cover: Cover, spread: PointSpread) -> PointSpread:
