@@ -21,7 +21,6 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import wasserstein_distance_nd
 
 from meshes import TexelArray
 
@@ -240,6 +239,8 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
     With a distance as cost, mass common to both maps need not move (Kantorovich and Rubinstein), so the exact
     linear programme runs on the surplus and the deficit alone: a few hundred unknowns instead of n squared.
     """
+    from scipy.stats import wasserstein_distance_nd
+
     r, f = np.maximum(reference, 0.0), np.maximum(forces, 0.0)
     if r.sum() <= 0 or f.sum() <= 0:
         return math.nan
