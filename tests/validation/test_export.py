@@ -1,4 +1,5 @@
 import json
+import sys
 from pathlib import Path
 
 import mujoco
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastmodel
+import fem_reference.point_spread  # noqa: F401 -- so that a test can see when it is asked
 from fastmodel.gazebo import read_block
 
 
@@ -14,6 +16,13 @@ def test_the_reports_plugin_block_is_written_and_reads_back(softcover):
     assert status == 0
     block = read_block(Path("out/wts-0614-34.xml").read_text(), pitch=3.4e-3)
     assert block.parameters.spread == fastmodel.load("out").spread
+
+
+def test_what_no_plugin_block_can_hold_is_told_before_the_work(softcover, monkeypatch):
+    def too_late(*_, **__):
+        raise AssertionError("the reference was asked first")
+
+    monkeypatch.setattr(sys.modules["fem_reference.point_spread"], "point_spread", too_late)
     status, _, err = softcover("export", "sdh2-distal", "--format", "gazebo", "--out", "masked")
     assert status == 2
     assert "no texel may be masked" in err

@@ -12,7 +12,7 @@ from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.comparison import METHODS
 from validation.errors import InputError, nearest
-from validation.sensor_file import load
+from validation.sensor_file import SensorDescription, load
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -46,6 +46,8 @@ def export(
     description = collect(faults, lambda: load(sensor, material=material, thickness=thickness))
     if faults or description is None:
         raise InputError(*faults)
+    if format == "gazebo":
+        _refuse_early(description)
     name = f"{description.name}.xml"
     with new_folder(out) as folder:
         with Progress() as progress:
@@ -69,6 +71,20 @@ def _faults(form: str, method: str) -> list[str]:
     elif form == "gazebo" and method != METHODS[0]:
         faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
     return faults
+
+
+def _refuse_early(description: SensorDescription) -> None:
+    """Raise what array or electronics keep out of a plugin block, before the work; any kernel may stand in for its."""
+    from fastmodel import Gaussian, Parameters
+
+    _plugin_block(
+        Parameters(
+            array=description.array,
+            spread=description.spread or Gaussian.from_sigma(1.0),
+            filter=description.filter,
+            electronics=description.electronics,
+        )
+    )
 
 
 def _write(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
