@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.box_forces import decode
-from fastmodel.contact import BoxReader, BoxTexels, Reading, find_boxes
+from fastmodel.contact import BoxReader, BoxTexels, find_boxes
 from fastmodel.cover_cells import CoverCells
 from fastmodel.joints import Joints
 from fastmodel.pose import Pose
@@ -73,9 +73,10 @@ class AreaReader(BoxReader):
         self._group = model.body_weldid[model.geom_bodyid]
         self._smallest = _FLAT * array.pitch[0] * array.pitch[1]
 
-    def read(self, data: Any) -> Reading:  # noqa: ANN401
-        """Forces of the last step."""
-        return self.at_rest(self.forces(data))
+    def sample(self, data: Any, signals: FloatArray) -> float:  # noqa: ANN401
+        """Read the forces of the last step into what is filtered."""
+        self._signals = signals
+        return self.at_rest(self.forces(data)).fill(signals)
 
     def forces(self, data: Any) -> FloatArray:  # noqa: ANN401
         """Force on each texel, shape (n,) [N]."""

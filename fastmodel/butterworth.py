@@ -14,11 +14,14 @@ import numpy.typing as npt
 
 from fastmodel.errors import FilterError, ShapeError
 from fastmodel.native import choose_kernel
+from fastmodel.signal_loops import filter_loops
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Highest order that is offered; nothing breaks above, but nothing was verified either.
 ORDER_MAX = 20
+#: Samples that wait at most before they are filtered together.
+BLOCK = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,15 +86,20 @@ class Butterworth:
 class FilterBank:
     """The running filter: one cascade, its state for each of `count` texels.
 
-    Transposed direct form II, shape (sections, 2, count).  The numba kernel is used when numba is installed; without it
-    a step is one product of matrices, input and state to output and state, equal to the kernel's but for rounding.
+    Transposed direct form II.  Samples may wait, so that several are filtered at once: by the numba kernel when numba
+    is installed; without it by one product of matrices, from state and samples to output and new state, equal to the
+    kernel's but for rounding.
+
+    Attributes:
+        room: Where samples are put that wait, the earliest first: `BLOCK` arrays of shape (count,) [any].
+        filtered: The latest filtered sample, shape (count,); overwritten by the next [any].
     """
 
-    def __init__(self, design: Butterworth, rate_hz: float, count: int, *, native: bool | None = None) -> None:
+    def __init__(self, design: Butterworth | None, rate_hz: float, count: int, *, native: bool | None = None) -> None:
         """Prepare a filter at rest.
 
         Args:
-            design: The low-pass.
+            design: The low-pass; None lets samples pass as they are.
             rate_hz: Sampling rate [Hz].
             count: Number of texels [-].
             native: True for the numba kernel, False for numpy, None for whichever is there.
@@ -100,10 +108,17 @@ class FilterBank:
             FilterError: If the cut-off is not below half the rate.
             FastModelError: If numba is asked for and not installed.
         """
-        self._sections = design.sections(rate_hz)
-        self._state = np.zeros((len(self._sections), 2, count))
-        self._advance = choose_kernel(_advance_loops, _advance_numpy, native=native)
-        self._coefficients = _product(self._sections) if self._advance is _advance_numpy else self._sections
+        self.sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
+        held = 2 * len(self.sections)
+        # state and samples in one array, since one product takes both
+        self._rows = np.zeros((held + BLOCK, count))
+        self.memory, self._samples = self._rows[:held], self._rows[held:]
+        self.waiting = [self._samples[:k] for k in range(BLOCK + 1)]
+        self.room: list[FloatArray] = list(self._samples)
+        self.filtered = np.zeros(count)
+        self._kernel = choose_kernel(filter_loops, _no_kernel, native=native)
+        self._products: dict[int, tuple[FloatArray, FloatArray]] = {}
+        self._moved = np.zeros((held + 1, count))
 
     def settle(self, values: npt.ArrayLike = 0.0) -> None:
         """Put the filter into the state it would reach under constant input.
@@ -111,11 +126,11 @@ class FilterBank:
         Args:
             values: Constant input, a number or shape (count,) [any].
         """
-        steady = np.broadcast_to(np.asarray(values, dtype=np.float64), self._state.shape[2:])
-        for (b0, _, b2, _, _, a2), state in zip(self._sections, self._state, strict=True):
+        self.filtered[:] = np.asarray(values, dtype=np.float64)
+        for (b0, _, b2, _, _, a2), k in zip(self.sections, range(0, len(self.memory), 2), strict=True):
             # y = x = steady in every section, because each has unit gain at zero frequency.
-            state[0] = (1.0 - b0) * steady
-            state[1] = (b2 - a2) * steady
+            self.memory[k] = (1.0 - b0) * self.filtered
+            self.memory[k + 1] = (b2 - a2) * self.filtered
 
     def step(self, values: npt.ArrayLike) -> FloatArray:
         """Take one sample of every texel and return the filtered one, shape (count,).
@@ -127,15 +142,30 @@ class FilterBank:
             ShapeError: If the shape is another.
         """
         sample = np.asarray(values, dtype=np.float64)
-        if sample.shape != self._state.shape[2:]:
-            raise ShapeError(f"the filter runs over shape {self._state.shape[2:]}, not {sample.shape}")
-        return self.advance(sample)
+        if sample.shape != self.filtered.shape:
+            raise ShapeError(f"the filter runs over shape {self.filtered.shape}, not {sample.shape}")
+        self.room[0][:] = sample
+        self.advance(1)
+        return self.filtered.copy()
 
-    def advance(self, values: FloatArray) -> FloatArray:
-        """The same for an array that is known to fit."""
-        sample = values.copy()
-        self._advance(self._coefficients, self._state, sample)
-        return sample
+    def advance(self, count: int) -> None:
+        """Filter the samples that wait.
+
+        Args:
+            count: How many there are in `room`, 0..BLOCK [-].
+        """
+        if self._kernel is not _no_kernel:
+            self._kernel(self.sections, self.memory, self.waiting[count], self.filtered)
+        elif count:
+            if count not in self._products:
+                self._products[count] = _product(self.sections, count), self._rows[: len(self.memory) + count]
+            product, rows = self._products[count]
+            np.dot(product, rows, out=self._moved)
+            self.filtered[:], self.memory[:] = self._moved[0], self._moved[1:]
+
+
+def _no_kernel() -> None:
+    """Stands for numpy."""
 
 
 def _second_order(K: float, inverse_quality: float) -> list[float]:
@@ -149,28 +179,9 @@ def _first_order(K: float) -> list[float]:
     return [b, b, 0.0, 1.0, (K - 1) / (K + 1), 0.0]
 
 
-def _product(sections: FloatArray) -> FloatArray:
-    """One sample through the cascade as a matrix: from input and state to output and new state [-]."""
-    units = np.eye(2 * len(sections) + 1)
-    _advance_loops(sections, units[1:].reshape(len(sections), 2, -1), units[0])
-    return units
-
-
-def _advance_numpy(product: FloatArray, state: FloatArray, sample: FloatArray) -> None:
-    """One sample through the cascade, in place."""
-    memory = state.reshape(len(product) - 1, -1)
-    moved = product @ np.concatenate([sample[None], memory])
-    sample[:], memory[:] = moved[0], moved[1:]
-
-
-def _advance_loops(sections: FloatArray, state: FloatArray, sample: FloatArray) -> None:
-    """The same as the published loops, section by section, for numba."""
-    for s in range(sections.shape[0]):
-        b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
-        a1, a2 = sections[s, 4], sections[s, 5]
-        for i in range(sample.shape[0]):
-            x = sample[i]
-            y = b0 * x + state[s, 0, i]
-            state[s, 0, i] = b1 * x - a1 * y + state[s, 1, i]
-            state[s, 1, i] = b2 * x - a2 * y
-            sample[i] = y
+def _product(sections: FloatArray, count: int) -> FloatArray:
+    """So many samples through the cascade as a matrix: from state and samples to output and new state [-]."""
+    held = 2 * len(sections)
+    units, filtered = np.eye(held + count), np.zeros(held + count)
+    filter_loops(sections, units[:held], units[held:], filtered)
+    return np.concatenate([filtered[None], units[:held]])

@@ -26,6 +26,9 @@ from meshes import TexelArray
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+#: Stands for the friction of contacts where none is asked for; strided as MuJoCo's, for which kernels are compiled.
+_NO_FRICTION = np.zeros((2, 10))[:, ::2]
+
 
 class Reading(NamedTuple):
     """What a method makes of one step; a tuple, because one is made on every step.
@@ -36,14 +39,22 @@ class Reading(NamedTuple):
         carried: All force that presses on the array and its margin [N].
         approach: How far each touching body has come from its first touch of the undeformed cover, where the method
             knows, shape (bodies,) [m].
-        signals: `contact_forces` and `carried` in one array, where the method has them so, shape (n + 1,) [N].
     """
 
     contact_forces: FloatArray
     texel_forces: FloatArray | None
     carried: float
     approach: FloatArray | None = None
-    signals: FloatArray | None = None
+
+    def fill(self, signals: FloatArray) -> float:
+        """Put what is filtered into an array, and return the sum of everything [N].
+
+        Args:
+            signals: Force on each texel, spread where the method knows how, and the sum, shape (n + 1,) [N].
+        """
+        signals[:-1] = self.contact_forces if self.texel_forces is None else self.texel_forces
+        signals[-1] = self.carried
+        return self.carried
 
 
 class TexelContact(Protocol):
@@ -75,6 +86,13 @@ class TexelContact(Protocol):
 
 class ContactReader(Protocol):
     """The bound method."""
+
+    @property
+    def latest(self) -> Reading:
+        """The reading of what was sampled last; it may refer to the array that was filled then."""
+
+    def sample(self, data: Any, signals: FloatArray) -> float:  # noqa: ANN401 -- MjData
+        """Read the forces of the last step into what is filtered, see `Reading.fill`."""
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401 -- MjData
         """Forces of the last step."""
@@ -179,6 +197,8 @@ class BoxReader:
         self._texel_of = np.full(model.ngeom + 1, -1)  # one more, so that geom -1 (no geom) is no texel
         self._texel_of[geoms] = np.arange(len(geoms))
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
+        self._data: Any = None
+        self._geom_xmat = np.zeros((0, 9))
         self._press = choose_kernel(press_loops, press_numpy, native=native)
         if self._press is press_numpy and _parallel(model, geoms):
             self._press = partial(press_numpy, flat=int(geoms[0]))
@@ -190,31 +210,48 @@ class BoxReader:
         a box the contact leans.  An edge that hooks on a box's side can lift it by friction: such a box reads
         zero, and the others are scaled so that their sum stays what the array as a whole carries.
         """
-        return self._signals(data)[:-1]
+        signals = np.empty(self._count + 1)
+        self._fill(data, signals)
+        return signals[:-1]
+
+    @property
+    def latest(self) -> Reading:
+        """The reading of what was sampled last."""
+        return Reading(self._signals[:-1], None, self._signals.item(-1))
+
+    def sample(self, data: Any, signals: FloatArray) -> float:  # noqa: ANN401
+        """Read the forces of the last step into what is filtered."""
+        self._signals = signals
+        self._fill(data, signals)
+        return signals.item(-1)
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401
         """Forces of the last step."""
-        signals = self._signals(data)
-        return Reading(signals[:-1], None, float(signals[-1]), None, signals)
+        self.sample(data, np.empty(self._count + 1))
+        return self.latest
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """The reading that belongs to given contact forces, shape (n,) [N]."""
         return Reading(contact_forces=contact_forces, texel_forces=None, carried=float(contact_forces.sum()))
 
-    def _signals(self, data: Any) -> FloatArray:  # noqa: ANN401
-        """Force on each box and their sum, shape (n + 1,) [N]."""
-        if not data.nefc:
-            return np.zeros(self._count + 1)
-        signals = np.empty(self._count + 1)
+    def _fill(self, data: Any, signals: FloatArray) -> None:  # noqa: ANN401
+        """Force on each box and their sum into `signals`, shape (n + 1,) [N]."""
+        if data is not self._data:
+            # this one stays where it is as long as the data do
+            self._data, self._geom_xmat = data, data.geom_xmat
         contact = data.contact
+        geom = contact.geom
+        if not len(geom):
+            signals[:] = 0.0
+            return
         lowest = self._press(
-            contact.geom,
+            geom,
             contact.efc_address,
             contact.dim,
             contact.frame,
-            contact.friction,
+            contact.friction if self._pyramidal else _NO_FRICTION,
             data.efc_force,
-            data.geom_xmat,
+            self._geom_xmat,
             self._texel_of,
             self._pyramidal,
             signals,
@@ -222,7 +259,6 @@ class BoxReader:
         if lowest < 0:
             signals[:-1] = _without_lift(signals[:-1])
             signals[-1] = signals[:-1].sum()
-        return signals
 
 
 def _parallel(model: Any, geoms: IntArray) -> bool:  # noqa: ANN401

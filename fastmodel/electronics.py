@@ -14,13 +14,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.electronics_loops import convert_loops
 from fastmodel.errors import ShapeError
 from fastmodel.native import choose_kernel
+from fastmodel.signal_loops import convert_loops
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+#: Types of counts and grey levels; as objects, since numpy takes longer over classes.
+COUNTS, GREY = np.dtype(np.int64), np.dtype(np.uint8)
 #: Number of coefficients of the report's 5th-degree characteristic.
 _COEFFICIENTS = 6
 
@@ -121,6 +123,11 @@ class Electronics:
         """Factor of the temperature on the felt force: 1 + coefficient times excess [-]."""
         return 1.0 + self.temperature_coefficient * self.temperature_excess
 
+    @property
+    def plain(self) -> bool:
+        """Whether forces are felt as they are: without hysteresis, temperature and noise."""
+        return self.hysteresis_share == 0 and self.temperature_coefficient == 0 and self.noise == 0
+
     def lag(self, forces: FloatArray, play: FloatArray) -> FloatArray:
         """Forces as felt after hysteresis, same shape [N].
 
@@ -174,7 +181,7 @@ class Electronics:
             ShapeError: If there are gains for another number of texels.
         """
         kernel, count = choose_kernel(convert_loops, _no_kernel, native=native), len(active)
-        gains = np.zeros(0) if self.gains is None else self._gains((count,))
+        coefficients, gains, numbers = self.numbers(count)
         if kernel is _no_kernel:
             dead = None if active.all() else ~active
 
@@ -185,15 +192,28 @@ class Electronics:
                 return counts, self.image(counts)
 
             return convert
-        coefficients = np.array(self.characteristic or (self.offset, self.sensitivity), dtype=np.float64)
-        numbers = np.array([self.threshold, self.saturation_band, self.output_max], dtype=np.float64)
 
         def convert_natively(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
-            counts, image = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.uint8)
+            counts, image = np.empty(count, COUNTS), np.empty((1, count), GREY)
             kernel(felt, coefficients, gains, numbers, active, counts, image)
-            return counts, image
+            return counts, image[0]
 
         return convert_natively
+
+    def numbers(self, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What compiled loops convert with: coefficients, gains and the rest, see `convert_loops`.
+
+        Args:
+            count: Number of texels [-].
+
+        Raises:
+            ShapeError: If there are gains for another number of texels.
+        """
+        return (
+            np.array(self.characteristic or (self.offset, self.sensitivity), dtype=np.float64),
+            np.zeros(0) if self.gains is None else self._gains((count,)),
+            np.array([self.threshold, self.saturation_band, self.output_max], dtype=np.float64),
+        )
 
     def _converted(self, felt: FloatArray) -> IntArray:
         signal = self._characteristic(felt)

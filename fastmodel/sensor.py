@@ -18,7 +18,6 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.butterworth import FilterBank
 from fastmodel.contact import ContactReader, Reading, TexelContact
 from fastmodel.errors import FastModelError, LifeCycleError, StateError, UnknownNameError
 from fastmodel.frame import Frame
@@ -26,7 +25,7 @@ from fastmodel.methods import DEFAULT, choose
 from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
-from fastmodel.spread import running_operator
+from fastmodel.signal_chain import SignalChain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -187,7 +186,7 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().outside
+        return self._bound().chain.outside
 
     def reset(self, contact_forces: npt.ArrayLike = 0.0) -> None:
         """Start again, as after `mj_resetData`: clocks, filter, noise.
@@ -219,42 +218,35 @@ class _Running:
         *,
         native: bool | None,
     ) -> None:
-        self._electronics = parameters.electronics
         self._array = parameters.array
-        self._convert = parameters.electronics.converter(parameters.array.active, native=native)
         self._reader = reader
-        self._spread = parameters.spread
-        self._operator: Any = None
         self._model = model
         self._data: Any = None
         self._every = every
         self._timestep = float(model.opt.timestep)
         self._slack, self._rate = _TICK * self._timestep, parameters.electronics.rate_hz
-        rate = 1.0 / (every * self._timestep)
-        count = parameters.array.count
-        design = parameters.filter
-        # the last signal is the sum of everything, so that what no texel feels is filtered alike
-        self._filter = None if design is None else FilterBank(design, rate, count + 1, native=native)
+        spreads = reader.at_rest(np.zeros(parameters.array.count)).texel_forces is None
+        self.chain = SignalChain(parameters, 1.0 / (every * self._timestep), spreads=spreads, native=native)
         self.reset(np.zeros(()))
 
     def reset(self, contact_forces: FloatArray) -> None:
         settled = np.broadcast_to(contact_forces, (self._array.count,))
         if not np.isfinite(settled).all():
             raise StateError("contact forces to start from must be finite")
-        self.reading = self._reader.at_rest(settled)
-        if self._operator is None and self.reading.texel_forces is None:
-            self._operator = running_operator(self._spread, self._array)
-        signals = self._signals(self.reading)
-        if self._filter is not None:
-            self._filter.settle(signals)
-        self._play = np.zeros(self._array.count)
-        self._noise = np.random.default_rng(self._electronics.seed)
+        signals = np.empty(self._array.count + 1)
+        self._rests: Reading | None = self._reader.at_rest(settled)
+        self._rests.fill(signals)
+        self.chain.settle(signals)
         self._steps = 0
         self._time = self._start = np.nan
         self._frames = 0
-        self._filtered = signals
         self._sampled_at = 0.0
-        self.latest = self._make_frame(None)
+        self.latest = self.chain.frame(self._sampled_at, noisy=False)
+
+    @property
+    def reading(self) -> Reading:
+        """That of the last sample; before the first one, that of the array at rest."""
+        return self._reader.latest if self._rests is None else self._rests
 
     def step(self, data: Any, name: str) -> bool:  # noqa: ANN401 -- MjData
         now = data.time
@@ -263,37 +255,18 @@ class _Running:
             self._check_clock(data, now, name)
         self._time = now
         if self._steps % self._every == 0:
-            self._sample(data, now, name)
+            if not math.isfinite(self._reader.sample(data, self.chain.room())):
+                raise StateError(f"sensor {name!r}: contact forces are not finite at t = {now:g} s")
+            self._rests = None
+            self.chain.take()
+            self._sampled_at = now
         self._steps += 1
         due = int((self._sampled_at - self._start) * self._rate + _TICK)
         if due <= self._frames:
             return False
         self._frames = due
-        self.latest = self._make_frame(self._noise)
+        self.latest = self.chain.frame(self._sampled_at)
         return True
-
-    def _sample(self, data: Any, now: float, name: str) -> None:  # noqa: ANN401 -- MjData
-        self.reading = reading = self._reader.read(data)
-        if not math.isfinite(reading.carried):
-            raise StateError(f"sensor {name!r}: contact forces are not finite at t = {now:g} s")
-        signals = self._signals(reading) if reading.signals is None else reading.signals
-        self._filtered = signals if self._filter is None else self._filter.advance(signals)
-        self._sampled_at = now
-
-    def _signals(self, reading: Reading) -> FloatArray:
-        """What is filtered: force on each texel and the sum of everything, shape (n + 1,) [N]."""
-        forces = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
-        signals = np.empty(len(forces) + 1)
-        signals[:-1], signals[-1] = forces, reading.carried
-        return signals
-
-    def _make_frame(self, noise: np.random.Generator | None) -> Frame:
-        electronics, forces = self._electronics, self._filtered[:-1]
-        texel_forces = forces.copy() if self._operator is None else self._operator @ forces
-        self.outside = float(self._filtered[-1] - np.add.reduce(texel_forces))
-        counts, image = self._convert(electronics.felt(electronics.lag(texel_forces, self._play), noise))
-        image = image.reshape(self._array.rows, self._array.columns)
-        return Frame(time=self._sampled_at, counts=counts, texel_forces=texel_forces, image=image)
 
     def _check_clock(self, data: Any, now: float, name: str) -> None:  # noqa: ANN401 -- MjData
         if data.model is not self._model:

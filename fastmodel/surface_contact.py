@@ -201,7 +201,7 @@ class _SurfaceReader:
         self._first, self._most = first, _MOST * first
         self._reach: dict[int, float] = {}
         self._held: Held | None = None
-        self._nothing = self.at_rest(np.zeros(ground.grid.texels))
+        self._nothing = self._latest = self.at_rest(np.zeros(ground.grid.texels))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         self._reach.clear()
@@ -212,6 +212,14 @@ class _SurfaceReader:
             texel_forces=None if self._base is None else self._base.of_texels(contact_forces),
             carried=float(contact_forces.sum()),
         )
+
+    @property
+    def latest(self) -> Reading:
+        return self._latest
+
+    def sample(self, data: Any, signals: FloatArray) -> float:  # noqa: ANN401
+        self._latest = self.read(data)
+        return self._latest.fill(signals)
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401
         touching = self._touching.touching(data)
