@@ -34,7 +34,7 @@ def press_numpy(  # noqa: PLR0917 -- numba kernels take positions
     flat: int = -1,
 ) -> float:
     """All contacts of one dimension at a time; `flat` is a texel's geom when all normals are parallel, else -1."""
-    if flat >= 0 and len(dim) and (dim == dim[0]).all() and address.min() >= 0:
+    if flat >= 0 and len(dim) and _in_one_span(dim, address, pyramidal=pyramidal):
         return _press_parallel(
             geom,
             address,
@@ -83,8 +83,7 @@ def _press_parallel(  # noqa: PLR0917 -- as above
     normals = np.zeros((9, 3))
     normals[:3, 0] = normals[3:6, 1] = normals[6:, 2] = normal
     along = frame @ normals
-    # a product with ones: the quickest sum over three
-    pressed = (local * along[:, : local.shape[1]]).dot(np.ones(local.shape[1]))
+    pressed = np.vecdot(local, along[:, : local.shape[1]])
     if np.minimum.reduce(texel) < 0:
         np.negative(pressed, out=pressed, where=texel < 0)
         texel = np.maximum(texel, texel_of.take(geom[:, 1]))
@@ -92,6 +91,14 @@ def _press_parallel(  # noqa: PLR0917 -- as above
     signals[:-1] = sums[1:]
     signals[-1] = np.add.reduce(sums[1:])
     return float(np.minimum.reduce(sums[1:]))
+
+
+def _in_one_span(dim: IntArray, address: IntArray, *, pyramidal: bool) -> bool:
+    """Whether contacts are of one dimension and all of them have rows, which then lie one after the other."""
+    size, first, count = int(dim[0]), int(address[0]), len(dim)
+    rows = 2 * (size - 1) if pyramidal and size > 1 else size
+    # contacts without rows shorten the span; counting is several times faster than all()
+    return first >= 0 and int(address[-1]) - first == rows * (count - 1) and np.count_nonzero(dim == size) == count
 
 
 def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray | slice]]:

@@ -28,6 +28,7 @@ class Frame:
 
     def __post_init__(self) -> None:
         """Freeze the arrays, so that a frame that was handed out never changes."""
-        for values in (self.counts, self.image, self.texel_forces):
-            if values is not None:
-                values.setflags(write=False)
+        self.counts.setflags(write=False)
+        self.image.setflags(write=False)
+        if self.texel_forces is not None:
+            self.texel_forces.setflags(write=False)
