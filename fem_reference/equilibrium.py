@@ -47,9 +47,9 @@ _UPHILL = 0.3
 #: A step that took fewer iterations than this may be followed by a longer one.
 _EASY = 8
 #: How often at most the overlap that the penalty leaves is worked off at a target [-].
-_AUGMENTATIONS = 4
+_AUGMENTATIONS = 6
 #: Overlap that counts as none, relative to the depth.
-OVERLAP = 5e-4
+OVERLAP = 2.5e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,6 +63,7 @@ class Equilibrium:
         touch: The contact.
         reaction: Internal force at every unknown, shape (n,) [N]; at held ones it is the reaction.
         iterations: Newton iterations since the path began [-].
+        pressed: The state before the overlap that the penalty leaves was worked off; None where it was not.
     """
 
     state: FloatArray
@@ -71,6 +72,7 @@ class Equilibrium:
     touch: Touch
     reaction: FloatArray
     iterations: int
+    pressed: Equilibrium | None = None
 
 
 def _predicted(before: Equilibrium | None, here: Equilibrium, aim: float, control: str) -> tuple[FloatArray, float]:
@@ -90,12 +92,10 @@ class Guess:
     Attributes:
         state: Displacements and mean pressures, shape (n,) [m], [Pa].
         depth: Approach [m].
-        pressure: Contact pressure at the top's points, which then is not worked off the overlap once more [Pa].
     """
 
     state: FloatArray
     depth: float
-    pressure: FloatArray | None = None
 
 
 class PathError(ConvergenceError):
@@ -139,6 +139,7 @@ class Problem:
         fixed: Held unknowns.
         units: What one stands for in lengths and stresses here; messages are in SI.
         steepness: Factor on heights and targets, which messages undo [-].
+        overlap: Overlap that counts as none, relative to the depth [-].
     """
 
     solid: Solid | SmallStrainSolid
@@ -146,6 +147,7 @@ class Problem:
     fixed: npt.NDArray[np.int64]
     units: Units
     steepness: float = 1.0
+    overlap: float = OVERLAP
     _last: list[ConstrainedSystem] = field(default_factory=list, init=False, repr=False)
 
     def follow(
@@ -172,12 +174,10 @@ class Problem:
         out: list[Equilibrium] = []
         for target, guess in zip_longest(targets, guesses):
             reached = None if guess is None else self._from_guess(guess, target, control, out[-1] if out else None)
-            if guess is None or reached is None:
+            if reached is None:
                 start = out[-1] if out else self._first(first, target, control)
-                reached = self._tightened(self._walk(start, target, control, first, progress), control)
-            elif guess.pressure is None or reached.touch.overlap >= OVERLAP * reached.depth:
-                reached = self._tightened(reached, control)
-            out.append(reached)
+                reached = self._walk(start, target, control, first, progress)
+            out.append(replace(self._tightened(reached, control), pressed=reached))
             if progress is not None:
                 progress(self._where(out[-1]))
         return out
@@ -190,13 +190,11 @@ class Problem:
         """Straight to the target from a good guess; None where that fails."""
         used = before.iterations if before else 0
         load, depth = (target, guess.depth) if control == "load" else (None, target)
-        if guess.pressure is not None:
-            self.contact.augment(guess.pressure)
+        self.contact.augment(np.zeros_like(self.contact.weight))
         try:
-            return self._newton(guess.state, depth, load, used, tight=_LOOSE if guess.pressure is None else _TIGHT)
+            return self._newton(guess.state, depth, load, used, tight=_LOOSE)
         except _FAILURES as error:
             _LOG.info("guess for %s %.4g failed: %s", control, target, error)
-            self.contact.augment(np.zeros_like(self.contact.weight))
             return None
 
     def _walk(
@@ -252,22 +250,27 @@ class Problem:
         raise PathError(f"no convergence even at a depth of {step * self.units.length / self.steepness:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
-        """Augment until the overlap is negligible beside the depth."""
-        for _ in range(_AUGMENTATIONS):
-            self.contact.augment(here.touch.pressure)
+        """Augment until the overlap is negligible beside the depth, then meet the balance closely."""
+        for augmentation in range(_AUGMENTATIONS + 1):
+            last = augmentation == _AUGMENTATIONS or here.touch.overlap < self.overlap * here.depth
+            if not last:
+                self.contact.augment(here.touch.pressure)
             load = here.load if control == "load" else None
+            tight = _TIGHT if last else _LOOSE
             try:
-                here = self._newton(here.state, here.depth, load, here.iterations, tight=_TIGHT)
+                here = self._newton(here.state, here.depth, load, here.iterations, tight=tight, straight=0)
                 self.contact.settle(here.touch)
             except _FAILURES as error:
                 _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
                 break
             _LOG.info("overlap %.2g of the depth, %d iterations", here.touch.overlap / here.depth, here.iterations)
-            if here.touch.overlap < OVERLAP * here.depth:
+            if last:
                 break
         return here
 
-    def _newton(self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float) -> Equilibrium:
+    def _newton(
+        self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float, straight: int = _STRAIGHT
+    ) -> Equilibrium:
         """Solve at a depth, or, where a load is given, for the depth as well."""
         state = state.copy()
         step, halved = None, 0
@@ -282,8 +285,8 @@ class Problem:
                 state -= step.state
                 depth -= step.depth
                 continue
-            touch = self.contact.at(state, depth, curved=iteration >= _STRAIGHT)
-            balanced = iteration and self._balanced(internal + touch.force, touch, load, tight)
+            touch = self.contact.at(state, depth, curved=iteration >= straight)
+            balanced = self._balanced(internal + touch.force, touch, load, tight)
             if balanced and self.contact.renew_cone(touch) <= max(tight, _CONE):
                 return Equilibrium(
                     state=state,

@@ -159,11 +159,15 @@ def press_path(
         # What friction changes is no smoother than the pressure under an edge.
         least=1.0 if friction else solver.least_order(indenter),
         seconds=(time.perf_counter() - started) / len(targets),
-        contact_error=0.0 if linear else OVERLAP,
-        spread_error=press_linear.base_error(cover, place) if linear else OVERLAP,
+        contact_error=0.0 if linear else _CONTACT,
+        spread_error=press_linear.base_error(cover, place) if linear else _CONTACT,
     )
     said = _assumptions(cover, friction) | solver.assumptions(cover, indenter)
     return [common(levels=levels, assumptions=said | _range(cover, levels[-1].depth)) for levels in found]
+
+
+#: What the overlap that is left takes from a load, which grows up to the square of the depth [-].
+_CONTACT = 2 * OVERLAP
 
 
 def _assumptions(cover: Cover, friction: float) -> dict[str, str]:

@@ -7,7 +7,7 @@ mirrors in x or in y is solved on the half or the quarter that is enough, withou
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -173,14 +173,17 @@ class Pair:
 
     def changes(self, target: MixedElements) -> list[Guess]:
         """What the second adds to the first, scaled alike, on another grid."""
-        pairs = zip(self.rest, self.deep, strict=True)
-        return [
-            Guess(
-                state=transferred(self.elements, target, deep.state - self.ratio * rest.state),
-                depth=deep.depth - self.ratio * rest.depth,
-            )
-            for rest, deep in pairs
-        ]
+        out = []
+        for rest, deep in zip(_pressed(self.rest), _pressed(self.deep), strict=True):
+            change = deep.state - self.ratio * rest.state
+            state = transferred(self.elements, target, change)
+            out.append(Guess(state=state, depth=deep.depth - self.ratio * rest.depth))
+        return out
+
+
+def _pressed(path: Sequence[Equilibrium]) -> list[Equilibrium]:
+    """A path's targets before the overlap was worked off, as each of them is first solved."""
+    return [each.pressed or each for each in path]
 
 
 def press_pair(
@@ -237,9 +240,7 @@ def _starts(
 ) -> list[Guess]:
     """The small-strain targets, scaled, with what the coarser grid added to its own."""
     ratio = _ratio(path)
-    scaled = [
-        Guess(state=ratio * each.state, depth=ratio * each.depth, pressure=ratio * each.touch.pressure) for each in rest
-    ]
+    scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in _pressed(rest)]
     nothing = Guess(state=np.zeros_like(rest[0].state), depth=0.0)
     changes = [nothing] * len(rest) if before is None else before.changes(elements)
     obstacle = block.obstacle.with_steepness(path.steepness)
@@ -259,7 +260,7 @@ def _changed(still: Guess, change: Guess, elements: MixedElements, obstacle: Rig
     top, gap = top[there], gap[there]
     moved = elements.nodes[top, :2] + np.column_stack([state[3 * top], state[3 * top + 1]])
     state[3 * top + 2] = obstacle.at(*moved.T).value - depth - gap
-    return replace(still, state=state, depth=depth)
+    return Guess(state=state, depth=depth)
 
 
 #: Gap over the depth that counts as none [-].
@@ -299,9 +300,15 @@ def _followed(
         fixed=_held(units.thin(path.cover), solid.elements, block),
         units=units,
         steepness=path.steepness,
+        overlap=_OVERLAP,
     )
     aims = [units.target(value, path.control) for value in path.scaled]
     return problem.follow(aims, control=path.control, first=0.02 * path.steepness, guesses=guesses, progress=progress)
+
+
+#: Overlap over the depth that is left alike by the path at small strain and by the one asked for: only what they differ
+#: in counts [-].
+_OVERLAP = 1e-3
 
 
 def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
