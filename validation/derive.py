@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,14 +53,9 @@ class Derivation:
         fit: The fitted kernel and how well it fits.
         parameters: What the fast model needs.
         error_estimate: Relative errors of the reference (`total_force`, `peak_texel`, `sigma`) [-].
-        resolution: Smallest separation of two equal point loads with a dip of base pressure between; None with free
-            side edges [m].
-        resolution_on_array: The same for texel values, in the worst alignment; nan if there is none [m].
-        sensitivity: Derivatives of sigma_x of the uncut kernel, all layers changed together: `thickness` [pitches/m],
-            `poisson_ratio` [pitches] and `youngs_modulus`, which is exactly 0 [pitches/Pa]; none with free side edges.
         depth: Fits to how deep a ball goes; None with free side edges.
         undetermined: What the data cannot tell, a line each.
-        seconds: Wall time [s].
+        seconds: Wall time, without what is worked out only where it is asked for [s].
     """
 
     sensor: SensorDescription
@@ -70,9 +66,6 @@ class Derivation:
     fit: Fit
     parameters: Parameters
     error_estimate: Mapping[str, float]
-    resolution: float | None
-    resolution_on_array: float | None
-    sensitivity: Mapping[str, float]
     depth: DepthFits | None
     undetermined: tuple[str, ...]
     seconds: float
@@ -83,6 +76,27 @@ class Derivation:
         from fem_reference.point_spread import PointSpread
 
         return self.influence if isinstance(self.influence, PointSpread) else None
+
+    @cached_property
+    def resolution(self) -> float | None:
+        """Smallest separation of two equal point loads with a dip of base pressure between [m].
+
+        None with free side edges.
+        """
+        return None if (spread := self.point_spread) is None else two_point_separation(spread)
+
+    @cached_property
+    def resolution_on_array(self) -> float | None:
+        """The same for texel values, in the worst alignment; nan if there is none, None with free side edges [m]."""
+        return None if (spread := self.point_spread) is None else texel_separation(spread, self.sensor.array)
+
+    @cached_property
+    def sensitivity(self) -> Mapping[str, float]:
+        """Derivatives of sigma_x of the uncut kernel, all layers changed together; none with free side edges.
+
+        `thickness` [pitches/m], `poisson_ratio` [pitches] and `youngs_modulus`, which is exactly 0 [pitches/Pa].
+        """
+        return {} if (spread := self.point_spread) is None else _sensitivity(self.sensor, spread)
 
     def as_json(self) -> dict[str, Any]:
         """The result under the names that the command line prints."""
@@ -145,8 +159,6 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     tell("cover between cells")
     cells = _cells(sensor, spread)
     radial = spread if isinstance(spread, PointSpread) else None
-    if radial is not None:
-        tell("resolution and sensitivities")
     depth = fit_depth(sensor.cover) if wide else None
     undetermined = not_determined(sensor, fit, depth)
     return Derivation(
@@ -166,9 +178,6 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
             tables={} if radial is None else _radial_tables(radial),
         ),
         error_estimate=spread.error_estimate,
-        resolution=None if radial is None else two_point_separation(radial),
-        resolution_on_array=None if radial is None else texel_separation(radial, array),
-        sensitivity={} if radial is None else _sensitivity(sensor, radial),
         depth=depth,
         undetermined=undetermined,
         seconds=time.perf_counter() - started,
