@@ -98,7 +98,8 @@ def _in_one_span(dim: IntArray, address: IntArray, *, pyramidal: bool) -> bool:
     size, first, count = int(dim[0]), int(address[0]), len(dim)
     rows = 2 * (size - 1) if pyramidal and size > 1 else size
     # contacts without rows shorten the span; counting is several times faster than all()
-    return first >= 0 and int(address[-1]) - first == rows * (count - 1) and np.count_nonzero(dim == size) == count
+    whole = first >= 0 and int(address[-1]) - first == rows * (count - 1)
+    return whole and int(np.count_nonzero(dim == size)) == count
 
 
 def _by_dimension(dim: IntArray, hit: IntArray) -> list[tuple[int, IntArray | slice]]:

@@ -2,6 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from fastmodel.box_forces import _in_one_span
 from fastmodel.contact import BoxTexels, geom_name
 from fastmodel.pose import Pose, about_z, multiply
 from meshes import TexelArray
@@ -118,3 +119,46 @@ def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
         assert np.all(forces >= 0)
         assert forces.sum() == pytest.approx(max(signed.sum(), 0), abs=1e-12)
     assert lifted > 0
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+def test_one_reader_reads_several_states_of_a_model(native):
+    if native:
+        pytest.importorskip("numba")
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
+    other, turned = mujoco.MjData(model), multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), about_z(0.4))
+    texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
+    # the boxes lean in the other state; without this MuJoCo would go by the turns they were compiled with
+    model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    reader = BoxTexels().bind(model, ARRAY, "a", native=native)
+    signals, touched = np.empty(ARRAY.count + 1), 0
+    for _ in range(30):
+        for state, turn in ((data, (1.0, 0.0, 0.0, 0.0)), (other, turned)):
+            model.geom_quat[texels] = turn
+            mujoco.mj_step(model, state)
+            expected = by_the_book(model, state)
+            carried = reader.sample(state, signals)
+            touched += state is other and np.count_nonzero(expected)
+            assert carried == pytest.approx(max(expected.sum(), 0), rel=1e-12)
+            np.testing.assert_array_equal(reader.latest.contact_forces, signals[:-1])
+            if expected.min() >= 0:
+                np.testing.assert_allclose(signals[:-1], expected, rtol=1e-12, atol=1e-15)
+    assert touched > 20
+
+
+@pytest.mark.parametrize(
+    ("dim", "address", "pyramidal", "whole"),
+    [
+        ([3, 3, 3], [6, 9, 12], False, True),
+        ([3, 3, 3], [6, 10, 14], True, True),
+        ([1, 1], [0, 1], True, True),
+        ([3], [4], False, True),
+        ([3], [-1], False, False),
+        ([3, 1, 4, 4, 3], [0, 3, 4, 8, 12], False, False),  # as long as four of three
+        ([3, 3, 3], [0, -1, 3], False, False),
+        ([3, 3, 3], [0, 3, -1], False, False),
+        ([3, 3, 3], [-1, 2, 5], False, False),
+    ],
+)
+def test_contacts_are_read_at_once_only_where_all_have_rows_of_one_dimension(dim, address, pyramidal, whole):
+    assert _in_one_span(np.array(dim), np.array(address), pyramidal=pyramidal) is whole
