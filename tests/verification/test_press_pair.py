@@ -1,0 +1,159 @@
+"""What finite strain in space starts from: the small-strain twin, the coarser grid's change, another load's answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem_reference import press_linear
+from fem_reference.equilibrium import Guess
+from fem_reference.loading_path import LoadingPath
+from fem_reference.press_solid import Pair, _changed, _meshed, lay_out, press_pair
+from fem_reference.units import Units
+from meshes import Box, Cover, Cylinder, Layer, Material, TexelArray
+
+FACE = Box(size=(3e-3, 2e-3, 5e-3))
+RUBBER = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 0.4e6}, poisson_ratio=0.45)
+COVER = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),))
+
+
+def path(*depths):
+    return LoadingPath(cover=COVER, indenter=FACE, targets=depths, control="depth")
+
+
+def block(n):
+    return lay_out(path(0.1e-3), elements_per_thickness=n, contact_half=FACE.footprint, fillet=0.8e-3 / n, reach=1e-3)
+
+
+def grid(n):
+    return _meshed(block(n), Units.of(COVER).thin(COVER), n)
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A path of two depths on a coarse grid."""
+    depths = (0.1e-3, 0.3e-3)
+    return press_pair(path(*depths), block(2), depths, elements_per_thickness=2)
+
+
+def test_both_paths_reach_their_targets_and_differ_by_what_strain_adds(pressed):
+    rest, deep, pair = pressed
+    for small, large, depth in zip(rest, deep, (0.1e-3, 0.3e-3), strict=True):
+        assert (small.depth / 1e-3, large.depth) == pytest.approx((depth, depth), rel=1e-9)
+    added = [large.load / small.load * 1e-3 - 1 for small, large in zip(rest, deep, strict=True)]
+    assert abs(added[0]) < abs(added[1]) / 2
+    assert pair.ratio == pytest.approx(1e3)
+
+
+@pytest.mark.slow
+def test_a_target_of_a_path_is_the_one_pressed_alone(pressed):
+    alone = press_pair(path(0.3e-3), block(2), [0.3e-3], elements_per_thickness=2)
+    for together, single in zip(pressed[:2], alone[:2], strict=True):
+        assert together[1].load == pytest.approx(single[0].load, rel=3e-4)
+        assert together[1].pressure == pytest.approx(single[0].pressure, abs=2e-3 * single[0].pressure.max())
+
+
+@pytest.mark.slow
+def test_starting_from_a_coarser_grid_changes_no_answer(pressed):
+    depths = [0.1e-3, 0.3e-3]
+    alone, after = (
+        press_pair(path(*depths), block(3), depths, elements_per_thickness=3, before=b) for b in (None, pressed[2])
+    )
+    for one, other in zip(alone[1], after[1], strict=True):
+        assert other.load == pytest.approx(one.load, rel=5e-4)
+
+
+def test_the_change_that_a_coarser_grid_found_is_carried_over(pressed):
+    """Linear displacements between the grids' nodes are carried exactly; nothing is added where nothing changed."""
+    pair = pressed[2]
+    target = grid(3)
+    still = replace(
+        pair,
+        deep=[
+            replace(each, state=pair.ratio * each.state, depth=pair.ratio * each.depth, pressed=None)
+            for each in pair.rest
+        ],
+        rest=[replace(each, pressed=None) for each in pair.rest],
+    )
+    for each in still.changes(target):
+        assert np.abs(each.state).max() == 0
+        assert each.depth == 0
+    slope = np.array([[0.1, -0.2, 0.3], [0.0, 0.2, 0.1], [-0.1, 0.05, 0.2]])
+    added = [
+        replace(each, state=each.state + _linear(pair.elements, slope), depth=each.depth + 0.1) for each in still.deep
+    ]
+    within = (target.nodes <= pair.elements.nodes.max(axis=0) + 1e-9).all(axis=1).repeat(3)
+    assert within.mean() > 0.8
+    for each in replace(still, deep=added).changes(target):
+        moved = each.state[: target.displacements][within]
+        assert moved == pytest.approx(_linear(target, slope)[: target.displacements][within], abs=1e-8)
+        assert each.depth == pytest.approx(0.1)
+
+
+def _linear(elements, slope):
+    """A field of constant displacement gradient, without pressure."""
+    return np.concatenate([(elements.nodes @ slope.T).ravel(), np.zeros(elements.pressures)])
+
+
+def test_points_that_touched_lie_on_the_obstacle_where_they_have_moved_to(pressed):
+    pair = pressed[2]
+    obstacle = block(2).obstacle.with_steepness(1.0)
+    rest = pair.rest[1].pressed
+    still = Guess(state=pair.ratio * rest.state, depth=pair.ratio * rest.depth)
+    change = Guess(state=0.02 * _linear(pair.elements, np.eye(3)), depth=0.01)
+    found = _changed(still, change, pair.elements, obstacle)
+    top = np.flatnonzero(pair.elements.nodes[:, 2] > 1 - 1e-9)
+
+    def gap(guess, places):
+        return obstacle.at(*places.T).value - guess.depth - guess.state[3 * top + 2]
+
+    here = pair.elements.nodes[top, :2]
+    moved = here + np.stack([found.state[3 * top], found.state[3 * top + 1]], axis=1)
+    before = gap(still, here)
+    touched = before < 0.01 * still.depth
+    assert 10 < touched.sum() < len(top)
+    assert gap(found, moved)[touched] == pytest.approx(before[touched], abs=1e-12)
+    kept = np.setdiff1d(np.arange(len(found.state)), 3 * top[touched] + 2)
+    assert (found.state[kept] == (still.state + change.state)[kept]).all()
+    assert found.depth == still.depth + change.depth
+
+
+@pytest.mark.slow
+def test_a_guess_that_leads_nowhere_costs_time_alone(pressed, caplog):
+    """A change that turns elements inside out is given up, and the path is walked."""
+    pair = pressed[2]
+    wild = [
+        replace(each, pressed=replace(each.pressed, state=each.pressed.state - _linear(pair.elements, 3 * np.eye(3))))
+        for each in pair.deep
+    ]
+    astray = Pair(elements=pair.elements, rest=pair.rest, deep=wild, ratio=pair.ratio)
+    with caplog.at_level("INFO", logger="fem_reference.equilibrium"):
+        found = press_pair(
+            path(0.1e-3),
+            block(2),
+            [0.1e-3],
+            elements_per_thickness=2,
+            before=replace(astray, rest=pair.rest[:1], deep=wild[:1]),
+        )
+    assert "guess for depth" in caplog.text
+    assert found[1][0].load == pytest.approx(pressed[1][0].load, rel=3e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("control", ["load", "depth"])
+def test_another_load_of_a_flat_face_is_the_first_scaled(control):
+    linear = replace(RUBBER, model="linear-elastic", parameters={"youngs_modulus": 1e6})
+    cover = Cover(layers=(Layer(thickness=2e-3, material=linear),))
+    targets = [1.0, 2.5] if control == "load" else [0.1e-3, 0.25e-3]
+    both = press_linear.levels(cover, Cylinder(radius=2e-3), targets, control, None)
+    alone = press_linear.levels(cover, Cylinder(radius=2e-3), targets[1:], control, None)
+    array = TexelArray.grid(6, 6, pitch=3.4e-3)
+    for scaled, solved in zip(both[1], alone[0], strict=True):
+        for name in ("total_force", "depth", "area"):
+            assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
+        assert scaled.surface == pytest.approx(solved.surface, rel=1e-6)
+        forces = scaled.texel_forces(array, (1e-3, 0.0), 0.0)
+        assert forces == pytest.approx(solved.texel_forces(array, (1e-3, 0.0), 0.0), rel=1e-6)
+        assert forces.sum() == pytest.approx(scaled.total_force, rel=2e-2)
