@@ -27,7 +27,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 #: Stands for the friction of contacts where none is asked for; strided as MuJoCo's, for which kernels are compiled.
-_NO_FRICTION = np.zeros((2, 10))[:, ::2]
+NO_FRICTION = np.zeros((2, 10))[:, ::2]
 
 
 class Reading(NamedTuple):
@@ -249,7 +249,7 @@ class BoxReader:
             contact.efc_address,
             contact.dim,
             contact.frame,
-            contact.friction if self._pyramidal else _NO_FRICTION,
+            contact.friction if self._pyramidal else NO_FRICTION,
             data.efc_force,
             self._geom_xmat,
             self._texel_of,

@@ -68,22 +68,28 @@ def _eliminate(matrix: FloatArray, ridge: float, wanted: FloatArray, found: Floa
 
 
 @called_by_kernels()
+def scatter_loops(corner: IntArray, weight: FloatArray, forces: FloatArray, window: FloatArray) -> None:
+    """Fill a window of cells with forces (m,), shared by weights (4, m) among four cells from each corner (2, m)."""
+    for i in range(window.shape[0]):
+        for j in range(window.shape[1]):
+            window[i, j] = 0.0
+    for i in range(len(forces)):
+        if forces[i] != 0.0:
+            row, col = corner[0, i], corner[1, i]
+            window[row, col] += weight[0, i] * forces[i]
+            window[row, col + 1] += weight[1, i] * forces[i]
+            window[row + 1, col] += weight[2, i] * forces[i]
+            window[row + 1, col + 1] += weight[3, i] * forces[i]
+
+
+@called_by_kernels()
 def _yields(
     cover: Cover, forces: FloatArray, window: FloatArray, half: FloatArray, beside: FloatArray, moved: FloatArray
 ) -> None:
     """Displacements of the sampled cells, into `moved` (m,); the others are room for windows."""
     target, weight, soft, first, second = cover
     rows, cols = window.shape
-    for i in range(rows):
-        for j in range(cols):
-            window[i, j] = 0.0
-    for i in range(len(forces)):
-        if forces[i] != 0.0:
-            row, col = target[0, i], target[1, i]
-            window[row, col] += weight[0, i] * forces[i]
-            window[row, col + 1] += weight[1, i] * forces[i]
-            window[row + 1, col] += weight[2, i] * forces[i]
-            window[row + 1, col + 1] += weight[3, i] * forces[i]
+    scatter_loops(target, weight, forces, window)
     np.dot(first, window, half)
     for t in range(half.shape[0]):
         for j in range(cols):

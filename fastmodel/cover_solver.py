@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from fastmodel.cell_grid import CellGrid
 from fastmodel.cell_shares import shares_loops, shares_numpy
-from fastmodel.contact_loops import iterate_loops
+from fastmodel.contact_loops import iterate_loops, scatter_loops
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_iteration import iterate
 from fastmodel.foundation import foundation_forces
@@ -92,6 +92,7 @@ class CoverSolver:
         self.near = np.zeros((2, 2))
         known = kernel[:2, :2]
         self.near[: known.shape[0], : known.shape[1]] = known
+        self.scatter = choose_kernel(scatter_loops, _no_kernel, native=native)
         self.shares = choose_kernel(shares_loops, shares_numpy, native=native)
         self._native = native
         self._modulus = cells.foundation_modulus()
@@ -186,6 +187,10 @@ class CoverSolver:
         self._last[self._pressed] = forces / samples.coverage
 
 
+def _no_kernel() -> None:
+    """Stands for numpy."""
+
+
 class _Operator:
     """Cell forces to displacements of the covered parts."""
 
@@ -195,7 +200,7 @@ class _Operator:
         first_row, first_column = int(samples.row.min()) - 1, int(samples.column.min()) - 1
         rows = -(-(int(samples.row.max()) + 2 - first_row) // _BLOCK) * _BLOCK
         columns = -(-(int(samples.column.max()) + 2 - first_column) // _BLOCK) * _BLOCK
-        self._shape = (rows, columns)
+        self._shape, self._scatter = (rows, columns), solver.scatter
         self.origin = (first_row, first_column)
         self.matrices = solver.convolution.matrices(rows, columns)
         self.corner = np.empty((2, samples.count), dtype=np.int64)
@@ -224,6 +229,10 @@ class _Operator:
 
     def on_cells(self, forces: FloatArray) -> FloatArray:
         """Forces shared among the window's cells, shape (rows, columns) [N]."""
+        if self._scatter is not _no_kernel:
+            window = np.empty(self._shape)
+            self._scatter(self.corner, self.weight, forces, window)
+            return window
         size = self._shape[0] * self._shape[1]
         shared = np.bincount(self.target.ravel(), (self.weight * forces).ravel(), size)
         return shared.reshape(self._shape).astype(np.float64)

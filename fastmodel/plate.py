@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.cell_grid import CellGrid
+from fastmodel.contact import NO_FRICTION
 from fastmodel.errors import LifeCycleError, StateError
 from fastmodel.joints import Joints
 from fastmodel.layout import Panel, panels
@@ -195,13 +196,14 @@ class PlateReader:
     def _loads(self, data: Any, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:  # noqa: ANN401
         """Bodies that press, and their loads; not finite where the state is not."""
         contact = data.contact
-        bodies, sums = np.empty(data.ncon, dtype=np.int64), np.empty((data.ncon, 3))
+        geom = contact.geom
+        bodies, sums = np.empty(len(geom), np.int64), np.empty((len(geom), 3))
         count = self._press(
-            contact.geom,
+            geom,
             contact.efc_address,
             contact.dim,
             contact.frame,
-            contact.friction,
+            contact.friction if self._pyramidal else NO_FRICTION,
             contact.pos,
             data.efc_force,
             self._pyramidal,

@@ -46,7 +46,7 @@ def plate_numpy(  # noqa: PLR0917 -- numba kernels take positions
     for size in set(dim[touches].tolist()):
         mine = (dim[touches] == size).nonzero()[0]
         k = touches[mine]
-        local = decode(efc_force, address[k], friction[k], size, pyramidal=pyramidal)
+        local = decode(efc_force, address[k], friction[k] if pyramidal else friction, size, pyramidal=pyramidal)
         directions = frame[k].reshape(-1, 3, 3)[:, : local.shape[1]]
         pressed[mine] = np.einsum("ki,kij,j->k", local, directions, axes[:, 2])
     pressed[second] *= -1
