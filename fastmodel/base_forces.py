@@ -36,7 +36,7 @@ class BaseForces:
         """Factorise the influence and lay it out over the whole grid, one axis at a time; a table is taken as it is."""
         self._cells, self._grid, self._array = cells, grid, array
         along, across = cells.influence_factors
-        self._terms = len(along)
+        self._terms, self._dead = len(along), None if array.active.all() else ~array.active
         self._rows = _placed(along, array.rows, grid.rows, cells, grid.margin)
         self._kept: tuple[tuple[tuple[int, int], tuple[int, ...]], _Window] | None = None
         self._columns = _placed(across, array.columns, grid.columns, cells, grid.margin)
@@ -85,7 +85,9 @@ class BaseForces:
         return self._felt(np.tensordot(part, forces, 2))
 
     def _felt(self, flat: FloatArray) -> FloatArray:
-        return flat if self._array.active.all() else np.where(self._array.active, flat, 0.0)
+        if self._dead is not None:
+            flat[self._dead] = 0.0
+        return flat
 
     def of_texels(self, contact_forces: FloatArray) -> FloatArray:
         """The same for forces spread evenly over each texel's cells, shape (n,) to (n,) [N]."""

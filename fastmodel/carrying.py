@@ -24,6 +24,7 @@ from fastmodel.plate import Touching
 from fastmodel.sampling import Load, Samples
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 #: Change of a body's force over itself, and of its pressure at the rims along x and y, over it [-].
 _Change = tuple[float, float, float]
 
@@ -201,9 +202,8 @@ class Held:
 
     def _on_windows(self, forces: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """The same forces on windows of cells: whole on the cell that they stand over, and as they go to the base."""
-        samples, (row, column), (rows, columns) = self.samples, *self._window
-        index = (samples.row - row) * columns + samples.column - column
-        own = np.bincount(index, forces, rows * columns).reshape(rows, columns).astype(np.float64, copy=False)
+        rows, columns = self._window[1]
+        own = np.bincount(self._in_window, forces, rows * columns).reshape(rows, columns).astype(np.float64, copy=False)
         return own, None if self._laid.on_cells is None else self._laid.on_cells(forces)
 
     @cached_property
@@ -212,6 +212,12 @@ class Held:
         row, column = self.samples.row, self.samples.column
         first, last = (int(row.min()), int(column.min())), (int(row.max()), int(column.max()))
         return first, (last[0] - first[0] + 1, last[1] - first[1] + 1)
+
+    @cached_property
+    def _in_window(self) -> IntArray:
+        """Which cell of that window each sampled cell is, row by row, shape (m,)."""
+        (row, column), (_, columns) = self._window
+        return np.asarray((self.samples.row - row) * columns + self.samples.column - column)
 
     def _shifted(
         self, own: FloatArray, spread: FloatArray | None, slid: tuple[float, float], factor: float = 1.0
