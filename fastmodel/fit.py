@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.estimators import Pair, image_estimates, radial_estimates
-from fastmodel.spread import Gaussian, sampled_gaussian
+from fastmodel.spread import Gaussian, sampled_gaussian, smallest_kernel
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,6 +26,8 @@ FloatArray = npt.NDArray[np.float64]
 ESTIMATOR = "least-squares-uniform"
 #: Range of sigma that is searched [pitches].
 SIGMA_RANGE = (0.05, 100.0)
+#: Factors on a fitted sigma between which a jump of ksize counts as near [-].
+_ABOUT = (0.99, 1.0, 1.01)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,14 +124,18 @@ def _checked(
 def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: npt.NDArray[np.bool_]) -> Gaussian:
     """Least squares over sigma with ksize following sigma by its own rule.
 
-    The rule makes the objective jump where ksize does, so sigma is fitted at fixed ksize until both agree;
-    should they alternate about such a jump, the best of the kernels that obey the rule is taken.
+    The rule makes the objective jump where ksize does, so sigma is fitted at fixed ksize until both agree.  About such
+    a jump they may agree or alternate on either side: there the best of the kernels that obey the rule is taken.
     """
     candidates = [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, None))]
     tried: set[tuple[int, int]] = set()
     while (ksizes := (candidates[-1].ksize_x, candidates[-1].ksize_y)) not in tried:
         tried.add(ksizes)
         candidates.append(Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, ksizes)))
+    last = candidates[-1]
+    wide, high = ({smallest_kernel(sigma * by) for by in _ABOUT} for sigma in (last.sigma_x, last.sigma_y))
+    beside = sorted(set(product(wide, high)) - tried)
+    candidates += [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, each)) for each in beside]
 
     def misfit(gaussian: Gaussian) -> float:
         return float(np.sum((image - _placed(gaussian, image.shape, loaded))[mask] ** 2))
