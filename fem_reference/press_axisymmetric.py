@@ -126,18 +126,21 @@ def _area(obstacle: Obstacle, top: FloatArray, reached: Equilibrium) -> float:
     """Contact area from where the gap opens.
 
     Beyond the edge of a smooth contact the gap grows as the distance to the power 3/2 (Johnson 1985, section 5.1), so
-    its power 2/3, drawn through two open nodes, meets zero at the edge: finer than the mesh tells touching from open.
+    its power 2/3, a straight line along the next few open nodes, meets zero at the edge: finer than the mesh tells
+    touching from open.
     """
     r, z = top[:, 0], top[:, 1]
     gap = 1 - reached.depth + obstacle.height(r, np.zeros_like(r)) - z
     shut = np.flatnonzero(gap < _OPEN * reached.depth)
     first = int(shut.max()) + 1 if shut.size else 0
-    if isinstance(obstacle.indenter, Flat) or first == 0 or first + 2 > len(r):
+    if isinstance(obstacle.indenter, Flat) or first == 0 or first + _BESIDE > len(r):
         return reached.touch.area
-    one, two = gap[first : first + 2] ** (2 / 3)
-    edge = r[first] - one * (r[first + 1] - r[first]) / (two - one)
-    return float(np.pi * np.clip(edge, r[first - 1], r[first]) ** 2)
+    near = slice(first, first + _BESIDE)
+    slope, start = np.polyfit(r[near], gap[near] ** (2 / 3), 1)
+    return float(np.pi * np.clip(-start / slope, r[max(first - 3, 0)], r[first]) ** 2)
 
 
 #: Gap over depth from which a node counts as open [-].
 _OPEN = 2e-3
+#: Open nodes that tell where the gap opens.
+_BESIDE = 4
