@@ -12,7 +12,7 @@ Kernel = Callable[..., Any]
 _F = TypeVar("_F", bound=Kernel)
 
 #: Numpy's error model: without a branch at every division kernels are smaller, and sooner compiled.  No entry from C,
-#: which nobody takes and which takes a fifth of the compiler's time.
+#: which nobody takes and which takes the compiler's time.
 _OPTIONS: Any = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 #: Functions that kernels call, with what is compiled in their place; emptied when numba gets to know them.

@@ -154,7 +154,7 @@ class Sensor:
                 last one on the clock.
             StateError: If a contact force is not finite.
         """
-        return self._bound().step(data, self.name)
+        return (self._running or self._bound()).step(data, self.name)
 
     def frame(self) -> Frame:
         """The latest frame; before the first one, that of the array at rest.
