@@ -6,8 +6,11 @@ unknowns; stress P = dW/dF.  At rest the tangent is exactly the matrix of linear
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -66,25 +69,32 @@ class Solid:
             InvertedError: If an element is turned inside out.
         """
         e = self.elements
-        forces, volumes, stiff, couple, squeeze = (np.empty(shape) for shape in self._block_shapes)
-        block = max(1, _POINTS // e.weight.shape[1])
-        for start in range(0, len(e.cells), block):
-            part = slice(start, start + block)
-            F, J, p = self._fields(state, part)
-            response = self._response(F, J, part)
-            w, shape = e.weight[part], e.pressure_shape[part]
-            inverse = self.bulk_compliance[e.region[part], None]
-            stress = (response.stress - p[..., None] * J.first) * w[..., None]
-            forces[part] = e.transposed(stress, part)
-            volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + p * inverse) * w)
-            moduli = (response.tangent - p[..., None, None] * J.second) * w[..., None, None]
-            stiff[part] = e.stiffness(moduli, part)
-            couple[part] = -e.coupled(J.first * w[..., None], part)
-            squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
+        found = tuple(np.empty(shape) for shape in self._block_shapes)
+        size = max(1, _POINTS // e.weight.shape[1])
+        parts = [slice(start, start + size) for start in range(0, len(e.cells), size)]
+        fill = partial(self._fill, state, found)
+        with ThreadPoolExecutor(min(_threads(), len(parts))) as pool:
+            list(pool.map(fill, parts))
+        forces, volumes, stiff, couple, squeeze = found
         residual = np.bincount(e.unknowns.ravel(), forces.ravel(), minlength=len(state)).astype(np.float64)
         rows = e.pressure_cells + e.displacements
         residual += np.bincount(rows.ravel(), volumes.ravel(), minlength=len(state))
         return residual, self.pattern.assemble(stiff, couple, squeeze)
+
+    def _fill(self, state: FloatArray, found: tuple[FloatArray, ...], part: slice) -> None:
+        """Forces, volumes and the three blocks of the matrices of some elements, written into the arrays of all."""
+        e, (forces, volumes, stiff, couple, squeeze) = self.elements, found
+        F, J, p = self._fields(state, part)
+        response = self._response(F, J, part)
+        w, shape = e.weight[part], e.pressure_shape[part]
+        inverse = self.bulk_compliance[e.region[part], None]
+        stress = (response.stress - p[..., None] * J.first) * w[..., None]
+        forces[part] = e.transposed(stress, part)
+        volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + p * inverse) * w)
+        moduli = (response.tangent - p[..., None, None] * J.second) * w[..., None, None]
+        stiff[part] = e.stiffness(moduli, part)
+        couple[part] = -e.coupled(J.first * w[..., None], part)
+        squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
 
     @property
     def at_rest(self) -> SmallStrainSolid:
@@ -146,6 +156,12 @@ class SmallStrainSolid:
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
         """Residual and tangent, as `Solid.linearise`."""
         return np.asarray(self.stiffness @ state), self.stiffness
+
+
+def _threads() -> int:
+    """Threads that assemble: as many as the linear algebra is allowed."""
+    allowed = os.environ.get("OMP_NUM_THREADS", "")
+    return int(allowed) if allowed.isdigit() and int(allowed) else os.cpu_count() or 1
 
 
 class InvertedError(ArithmeticError):

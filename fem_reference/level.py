@@ -39,12 +39,8 @@ class Level(Protocol):
         """Force on each texel for a pose, shape (n,) [N]."""
 
 
-class Grounded(Protocol):
+class Grounded(Level, Protocol):
     """A level that knows the base pressure on a grid of points."""
-
-    @property
-    def total_force(self) -> float:
-        """Force on the indenter [N]."""
 
     @property
     def half(self) -> tuple[float, float]:

@@ -308,7 +308,7 @@ def _followed(
 
 #: Overlap over the depth that is left alike by the path at small strain and by the one asked for: only what they differ
 #: in counts [-].
-_OVERLAP = 1e-3
+_OVERLAP = 2e-3
 
 
 def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
