@@ -8,6 +8,7 @@ Single high-order polynomials lose their poles to rounding from about order 5; s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -112,13 +113,28 @@ class FilterBank:
         held = 2 * len(self.sections)
         # state and samples in one array, since one product takes both
         self._rows = np.zeros((held + BLOCK, count))
-        self.memory, self._samples = self._rows[:held], self._rows[held:]
-        self.waiting = [self._samples[:k] for k in range(BLOCK + 1)]
-        self.room: list[FloatArray] = list(self._samples)
         self.filtered = np.zeros(count)
         self._kernel = choose_kernel(filter_loops, _no_kernel, native=native)
-        self._products: dict[int, tuple[FloatArray, FloatArray]] = {}
         self._moved = np.zeros((held + 1, count))
+        self._look()
+
+    def _look(self) -> None:
+        """Make the views of the one array."""
+        held = 2 * len(self.sections)
+        samples = self._rows[held:]
+        self.memory = self._rows[:held]
+        self.waiting = [samples[:k] for k in range(BLOCK + 1)]
+        self.room: list[FloatArray] = list(samples)
+        self._products: dict[int, tuple[FloatArray, FloatArray]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the views, each of which a copy would hold as an array of its own."""
+        return {name: value for name, value in vars(self).items() if name not in _VIEWS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take that, and look at the one array again."""
+        vars(self).update(state)
+        self._look()
 
     def settle(self, values: npt.ArrayLike = 0.0) -> None:
         """Put the filter into the state it would reach under constant input.
@@ -162,6 +178,10 @@ class FilterBank:
             product, rows = self._products[count]
             np.dot(product, rows, out=self._moved)
             self.filtered[:], self.memory[:] = self._moved[0], self._moved[1:]
+
+
+#: Attributes of a filter bank that look at its one array.
+_VIEWS = frozenset({"memory", "waiting", "room", "_products"})
 
 
 def _no_kernel() -> None:

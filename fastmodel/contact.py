@@ -203,6 +203,10 @@ class BoxReader:
         if self._press is press_numpy and _parallel(model, geoms):
             self._press = partial(press_numpy, flat=int(geoms[0]))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what looks at the data: a copy is to look at its own."""
+        return vars(self) | {"_data": None, "_geom_xmat": np.zeros((0, 9))}
+
     def forces(self, data: Any) -> FloatArray:  # noqa: ANN401
         """Component of each box's contact force against its outward normal, shape (n,) [N].
 

@@ -1,3 +1,5 @@
+import copy
+
 import mujoco
 import numpy as np
 import pytest
@@ -143,6 +145,27 @@ def test_one_reader_reads_several_states_of_a_model(native):
             np.testing.assert_array_equal(reader.latest.contact_forces, signals[:-1])
             if expected.min() >= 0:
                 np.testing.assert_allclose(signals[:-1], expected, rtol=1e-12, atol=1e-15)
+    assert touched > 20
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+def test_a_copy_of_a_reader_looks_at_the_copy_of_the_data(native):
+    if native:
+        pytest.importorskip("numba")
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
+    texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
+    model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    reader, signals = BoxTexels().bind(model, ARRAY, "a", native=native), np.empty(ARRAY.count + 1)
+    mujoco.mj_step(model, data)
+    reader.sample(data, signals)
+    reader, model, data = copy.deepcopy((reader, model, data))
+    model.geom_quat[texels] = multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), about_z(0.4))
+    touched = 0
+    for _ in range(30):
+        mujoco.mj_step(model, data)
+        expected = by_the_book(model, data)
+        assert reader.sample(data, signals) == pytest.approx(max(expected.sum(), 0), rel=1e-12)
+        touched += np.count_nonzero(expected)
     assert touched > 20
 
 

@@ -1,3 +1,4 @@
+import copy
 import dataclasses
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters
-from fastmodel.butterworth import BLOCK
+from fastmodel.butterworth import BLOCK, FilterBank
 from fastmodel.signal_chain import SignalChain
 from meshes import TexelArray
 
@@ -126,6 +127,34 @@ def test_frames_stay_as_they_were_handed_out(native):
     first = frames(made, samples(3), 3)[-1][0]
     kept = [values.copy() for values in (first.texel_forces, first.counts, first.image)]
     frames(made, samples(3, seed=1), 3)
-    for values, copy in zip((first.texel_forces, first.counts, first.image), kept, strict=True):
-        np.testing.assert_array_equal(values, copy)
+    for values, before in zip((first.texel_forces, first.counts, first.image), kept, strict=True):
+        np.testing.assert_array_equal(values, before)
         assert not values.flags.writeable
+
+
+@pytest.mark.parametrize(
+    "again", [copy.deepcopy, lambda bank: pickle.loads(pickle.dumps(bank))], ids=["copy", "pickle"]
+)
+def test_a_copy_of_a_filter_goes_on_like_the_original_and_alone(native, again):
+    original = FilterBank(PARAMETERS.filter, RATE, 3, native=native)
+    original.settle([1.0, 2.0, 3.0])
+    twin = copy.deepcopy(original)
+    for values in samples(5)[:, :3]:
+        kept = twin.filtered.copy()
+        filtered = original.step(values)
+        np.testing.assert_array_equal(twin.filtered, kept)
+        np.testing.assert_array_equal(twin.step(values), filtered)
+
+
+def test_a_copy_of_a_chain_goes_on_with_the_samples_that_wait(native):
+    original = chain(native)
+    signals = samples(12)
+    frames(original, signals[:6], 4)
+    twin = copy.deepcopy(original)
+    for (frame, outside), (other, beside) in zip(
+        frames(original, signals[6:], 3), frames(twin, signals[6:], 3), strict=True
+    ):
+        np.testing.assert_array_equal(frame.texel_forces, other.texel_forces)
+        np.testing.assert_array_equal(frame.counts, other.counts)
+        assert outside == beside
+        assert frame.texel_forces.sum() > 1
