@@ -75,6 +75,11 @@ class Equilibrium:
     pressed: Equilibrium | None = None
 
 
+def first_solved(target: Equilibrium) -> Equilibrium:
+    """A target before its overlap was worked off, which is where a path solves it first."""
+    return target.pressed or target
+
+
 def _predicted(before: Equilibrium | None, here: Equilibrium, aim: float, control: str) -> tuple[FloatArray, float]:
     """State and depth to start Newton's method from: the last two states continued on a straight line."""
     if before is None:
@@ -251,22 +256,29 @@ class Problem:
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth, then meet the balance closely."""
-        for augmentation in range(_AUGMENTATIONS + 1):
-            last = augmentation == _AUGMENTATIONS or here.touch.overlap < self.overlap * here.depth
-            if not last:
-                self.contact.augment(here.touch.pressure)
-            load = here.load if control == "load" else None
-            tight = _TIGHT if last else _LOOSE
-            try:
-                here = self._newton(here.state, here.depth, load, here.iterations, tight=tight, straight=0)
-                self.contact.settle(here.touch)
-            except _FAILURES as error:
-                _LOG.info("augmentation stopped at an overlap of %.2g m: %s", here.touch.overlap, error)
+        pressure = np.zeros_like(here.touch.pressure)
+        for _ in range(_AUGMENTATIONS):
+            if here.touch.overlap < self.overlap * here.depth:
                 break
-            _LOG.info("overlap %.2g of the depth, %d iterations", here.touch.overlap / here.depth, here.iterations)
-            if last:
+            self.contact.augment(here.touch.pressure)
+            closer = self._again(here, control, _LOOSE)
+            if closer is None:
+                self.contact.augment(pressure)
                 break
-        return here
+            here, pressure = closer, here.touch.pressure
+        return self._again(here, control, _TIGHT) or here
+
+    def _again(self, here: Equilibrium, control: str, tight: float) -> Equilibrium | None:
+        """The same target once more, from nearby; None where that fails."""
+        load = here.load if control == "load" else None
+        try:
+            out = self._newton(here.state, here.depth, load, here.iterations, tight=tight, straight=0)
+        except _FAILURES as error:
+            _LOG.info("an overlap of %.2g m stays: %s", here.touch.overlap, error)
+            return None
+        self.contact.settle(out.touch)
+        _LOG.info("overlap %.2g of the depth, %d iterations", out.touch.overlap / out.depth, out.iterations)
+        return out
 
     def _newton(
         self, state: FloatArray, depth: float, load: float | None, used: int, *, tight: float, straight: int = _STRAIGHT

@@ -72,9 +72,8 @@ class Solid:
         found = tuple(np.empty(shape) for shape in self._block_shapes)
         size = max(1, _POINTS // e.weight.shape[1])
         parts = [slice(start, start + size) for start in range(0, len(e.cells), size)]
-        fill = partial(self._fill, state, found)
         with ThreadPoolExecutor(min(_threads(), len(parts))) as pool:
-            list(pool.map(fill, parts))
+            list(pool.map(partial(self._fill, state, found), parts))
         forces, volumes, stiff, couple, squeeze = found
         residual = np.bincount(e.unknowns.ravel(), forces.ravel(), minlength=len(state)).astype(np.float64)
         rows = e.pressure_cells + e.displacements
@@ -159,9 +158,11 @@ class SmallStrainSolid:
 
 
 def _threads() -> int:
-    """Threads that assemble: as many as the linear algebra is allowed."""
-    allowed = os.environ.get("OMP_NUM_THREADS", "")
-    return int(allowed) if allowed.isdigit() and int(allowed) else os.cpu_count() or 1
+    """Threads that assemble: as many as the linear algebra is allowed, else one for each core this process may use."""
+    allowed = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
+    if allowed.isdecimal() and int(allowed):
+        return int(allowed)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class InvertedError(ArithmeticError):

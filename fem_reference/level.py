@@ -32,6 +32,10 @@ class Level(Protocol):
         """Contact area [m2]."""
 
     @property
+    def overlap(self) -> float:
+        """Mean distance that contact left between the surfaces, over the depth [-]."""
+
+    @property
     def surface(self) -> FloatArray:
         """Where the touching points are, in the indenter's frame, and their force: x, y [m], force [N], (m, 3)."""
 
@@ -103,6 +107,11 @@ class ScaledLevel:
         return self.level.area
 
     @property
+    def overlap(self) -> float:
+        """Mean distance that contact left between the surfaces, over the depth [-]."""
+        return self.level.overlap
+
+    @property
     def surface(self) -> FloatArray:
         """Touching points, shape (m, 3)."""
         return self.level.surface * [1, 1, self.factor]
@@ -138,6 +147,11 @@ class ExtrapolatedLevel:
     def area(self) -> float:
         """Contact area of the finest grid [m2]."""
         return self.levels[-1].area
+
+    @property
+    def overlap(self) -> float:
+        """Mean distance that contact left between the surfaces, over the depth [-]."""
+        return self.levels[-1].overlap
 
     @property
     def surface(self) -> FloatArray:
@@ -197,6 +211,11 @@ class CorrectedLevel:
     def area(self) -> float:
         """Contact area [m2]."""
         return self.touched.area if self.touched is not None else self.exact.area * self._changed(lambda x: x.area)
+
+    @property
+    def overlap(self) -> float:
+        """Mean distance that contact left between the surfaces, over the depth [-]."""
+        return max(self.rest.overlap, self.deep.overlap)
 
     @property
     def surface(self) -> FloatArray:

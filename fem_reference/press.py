@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from fem_reference import press_bounded, press_finite, press_linear
 from fem_reference.contact import is_flat
-from fem_reference.equilibrium import OVERLAP
 from fem_reference.error import extrapolated, grid_convergence
 from fem_reference.level import Level
 from fem_reference.pose import Place, Pose
@@ -159,15 +158,14 @@ def press_path(
         # What friction changes is no smoother than the pressure under an edge.
         least=1.0 if friction else solver.least_order(indenter),
         seconds=(time.perf_counter() - started) / len(targets),
-        contact_error=0.0 if linear else _CONTACT,
-        spread_error=press_linear.base_error(cover, place) if linear else _CONTACT,
+        spread_error=press_linear.base_error(cover, place) if linear else 0.0,
     )
     said = _assumptions(cover, friction) | solver.assumptions(cover, indenter)
     return [common(levels=levels, assumptions=said | _range(cover, levels[-1].depth)) for levels in found]
 
 
-#: What the overlap that is left takes from a load, which grows up to the square of the depth [-].
-_CONTACT = 2 * OVERLAP
+#: Share of a force over the share of the depth that contact leaves as overlap: forces grow up to its square [-].
+_CONTACT = 2.0
 
 
 def _assumptions(cover: Cover, friction: float) -> dict[str, str]:
@@ -197,7 +195,6 @@ def _indentation(
     least: float,
     assumptions: dict[str, str],
     seconds: float,
-    contact_error: float,
     spread_error: float,
 ) -> Indentation:
     """Put three grids together for one pose."""
@@ -207,6 +204,7 @@ def _indentation(
     peak = int(np.argmax(np.abs(forces)))
     total = _value([level.total_force for level in levels], sizes, sharp=sharp)
     estimate = partial(_uncertainty, sizes=sizes, sharp=sharp, least=least)
+    overlap = _CONTACT * levels[-1].overlap
     return Indentation(
         texel_forces=forces,
         outside=total - float(forces.sum()),
@@ -215,8 +213,8 @@ def _indentation(
         contact_area=levels[-1].area,
         contact=_placed(levels[-1].surface, place.pose),
         error_estimate={
-            "total_force": estimate([each.total_force / each.depth for each in levels]) + contact_error,
-            "peak_texel": estimate([float(each[peak]) for each in every]) + spread_error,
+            "total_force": estimate([each.total_force / each.depth for each in levels]) + overlap,
+            "peak_texel": estimate([float(each[peak]) for each in every]) + spread_error + overlap,
             "contact_area": estimate([each.area for each in levels]),
         },
         assumptions=assumptions,

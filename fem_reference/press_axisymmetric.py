@@ -140,7 +140,7 @@ def _area(obstacle: Obstacle, top: FloatArray, reached: Equilibrium) -> float:
     return float(np.pi * np.clip(-start / slope, r[max(first - 3, 0)], r[first]) ** 2)
 
 
-#: Gap over depth from which a node counts as open [-].
-_OPEN = 2e-3
+#: Gap over depth from which a node counts as open: inside the last element that touches the surface waves by less [-].
+_OPEN = 1e-2
 #: Open nodes that tell where the gap opens.
 _BESIDE = 4

@@ -21,7 +21,8 @@ from fem_reference.level import Level, shared_out
 from fem_reference.loading_path import LoadingPath, with_grid
 from fem_reference.obstacle import Height, Obstacle
 from fem_reference.pose import Place, Pose
-from fem_reference.press_solid import Block, press_pair
+from fem_reference.press_pair import press_pair
+from fem_reference.press_solid import Block
 from fem_reference.side_edges import mirrored
 from fem_reference.tensor import Line, line_matrix
 from fem_reference.units import Units
@@ -43,6 +44,7 @@ class BoundedLevel:
         total_force: Force on the indenter [N].
         depth: Approach from first touch [m].
         area: Reference area that touches [m2].
+        overlap: Mean distance that contact left between the surfaces, over the depth [-].
         pose: Where the indenter stands.
         x: Nodes of the base along x in the array's frame, side to side, shape (m,) [m].
         y: Nodes along y, shape (n,) [m].
@@ -53,6 +55,7 @@ class BoundedLevel:
     total_force: float
     depth: float
     area: float
+    overlap: float
     pose: Pose
     x: FloatArray
     y: FloatArray
@@ -177,16 +180,17 @@ def _solve(
                 here = f"{name}_{n}_{i}"
                 x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
                 out |= {f"x_{here}": x, f"y_{here}": y, f"pressure_{here}": pressure}
-                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area])
+                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
     return out
 
 
 def _level(data: dict[str, Any], path: LoadingPath, pose: Pose, here: str) -> Level:
-    load, depth, area = (float(value) for value in data[f"scalars_{here}"])
+    load, depth, area, overlap = (float(value) for value in data[f"scalars_{here}"])
     return BoundedLevel(
         total_force=load / path.steepness,
         depth=depth / path.steepness,
         area=area,
+        overlap=overlap,
         pose=pose,
         x=data[f"x_{here}"],
         y=data[f"y_{here}"],

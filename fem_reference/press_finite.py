@@ -18,7 +18,8 @@ from fem_reference.loading_path import LoadingPath, with_grid
 from fem_reference.point_spread import PointSpread, closed, decay_length
 from fem_reference.pose import Pose
 from fem_reference.press_axisymmetric import press_axisymmetric
-from fem_reference.press_solid import lay_out, press_pair
+from fem_reference.press_pair import press_pair
+from fem_reference.press_solid import lay_out
 from meshes import Cover, Indenter, TexelArray
 from meshes.indenter import Flat
 
@@ -37,12 +38,14 @@ class RadialLevel:
         total_force: Force on the indenter [N].
         depth: Approach from first touch [m].
         area: Reference area that touches [m2].
+        overlap: Mean distance that contact left between the surfaces, over the depth [-].
         spread: Base pressure per unit force.
     """
 
     total_force: float
     depth: float
     area: float
+    overlap: float
     spread: PointSpread
 
     @property
@@ -65,6 +68,7 @@ class PlaneLevel:
         total_force: Force on the indenter [N].
         depth: Approach from first touch [m].
         area: Reference area that touches [m2].
+        overlap: Mean distance that contact left between the surfaces, over the depth [-].
         half: Half widths of the shape's footprint [m].
         x: Where the base pressure is known in the indenter's frame, shape (m,) [m].
         y: Shape (n,) [m].
@@ -74,6 +78,7 @@ class PlaneLevel:
     total_force: float
     depth: float
     area: float
+    overlap: float
     half: tuple[float, float]
     x: FloatArray
     y: FloatArray
@@ -298,7 +303,7 @@ def _solved_around_axis(path: LoadingPath, progress: Callable[[str], None] | Non
         for i, state in enumerate(states):
             for name, values in closed(state.base, reach).items():
                 out[f"{name}_{n}_{i}"] = values
-            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area])
+            out[f"scalars_{n}_{i}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
     return out
 
 
@@ -321,7 +326,7 @@ def _in_space(path: LoadingPath, approaches: Sequence[float], progress: Callable
             for i, state in enumerate(states):
                 here = f"{name}_{n}_{i}"
                 out |= {f"x_{here}": state.x, f"y_{here}": state.y, f"pressure_{here}": state.pressure}
-                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area])
+                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
     return out
 
 
@@ -344,23 +349,26 @@ def _contact_radius(cover: Cover, indenter: Indenter, target: float, control: Li
 
 
 def _radial(data: dict[str, Any], path: LoadingPath, n: int, i: int) -> Level:
-    load, depth, area = (float(value) for value in data[f"scalars_{n}_{i}"])
+    load, depth, area, overlap = (float(value) for value in data[f"scalars_{n}_{i}"])
     spread = PointSpread(
         radius=data[f"radius_{n}_{i}"],
         pressure_per_force=data[f"pressure_{n}_{i}"] / load,
         reaction=float(data[f"reaction_{n}_{i}"]) / load,
         thickness=path.cover.thickness,
     )
-    return RadialLevel(total_force=load / path.steepness, depth=depth / path.steepness, area=area, spread=spread)
+    return RadialLevel(
+        total_force=load / path.steepness, depth=depth / path.steepness, area=area, overlap=overlap, spread=spread
+    )
 
 
 def _plane(data: dict[str, Any], path: LoadingPath, name: str, n: int, i: int) -> Level:
     here = f"{name}_{n}_{i}"
-    load, depth, area = (float(value) for value in data[f"scalars_{here}"])
+    load, depth, area, overlap = (float(value) for value in data[f"scalars_{here}"])
     return PlaneLevel(
         total_force=load / path.steepness,
         depth=depth / path.steepness,
         area=area,
+        overlap=overlap,
         half=path.indenter.footprint,
         x=data[f"x_{here}"],
         y=data[f"y_{here}"],

@@ -54,6 +54,11 @@ class LinearLevel:
         return self.patch.area
 
     @property
+    def overlap(self) -> float:
+        """Cells touch without overlap [-]."""
+        return 0.0
+
+    @property
     def surface(self) -> FloatArray:
         """Touching cells in the indenter's frame: x, y [m], force [N], shape (m, 3)."""
         return np.column_stack([self.patch.x, self.patch.y, self.patch.force])

@@ -6,7 +6,7 @@ mirrors in x or in y is solved on the half or the quarter that is enough, withou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,13 +17,10 @@ import skfem
 
 from fem_reference.axisymmetric import edge_shape, layer_heights
 from fem_reference.elements import MixedElements, mixed_elements
-from fem_reference.equilibrium import Equilibrium, Guess, Problem
-from fem_reference.finite_strain import SmallStrainSolid, Solid
+from fem_reference.equilibrium import Equilibrium
 from fem_reference.loading_path import LoadingPath
 from fem_reference.obstacle import Obstacle
-from fem_reference.press_axisymmetric import PENALTY
-from fem_reference.surface_contact import Rigid, SurfaceContact
-from fem_reference.transfer import transferred
+from fem_reference.surface_contact import Rigid
 from fem_reference.units import Units
 from meshes import Cover, Indenter
 from meshes.indenter import Flat
@@ -155,160 +152,13 @@ def _rectangular(shape: Flat, footprint: tuple[float, float]) -> bool:
 _ON_LINE = 1e-6
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Pair:
-    """One loading path twice on one grid.
-
-    Attributes:
-        elements: The grid.
-        rest: The targets without friction at small strain.
-        deep: The targets as asked for.
-        ratio: Steepness of the second over that of the first [-].
-    """
-
-    elements: MixedElements
-    rest: list[Equilibrium]
-    deep: list[Equilibrium]
-    ratio: float
-
-    def changes(self, target: MixedElements) -> list[Guess]:
-        """What the second adds to the first, scaled alike, on another grid."""
-        out = []
-        for rest, deep in zip(_pressed(self.rest), _pressed(self.deep), strict=True):
-            change = deep.state - self.ratio * rest.state
-            state = transferred(self.elements, target, change)
-            out.append(Guess(state=state, depth=deep.depth - self.ratio * rest.depth))
-        return out
-
-
-def _pressed(path: Sequence[Equilibrium]) -> list[Equilibrium]:
-    """A path's targets before the overlap was worked off, as each of them is first solved."""
-    return [each.pressed or each for each in path]
-
-
-def press_pair(
-    path: LoadingPath,
-    block: Block,
-    approaches: Sequence[float],
-    *,
-    elements_per_thickness: int,
-    before: Pair | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[SolidState], list[SolidState], Pair]:
-    """Follow one loading path on one grid, and the same path without friction at small strain.
-
-    The small-strain path starts at each target from the depth that is known, the other from the small-strain solution
-    and what a coarser grid added to it; steps are walked only where that fails, or where friction asks for them.
-
-    Args:
-        path: What is pressed how far.
-        block: What is meshed.
-        approaches: Small-strain depth at each target [m].
-        elements_per_thickness: Elements through the cover [-].
-        before: The pair on a coarser grid.
-        progress: Called with a line of text after each step.
-
-    Returns:
-        The states at small strain, those asked for, and the pair for a finer grid to start from.
-
-    Raises:
-        PathError: If the path stops early.
-    """
-    units = Units.of(path.cover)
-    elements = _meshed(block, units.thin(path.cover), elements_per_thickness)
-    solid = Solid.of_cover(elements, path.cover, units)
-    at_rest = path.at_rest
-    undeformed = np.zeros(elements.displacements + elements.pressures)
-    guesses = [Guess(state=undeformed, depth=at_rest.steepness * depth / units.length) for depth in approaches]
-    linear = solid.at_rest
-    tell = None if progress is None else lambda text: progress(f"small strain, {text}")
-    rest = _followed(at_rest, block, linear, guesses=guesses, progress=tell)
-    small = path.steepness == at_rest.steepness
-    starts = [] if path.friction else _starts(path, block, rest, elements, before)  # slip depends on the way
-    deep = _followed(path, block, linear if small else solid, guesses=starts, progress=progress)
-    states = [[_state(elements, units, each, block) for each in reached] for reached in (rest, deep)]
-    return states[0], states[1], Pair(elements=elements, rest=rest, deep=deep, ratio=_ratio(path))
-
-
-def _ratio(path: LoadingPath) -> float:
-    """A path's steepness over that of its small-strain twin [-]."""
-    return path.steepness / path.at_rest.steepness
-
-
-def _starts(
-    path: LoadingPath, block: Block, rest: Sequence[Equilibrium], elements: MixedElements, before: Pair | None
-) -> list[Guess]:
-    """The small-strain targets, scaled, with what the coarser grid added to its own."""
-    ratio = _ratio(path)
-    scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in _pressed(rest)]
-    nothing = Guess(state=np.zeros_like(rest[0].state), depth=0.0)
-    changes = [nothing] * len(rest) if before is None else before.changes(elements)
-    obstacle = block.obstacle.with_steepness(path.steepness)
-    return [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
-
-
-def _changed(still: Guess, change: Guess, elements: MixedElements, obstacle: Rigid) -> Guess:
-    """A change added to a solution whose points touched the obstacle where they were before they moved sideways.
-
-    Points that touched lie on it again where they have moved to: under a penalty a false overlap is a large force.
-    """
-    state, depth = still.state + change.state, still.depth + change.depth
-    top = np.flatnonzero(elements.nodes[:, 2] > 1 - _ON_LINE)
-    x, y, _ = elements.nodes[top].T
-    gap = obstacle.at(x, y).value - still.depth - still.state[3 * top + 2]
-    there = gap < _SHUT * still.depth
-    top, gap = top[there], gap[there]
-    moved = elements.nodes[top, :2] + np.column_stack([state[3 * top], state[3 * top + 1]])
-    state[3 * top + 2] = obstacle.at(*moved.T).value - depth - gap
-    return Guess(state=state, depth=depth)
-
-
-#: Gap over the depth that counts as none [-].
-_SHUT = 0.01
-
-
-def _meshed(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
+def meshed(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
     """The block's elements, each in the region of its layer; lengths in thicknesses."""
     counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
     heights, region = layer_heights(cover, counts, top=block.size)
     mesh = skfem.MeshHex.init_tensor(*block.sides, heights)
     row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
     return mixed_elements(mesh, region=region[row])
-
-
-def _followed(
-    path: LoadingPath,
-    block: Block,
-    solid: Solid | SmallStrainSolid,
-    *,
-    guesses: Sequence[Guess],
-    progress: Callable[[str], None] | None,
-) -> list[Equilibrium]:
-    """The path's targets on a solid that is prepared."""
-    units = Units.of(path.cover)
-    contact = SurfaceContact(
-        solid.elements,
-        1.0,
-        block.obstacle.with_steepness(path.steepness),
-        penalty=PENALTY / block.size,
-        multiple=block.multiple,
-        friction=path.friction,
-    )
-    problem = Problem(
-        solid=solid,
-        contact=contact,
-        fixed=_held(units.thin(path.cover), solid.elements, block),
-        units=units,
-        steepness=path.steepness,
-        overlap=_OVERLAP,
-    )
-    aims = [units.target(value, path.control) for value in path.scaled]
-    return problem.follow(aims, control=path.control, first=0.02 * path.steepness, guesses=guesses, progress=progress)
-
-
-#: Overlap over the depth that is left alike by the path at small strain and by the one asked for: only what they differ
-#: in counts [-].
-_OVERLAP = 2e-3
 
 
 def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
@@ -328,7 +178,7 @@ def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool
     return positive if mirror else np.concatenate([-positive[:0:-1], positive])
 
 
-def _held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np.int64]:
+def held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np.int64]:
     """The base, the outer boundary unless it is free, and the planes of symmetry along their normals."""
     x, y, z = elements.nodes.T
     tolerance = 1e-9
@@ -346,7 +196,8 @@ def _held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np
     return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
 
 
-def _state(elements: MixedElements, units: Units, reached: Equilibrium, block: Block) -> SolidState:
+def solid_state(elements: MixedElements, units: Units, reached: Equilibrium, block: Block) -> SolidState:
+    """A converged target in SI units, mirrored halves included; given in thicknesses and shear moduli."""
     x, y, z = elements.nodes.T
     base = np.flatnonzero(z < 1e-9 * z.max())
     base = base[np.lexsort((y[base], x[base]))]

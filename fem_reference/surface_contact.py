@@ -3,7 +3,7 @@
 Energy: penalty / 2 times the squared overlap of each point with the obstacle's height, per reference area.  Force and
 tangent are its exact derivatives, so Newton's method keeps its order, and the force points along the obstacle's normal.
 The penalty is moderate, so that steps may be long; the overlap it leaves is taken away by augmentation (Simo and
-Laursen 1992) and what remains is reported.
+Laursen 1992) and what remains is part of the error estimates.
 
 Friction: a point in touch is tied to where it touched by a tangential spring, whose traction is returned to Coulomb's
 cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).  The cone's width is frozen while Newton's method

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.interpolate import RegularGridInterpolator
 
 from fem_reference.elements import MixedElements
-from fem_reference.equilibrium import Equilibrium, Guess
+from fem_reference.equilibrium import Equilibrium, Guess, first_solved
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,7 +28,8 @@ class Coarse:
 
     def guesses(self, target: MixedElements) -> list[Guess]:
         """The targets, carried to a finer mesh."""
-        return [Guess(state=transferred(self.elements, target, e.state), depth=e.depth) for e in self.path]
+        path = map(first_solved, self.path)
+        return [Guess(state=transferred(self.elements, target, e.state), depth=e.depth) for e in path]
 
 
 def transferred(source: MixedElements, target: MixedElements, state: FloatArray) -> FloatArray:

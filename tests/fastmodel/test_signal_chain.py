@@ -132,10 +132,7 @@ def test_frames_stay_as_they_were_handed_out(native):
         assert not values.flags.writeable
 
 
-@pytest.mark.parametrize(
-    "again", [copy.deepcopy, lambda bank: pickle.loads(pickle.dumps(bank))], ids=["copy", "pickle"]
-)
-def test_a_copy_of_a_filter_goes_on_like_the_original_and_alone(native, again):
+def test_a_copy_of_a_filter_goes_on_like_the_original_and_alone(native):
     original = FilterBank(PARAMETERS.filter, RATE, 3, native=native)
     original.settle([1.0, 2.0, 3.0])
     twin = copy.deepcopy(original)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import skfem
 
-from fem_reference import press, press_path
+from fem_reference import closed_form, press, press_path
 from fem_reference.axisymmetric import graded, held, tensor_mesh
 from fem_reference.elements import linear_system, mixed_elements
 from fem_reference.equilibrium import PathError, Problem
 from fem_reference.finite_strain import InvertedError, Solid
+from fem_reference.loading_path import LoadingPath
 from fem_reference.obstacle import Obstacle
-from fem_reference.press_axisymmetric import PENALTY
+from fem_reference.press_axisymmetric import PENALTY, press_axisymmetric
 from fem_reference.press_solid import mirrors
 from fem_reference.surface_contact import SurfaceContact
 from fem_reference.transfer import transferred
@@ -73,6 +74,21 @@ def test_at_rest_it_is_linear_elasticity(kind):
     assert units.force == pytest.approx(units.stress * units.length**2)
 
 
+@pytest.mark.parametrize("threads", ["1", "3", "2,1", "no number"])
+def test_threads_change_no_bit(monkeypatch, threads):
+    body = solid("block")
+    size = body.elements.displacements + body.elements.pressures
+    state = 0.02 * np.random.default_rng(0).standard_normal(size)
+    alone = body.linearise(state)
+    monkeypatch.setattr("fem_reference.finite_strain._POINTS", 27)
+    monkeypatch.setenv("OMP_NUM_THREADS", threads)
+    residual, tangent = body.linearise(state)
+    assert (residual == alone[0]).all()
+    assert (tangent != alone[1]).nnz == 0
+    with pytest.raises(InvertedError, match="inside out"):
+        body.linearise(100 * state)
+
+
 def test_a_body_turned_inside_out_is_refused():
     body = solid("block")
     state = np.zeros(body.elements.displacements + body.elements.pressures)
@@ -101,6 +117,24 @@ def test_small_loads_reach_the_linear_solution(bonded, wts, nu):
     assert finite.assumptions["strain"] == "finite"
     assert finite.texel_forces == pytest.approx(linear.texel_forces, abs=2e-3 * 2e-3)
     assert finite.depth == pytest.approx(linear.depth, rel=5e-3)
+
+
+@pytest.mark.parametrize("elements", [6, 9])
+def test_the_contact_edge_is_found_between_the_nodes_at_every_depth(elements):
+    cover, radius = rubber(0.49), 5e-3
+    edges = np.linspace(0.75e-3, 1.35e-3, 11)
+    depths = [closed_form.sphere(cover, radius, edge).depth for edge in edges]
+    path = LoadingPath(
+        cover=cover, indenter=Sphere(radius=radius), targets=tuple(depths), control="depth", steepness=1e-3
+    )
+    states, _ = press_axisymmetric(
+        path,
+        elements_per_thickness=elements,
+        contact_radius=edges[-1],
+        fillet=0.1e-3,
+        reach=30e-3,
+    )
+    assert np.sqrt([state.area / np.pi for state in states]) == pytest.approx(edges, rel=0.015)
 
 
 @pytest.mark.slow

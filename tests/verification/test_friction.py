@@ -15,7 +15,8 @@ from fem_reference.loading_path import LoadingPath
 from fem_reference.obstacle import Obstacle
 from fem_reference.point_spread import decay_length
 from fem_reference.press_axisymmetric import press_axisymmetric
-from fem_reference.press_solid import lay_out, press_pair
+from fem_reference.press_pair import press_pair
+from fem_reference.press_solid import lay_out
 from fem_reference.surface_contact import SurfaceContact
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 

@@ -150,7 +150,7 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
     forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
     x, y, pressure = _base_pressure([half, whole], forces, (True, False))
     level = BoundedLevel(
-        total_force=1.0, depth=1e-3, area=1e-6, pose=Pose(), x=x, y=y, pressure=pressure, half=(1e-3, 1e-3)
+        total_force=1.0, depth=1e-3, overlap=0.0, area=1e-6, pose=Pose(), x=x, y=y, pressure=pressure, half=(1e-3, 1e-3)
     )
     felt = level.texel_forces(array, (0.0, 0.0), 0.0)
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
