@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fem_reference import press_bounded, press_finite, press_linear
 from fem_reference.contact import is_flat
+from fem_reference.equilibrium import OVERLAP
 from fem_reference.error import extrapolated, grid_convergence
 from fem_reference.level import Level
 from fem_reference.pose import Place, Pose
@@ -158,6 +159,8 @@ def press_path(
         # What friction changes is no smoother than the pressure under an edge.
         least=1.0 if friction else solver.least_order(indenter),
         seconds=(time.perf_counter() - started) / len(targets),
+        # An overlap that contact does not work off is not told from none.
+        least_overlap=0.0 if linear else OVERLAP,
         spread_error=press_linear.base_error(cover, place) if linear else 0.0,
     )
     said = _assumptions(cover, friction) | solver.assumptions(cover, indenter)
@@ -195,6 +198,7 @@ def _indentation(
     least: float,
     assumptions: dict[str, str],
     seconds: float,
+    least_overlap: float,
     spread_error: float,
 ) -> Indentation:
     """Put three grids together for one pose."""
@@ -204,7 +208,7 @@ def _indentation(
     peak = int(np.argmax(np.abs(forces)))
     total = _value([level.total_force for level in levels], sizes, sharp=sharp)
     estimate = partial(_uncertainty, sizes=sizes, sharp=sharp, least=least)
-    overlap = _CONTACT * levels[-1].overlap
+    overlap = _CONTACT * max(levels[-1].overlap, least_overlap)
     return Indentation(
         texel_forces=forces,
         outside=total - float(forces.sum()),
