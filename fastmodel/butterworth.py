@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FilterError, ShapeError
-from fastmodel.native import choose_kernel
+from fastmodel.native import find_kernel
 from fastmodel.signal_loops import filter_loops
 
 FloatArray = npt.NDArray[np.float64]
@@ -114,7 +114,7 @@ class FilterBank:
         # state and samples in one array, since one product takes both
         self._rows = np.zeros((held + BLOCK, count))
         self.filtered = np.zeros(count)
-        self._kernel = choose_kernel(filter_loops, _no_kernel, native=native)
+        self._kernel = find_kernel(filter_loops, native=native)
         self._moved = np.zeros((held + 1, count))
         self._look()
 
@@ -170,7 +170,7 @@ class FilterBank:
         Args:
             count: How many there are in `room`, 0..BLOCK [-].
         """
-        if self._kernel is not _no_kernel:
+        if self._kernel is not None:
             self._kernel(self.sections, self.memory, self.waiting[count], self.filtered)
         elif count:
             if count not in self._products:
@@ -182,10 +182,6 @@ class FilterBank:
 
 #: Attributes of a filter bank that look at its one array.
 _VIEWS = frozenset({"memory", "waiting", "room", "_products"})
-
-
-def _no_kernel() -> None:
-    """Stands for numpy."""
 
 
 def _second_order(K: float, inverse_quality: float) -> list[float]:

@@ -24,7 +24,7 @@ from fastmodel.contact_loops import iterate_loops, scatter_loops
 from fastmodel.cover_cells import CoverCells
 from fastmodel.cover_iteration import iterate
 from fastmodel.foundation import foundation_forces
-from fastmodel.native import choose_kernel
+from fastmodel.native import choose_kernel, find_kernel
 from fastmodel.sampling import Load, Samples
 
 FloatArray = npt.NDArray[np.float64]
@@ -92,7 +92,7 @@ class CoverSolver:
         self.near = np.zeros((2, 2))
         known = kernel[:2, :2]
         self.near[: known.shape[0], : known.shape[1]] = known
-        self.scatter = choose_kernel(scatter_loops, _no_kernel, native=native)
+        self.scatter = find_kernel(scatter_loops, native=native)
         self.shares = choose_kernel(shares_loops, shares_numpy, native=native)
         self._native = native
         self._modulus = cells.foundation_modulus()
@@ -187,10 +187,6 @@ class CoverSolver:
         self._last[self._pressed] = forces / samples.coverage
 
 
-def _no_kernel() -> None:
-    """Stands for numpy."""
-
-
 class _Operator:
     """Cell forces to displacements of the covered parts."""
 
@@ -229,7 +225,7 @@ class _Operator:
 
     def on_cells(self, forces: FloatArray) -> FloatArray:
         """Forces shared among the window's cells, shape (rows, columns) [N]."""
-        if self._scatter is not _no_kernel:
+        if self._scatter is not None:
             window = np.empty(self._shape)
             self._scatter(self.corner, self.weight, forces, window)
             return window

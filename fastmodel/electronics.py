@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
-from fastmodel.native import choose_kernel
+from fastmodel.native import find_kernel
 from fastmodel.signal_loops import convert_loops
 
 FloatArray = npt.NDArray[np.float64]
@@ -180,9 +180,9 @@ class Electronics:
         Raises:
             ShapeError: If there are gains for another number of texels.
         """
-        kernel, count = choose_kernel(convert_loops, _no_kernel, native=native), len(active)
+        kernel, count = find_kernel(convert_loops, native=native), len(active)
         coefficients, gains, numbers = self.numbers(count)
-        if kernel is _no_kernel:
+        if kernel is None:
             dead = None if active.all() else ~active
 
             def convert(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
@@ -258,10 +258,6 @@ class Electronics:
         knee = self.output_max - self.saturation_band
         excess = np.maximum(signal - knee, 0.0) / self.saturation_band
         return np.where(signal > knee, knee - self.saturation_band * np.expm1(-excess), signal)
-
-
-def _no_kernel() -> None:
-    """Stands for numpy."""
 
 
 #: The 2015 report's line of the Weiss WTS 0614-34: zero below 0.185 N, saturated from 1.646 N.

@@ -44,12 +44,25 @@ def choose_kernel(loops: Kernel, plain: Kernel, *, native: bool | None) -> Kerne
     Raises:
         FastModelError: If compiled loops are asked for and numba is not installed.
     """
+    return find_kernel(loops, native=native) or plain
+
+
+def find_kernel(loops: Kernel, *, native: bool | None) -> Kernel | None:
+    """The compiled loops; None where numpy is to do it in a way of its own.
+
+    Args:
+        loops: As `choose_kernel` takes them.
+        native: See there.
+
+    Raises:
+        FastModelError: If compiled loops are asked for and numba is not installed.
+    """
     if native is False:
-        return plain
+        return None
     kernel = _compiled(loops)
     if kernel is None and native:
         raise FastModelError("native=True needs numba: pip install 'softcover[fast]'")
-    return kernel or plain
+    return kernel
 
 
 @cache

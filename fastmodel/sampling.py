@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from fastmodel.cell_grid import CellGrid
 from fastmodel.lower_surface import Solid
-from fastmodel.native import Kernel, choose_kernel
+from fastmodel.native import Kernel, find_kernel
 from fastmodel.sampling_native import sample_loops
 
 FloatArray = npt.NDArray[np.float64]
@@ -242,8 +242,8 @@ def sample(
         reach: Height over each body's lowest point up to which it is looked at [m].
         native: True for the numba kernel, False for numpy, None for whichever is there.
     """
-    kernel = choose_kernel(sample_loops, _no_kernel, native=native)
-    if kernel is _no_kernel:
+    kernel = find_kernel(sample_loops, native=native)
+    if kernel is None:
         found = [_sample_body(grid, body, height) for body, height in zip(bodies, reach, strict=True)]
     else:
         found = [_sample_native(kernel, grid, body, height) for body, height in zip(bodies, reach, strict=True)]
@@ -254,10 +254,6 @@ def sample(
         row, column, coverage, x, y, gap = (np.concatenate(each) for each in zip(*found, strict=True))
         body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
     return Samples(body=body, row=row, column=column, coverage=coverage, x=x, y=y, gap=gap)
-
-
-def _no_kernel() -> None:
-    """Stands for numpy."""
 
 
 def _sample_native(kernel: Kernel, grid: CellGrid, body: Standing, reach: float) -> _Cells:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from fastmodel.butterworth import BLOCK, FilterBank
 from fastmodel.electronics import COUNTS, GREY
 from fastmodel.frame import Frame
-from fastmodel.native import choose_kernel
+from fastmodel.native import find_kernel
 from fastmodel.parameters import Parameters
 from fastmodel.signal_loops import chain_loops
 from fastmodel.spread import running_operator
@@ -49,9 +49,9 @@ class SignalChain:
         self._convert = electronics.converter(array.active, native=native)
         self._waiting = 0
         self.outside = 0.0
-        self._at_once = choose_kernel(chain_loops, _no_kernel, native=native)
+        self._at_once = find_kernel(chain_loops, native=native)
         if not (electronics.plain and (self._operator is None or isinstance(self._operator, np.ndarray))):
-            self._at_once = _no_kernel
+            self._at_once = None
         columns = np.ascontiguousarray(np.zeros((0, 0)) if self._operator is None else self._operator.T)
         self._constants = (columns, *electronics.numbers(array.count), array.active)
 
@@ -85,7 +85,7 @@ class SignalChain:
             noisy: Whether it has the sensor's noise.
         """
         waiting, self._waiting = self._waiting, 0
-        if self._at_once is _no_kernel:
+        if self._at_once is None:
             self._filter.advance(waiting)
             return self._frame(time, self._noise if noisy else None)
         bank, count = self._filter, self._count
@@ -102,7 +102,3 @@ class SignalChain:
         self.outside = float(self._filter.filtered[-1] - np.add.reduce(texel_forces))
         counts, image = self._convert(electronics.felt(electronics.lag(texel_forces, self._play), noise))
         return Frame(time=time, counts=counts, texel_forces=texel_forces, image=image.reshape(self._shape))
-
-
-def _no_kernel() -> None:
-    """Stands for numpy."""
