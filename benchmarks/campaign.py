@@ -19,8 +19,8 @@ import time
 
 import numpy as np
 
-from fem_reference.press import Indentation, press, press_path
-from fem_reference.press_together import Body, press_together
+from fem_reference.indentation.press import Indentation, press, press_path
+from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, TexelArray
 
 NU, E = 0.49, 1e6

@@ -24,9 +24,20 @@ import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters, Plate
 from fastmodel.pose import Pose
 from fem_reference import point_spread
-from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, Sphere, TexelArray
+from meshes import (
+    Box,
+    Cover,
+    Cylinder,
+    Indenter,
+    Layer,
+    LetterH,
+    Material,
+    Nut,
+    Sphere,
+    TexelArray,
+)
 from meshes.catalogue import ARRAYS
-from validation.cover_cells import cover_cells
+from validation.derivation.cover_kernels import cover_cells
 
 SHAPES: dict[str, Indenter] = {
     "20 mm face": Box(size=(20e-3, 20e-3, 10e-3)),

@@ -19,10 +19,10 @@ import numpy as np
 import fastmodel
 from fastmodel import WTS_0614_34, Parameters, Placement
 from fem_reference import point_spread, press
-from fem_reference.press_together import Body, press_together
+from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, TexelArray
 from meshes.catalogue import ARRAYS
-from validation.cover_cells import cover_cells
+from validation.derivation.cover_kernels import cover_cells
 
 ARRAY: TexelArray = ARRAYS["wts-0614-34"]
 SHAPES: dict[str, Indenter] = {

@@ -63,10 +63,10 @@ def body(task: Task) -> Callable[[], Any]:
     import pypardiso  # noqa: F401
     import skfem
 
-    from fem_reference import bonded_disk
-    from fem_reference.elements import mixed_elements
-    from fem_reference.finite_strain import Solid
-    from fem_reference.units import Units
+    from fem_reference.elements.scaling import Units
+    from fem_reference.elements.taylor_hood import mixed_elements
+    from fem_reference.finite_strain import bonded_disk
+    from fem_reference.finite_strain.hyperelastic import Solid
     from meshes import Cover, Layer, Material
 
     assert task["tolerance"] == bonded_disk._TIGHT  # noqa: SLF001 -- both sides stop at the same residual
@@ -91,23 +91,23 @@ class Pressed:
     """A layer under a ball, by the product's own loading path; contact by penalty alone, as FElupe has it."""
 
     def __init__(self, task: Task, rubber: Any) -> None:  # noqa: ANN401 -- imported where it is used
-        from fem_reference import equilibrium
-        from fem_reference.axisymmetric import held, tensor_mesh
-        from fem_reference.elements import mixed_elements
-        from fem_reference.finite_strain import Solid
-        from fem_reference.obstacle import Obstacle
-        from fem_reference.surface_contact import SurfaceContact
-        from fem_reference.units import Units
+        from fem_reference.elements.scaling import Units
+        from fem_reference.elements.taylor_hood import mixed_elements
+        from fem_reference.finite_strain import newton
+        from fem_reference.finite_strain.contact import SurfaceContact
+        from fem_reference.finite_strain.hyperelastic import Solid
+        from fem_reference.finite_strain.indenter_surface import Obstacle
+        from fem_reference.linear_response.axisymmetric import held, tensor_mesh
         from meshes import Cover, Layer, Sphere
 
-        equilibrium._LOOSE = equilibrium._TIGHT = task["tolerance"]  # noqa: SLF001
-        equilibrium._AUGMENTATIONS = 0  # noqa: SLF001
+        newton._LOOSE = newton._TIGHT = task["tolerance"]  # noqa: SLF001
+        newton._AUGMENTATIONS = 0  # noqa: SLF001
         cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
         mesh, _ = tensor_mesh(cover, task["through"], np.array(task["radii"]))
         elements = mixed_elements(mesh, axisymmetric=True)
         obstacle = Obstacle(indenter=Sphere(radius=task["ball"]), fillet=0.05)
         self.solid = Solid.of_cover(elements, cover, Units.of(cover))
-        self._problem = equilibrium.Problem(
+        self._problem = newton.Problem(
             solid=self.solid,
             contact=SurfaceContact(elements, 1.0, obstacle, penalty=task["penalty"]),
             fixed=held(cover, *elements.nodes.T, task["radii"][-1]),

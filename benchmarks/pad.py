@@ -102,9 +102,9 @@ def worker(task: Task) -> None:
     """Our side of one run: solve, evaluate, write."""
     import pypardiso  # noqa: F401 -- imports are not measured on either side
 
-    from fem_reference.point_spread import closed, point_load_response  # noqa: F401
-    from fem_reference.quarter import Resolution
-    from fem_reference.solid import texel_lifts
+    from fem_reference.linear_response.finite_cover import texel_lifts
+    from fem_reference.linear_response.mirror_symmetry import Resolution
+    from fem_reference.linear_response.point_spread import closed, point_load_response  # noqa: F401
     from meshes import Cover, Layer, Material, TexelArray
 
     rubber = Material(
@@ -126,8 +126,8 @@ def worker(task: Task) -> None:
 
 def wide(poisson_ratio: float) -> dict[str, float]:
     """The axisymmetric route on a wide cover: cost and error of the coarsest grid that holds the target."""
-    from fem_reference.point_spread import PointSpread, point_load_response
-    from fem_reference.point_spread import closed as extended
+    from fem_reference.linear_response.point_spread import PointSpread, point_load_response
+    from fem_reference.linear_response.point_spread import closed as extended
     from meshes import Cover, Layer, Material, TexelArray
 
     rubber = Material(

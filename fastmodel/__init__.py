@@ -31,13 +31,13 @@ Every error about input is a `FastModelError`, itself a `ValueError`.  Needs num
 installed, speeds contact reading, sampling and filter up.
 """
 
-from fastmodel.area import AreaTexels
-from fastmodel.batch import Batch
-from fastmodel.butterworth import Butterworth, FilterBank
-from fastmodel.contact import BoxTexels, TexelContact
-from fastmodel.cover_cells import CoverCells
-from fastmodel.depth_fit import ContactFit, FoundationFit, fit_contact, fit_foundation
-from fastmodel.electronics import WTS_0614_34, Electronics
+from fastmodel.adapters.batch import Batch
+from fastmodel.bench import FastIndentation, Placement, add_geoms, indent, indent_together
+from fastmodel.contact.area import AreaTexels
+from fastmodel.contact.boxes import BoxTexels, TexelContact
+from fastmodel.contact.cover import CoverContact, Foundation
+from fastmodel.contact.methods import METHODS
+from fastmodel.contact.plate import Plate
 from fastmodel.errors import (
     FastModelError,
     FilterError,
@@ -49,15 +49,15 @@ from fastmodel.errors import (
     StateError,
     UnknownNameError,
 )
-from fastmodel.fit import Fit, fit_gaussian
-from fastmodel.frame import Frame
-from fastmodel.methods import METHODS
+from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
+from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, load
-from fastmodel.plate import Plate
-from fastmodel.rig import FastIndentation, Placement, add_geoms, indent, indent_together
+from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.sensor import OptionWarning, Sensor, attach, recommend_options
-from fastmodel.spread import Gaussian, Spread, Tabulated, outside_share
-from fastmodel.surface_contact import CoverContact, Foundation
+from fastmodel.signal.butterworth import Butterworth, FilterBank
+from fastmodel.signal.electronics import WTS_0614_34, Electronics
+from fastmodel.signal.frame import Frame
+from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
 
 __all__ = [
     "METHODS",

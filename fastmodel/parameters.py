@@ -22,12 +22,12 @@ import numpy as np
 import numpy.typing as npt
 import tomli_w
 
-from fastmodel.butterworth import Butterworth
-from fastmodel.cover_cells import CoverCells
-from fastmodel.electronics import Electronics
 from fastmodel.errors import ParametersError, ShapeError
 from fastmodel.files import kept_path, pack, replace_pair
-from fastmodel.spread import Gaussian, Spread, Tabulated
+from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.signal.butterworth import Butterworth
+from fastmodel.signal.electronics import Electronics
+from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]

@@ -18,14 +18,14 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact import ContactReader, Reading, TexelContact
+from fastmodel.contact.boxes import ContactReader, Reading, TexelContact
+from fastmodel.contact.methods import DEFAULT, choose
+from fastmodel.contact.overlap import refuse_overlaps
 from fastmodel.errors import FastModelError, LifeCycleError, StateError, UnknownNameError
-from fastmodel.frame import Frame
-from fastmodel.methods import DEFAULT, choose
-from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
-from fastmodel.signal_chain import SignalChain
+from fastmodel.signal.chain import SignalChain
+from fastmodel.signal.frame import Frame
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.point_spread import decay_length, point_spread
-from fem_reference.slab import surface_compliance
+from fem_reference.linear_response.point_spread import decay_length, point_spread
+from fem_reference.linear_response.surface_compliance import surface_compliance
 from meshes import Cover, TexelArray
 
 FloatArray = npt.NDArray[np.float64]

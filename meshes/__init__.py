@@ -7,12 +7,12 @@ centre.  Texel order is row-major, x fastest; images are `[row, column]` with ro
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
-from meshes.indenter import Box, Cone, Cylinder, Indenter, Primitive, Roller, RoundedTip, Sphere
+from meshes.indenters.flat_faces import LetterH, Nut
+from meshes.indenters.indenter import Box, Cone, Cylinder, Indenter, Primitive, Roller, RoundedTip, Sphere
+from meshes.indenters.prism import Prism
 from meshes.material import Material
-from meshes.outlined import LetterH, Nut
-from meshes.prism import Prism
-from meshes.stl import read_stl
-from meshes.triangle_mesh import TriangleMesh
+from meshes.surfaces.stl import read_stl
+from meshes.surfaces.triangle_mesh import TriangleMesh
 
 __all__ = [
     "Box",

@@ -16,7 +16,7 @@ from meshes import Cover, Layer, Material, TexelArray
 from meshes.catalogue import ARRAYS
 
 if TYPE_CHECKING:
-    from validation.derive import Derivation
+    from validation.derivation.derive import Derivation
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -55,8 +55,8 @@ def bonded() -> Callable[..., Cover]:
 @pytest.fixture(scope="session")
 def wts_derivation() -> Derivation:
     """The catalogue's sensor under its assumed cover, derived once for all that only read it."""
-    from validation.derive import derive
-    from validation.sensor_file import load
+    from validation.derivation.derive import derive
+    from validation.sensor_file.description import load
 
     return derive(load("wts-0614-34"))
 

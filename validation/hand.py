@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from fastmodel import Parameters, Sensor, attach, recommend_options
-from fastmodel.contact import TexelContact
+from fastmodel.contact.boxes import TexelContact
 from fastmodel.pose import multiply
 from meshes import TexelArray
 from validation.errors import MissingExtraError

@@ -1,7 +1,7 @@
 """How far a tactile image is from its reference: pure functions, arrays in, numbers out.
 
 `score` compares the texel forces of one case by every metric, `score_images` does what grey levels alone
-allow (recordings have no forces), `validation.pooling` puts cases together.  Force arrays have one entry per
+allow (recordings have no forces), `validation.campaign.pooling` puts cases together.  Force arrays have one entry per
 texel, shape (n,) [N]; errors are fractions unless the name says percent, lengths are metres.
 
 Conventions, once:

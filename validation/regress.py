@@ -15,12 +15,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from validation.campaign import CampaignResult
-from validation.derive import describe_cover
+from validation.campaign.campaign import CampaignResult
+from validation.derivation.derive import describe_cover
 from validation.errors import InputError
-from validation.folder import write_text
+from validation.output_folder import write_text
 from validation.plain import plain
-from validation.sensor_file import SensorDescription
+from validation.sensor_file.description import SensorDescription
 
 #: Version of the file's format.
 FORMAT = 1

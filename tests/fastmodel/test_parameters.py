@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import fastmodel.files
-from fastmodel.butterworth import Butterworth
-from fastmodel.electronics import WTS_0614_34
 from fastmodel.errors import ParametersError, ShapeError
 from fastmodel.parameters import Parameters, load
-from fastmodel.spread import Gaussian, Tabulated
+from fastmodel.signal.butterworth import Butterworth
+from fastmodel.signal.electronics import WTS_0614_34
+from fastmodel.signal.point_spread import Gaussian, Tabulated
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 

@@ -286,16 +286,16 @@ def test_any_linear_operator_serves_at_run_time():
 
 
 def test_numba_is_optional(monkeypatch):
-    from fastmodel import native
+    from fastmodel import compiled
 
     monkeypatch.setitem(sys.modules, "numba", None)
-    native._compiled.cache_clear()
+    compiled._compiled.cache_clear()
     try:
         assert len(run(*ball_on_array(), 20)) == 5
         with pytest.raises(FastModelError, match=r"pip install 'softcover\[fast\]'"):
             ball_on_array(native=True)
     finally:
-        native._compiled.cache_clear()
+        compiled._compiled.cache_clear()
 
 
 def test_native_and_numpy_paths_agree():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.outline import flats_of_circle, hexagon
+from meshes.indenters.outline import flats_of_circle, hexagon
 
 _HALF_H = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
 #: Corners of the letter [m].

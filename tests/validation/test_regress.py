@@ -3,13 +3,13 @@ import json
 
 import pytest
 
-from validation.campaign import run
-from validation.case import Case
+from validation.campaign.campaign import run
+from validation.campaign.case import Case
 from validation.cli import main
-from validation.derive import derive
+from validation.derivation.derive import derive
 from validation.errors import InputError
 from validation.regress import MEAN, TOLERANCES, compare, load, measure
-from validation.sensor_file import load as load_sensor
+from validation.sensor_file.description import load as load_sensor
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from fem_reference import press, press_finite
-from fem_reference.contact import touch
-from fem_reference.slab import surface_compliance
+from fem_reference import press
+from fem_reference.indentation import finite_strain
+from fem_reference.linear_response.surface_compliance import surface_compliance
+from fem_reference.small_strain_contact.frictionless import touch
 from meshes import Cover, Layer, LetterH, Material, Prism, Sphere, TriangleMesh
 from meshes.catalogue import MATERIALS
 
@@ -79,13 +80,13 @@ def test_walls_too_thin_for_a_grid_are_refused_in_words(wts):
     with pytest.raises(ValueError, match="its walls are too thin"):
         press(cover, wts, frame(0.05e-3), load=1.0)
     with pytest.raises(ValueError, match="too thin beside 10 mm for the grids of finite strain"):
-        press_finite.assumptions(cover, frame(0.15e-3))
+        finite_strain.assumptions(cover, frame(0.15e-3))
 
 
 def test_walls_that_the_rounding_leaves_nothing_of_are_told():
     cover = rubber("neo-hookean", {"shear_modulus": 1e6 / 2.9})
     leg = [(-4e-3, -4e-3), (-0.2e-3, -4e-3), (-0.2e-3, -7e-3), (0.2e-3, -7e-3), (0.2e-3, -4e-3), (4e-3, -4e-3)]
     with_leg = Prism(points=(*leg, (4e-3, 4e-3), (-4e-3, 4e-3)))
-    assert "walls thinner than 0.8 mm are left out" in press_finite.assumptions(cover, with_leg)["edge"]
+    assert "walls thinner than 0.8 mm are left out" in finite_strain.assumptions(cover, with_leg)["edge"]
     for whole in (H, frame(2e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)):
-        assert "left out" not in press_finite.assumptions(cover, whole)["edge"]
+        assert "left out" not in finite_strain.assumptions(cover, whole)["edge"]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import skfem
 
-from fem_reference.elements import linear_system, mixed_elements
-from fem_reference.solve import ConstrainedSystem
+from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.sparse_solver import ConstrainedSystem
 
 
 def distorted(mesh, seed=0, amount=0.15):

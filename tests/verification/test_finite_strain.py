@@ -7,17 +7,17 @@ import pytest
 import skfem
 
 from fem_reference import closed_form, press, press_path
-from fem_reference.axisymmetric import graded, held, tensor_mesh
-from fem_reference.elements import linear_system, mixed_elements
-from fem_reference.equilibrium import PathError, Problem
-from fem_reference.finite_strain import InvertedError, Solid
-from fem_reference.loading_path import LoadingPath
-from fem_reference.obstacle import Obstacle
-from fem_reference.press_axisymmetric import PENALTY, press_axisymmetric
-from fem_reference.press_solid import mirrors
-from fem_reference.surface_contact import SurfaceContact
-from fem_reference.transfer import transferred
-from fem_reference.units import Units
+from fem_reference.elements.scaling import Units
+from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.finite_strain.axisymmetric_path import PENALTY, press_axisymmetric
+from fem_reference.finite_strain.block_path import mirrors
+from fem_reference.finite_strain.contact import SurfaceContact
+from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
+from fem_reference.finite_strain.indenter_surface import Obstacle
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.mesh_transfer import transferred
+from fem_reference.finite_strain.newton import PathError, Problem
+from fem_reference.linear_response.axisymmetric import graded, held, tensor_mesh
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere
 
 
@@ -80,7 +80,7 @@ def test_threads_change_no_bit(monkeypatch, threads):
     size = body.elements.displacements + body.elements.pressures
     state = 0.02 * np.random.default_rng(0).standard_normal(size)
     alone = body.linearise(state)
-    monkeypatch.setattr("fem_reference.finite_strain._POINTS", 27)
+    monkeypatch.setattr("fem_reference.finite_strain.hyperelastic._POINTS", 27)
     monkeypatch.setenv("OMP_NUM_THREADS", threads)
     residual, tangent = body.linearise(state)
     assert (residual == alone[0]).all()
@@ -214,7 +214,7 @@ def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
 @pytest.mark.parametrize("nu", [0.45, 0.5])
 def test_estimates_cover_the_change_to_much_finer_grids(wts, nu, monkeypatch):
     usual = press(rubber(nu), wts, Sphere(radius=4e-3), depth=0.6e-3)
-    monkeypatch.setattr("fem_reference.press_finite.GRIDS", (12, 18, 27))
+    monkeypatch.setattr("fem_reference.indentation.finite_strain.GRIDS", (12, 18, 27))
     fine = press(rubber(nu), wts, Sphere(radius=4e-3), depth=0.6e-3)
     peak = int(np.argmax(fine.texel_forces))
     true = {

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 import skfem
 
-from fem_reference import press, surface_contact
-from fem_reference.elements import mixed_elements
-from fem_reference.loading_path import LoadingPath
-from fem_reference.obstacle import Obstacle
-from fem_reference.point_spread import decay_length
-from fem_reference.press_axisymmetric import press_axisymmetric
-from fem_reference.press_pair import press_pair
-from fem_reference.press_solid import lay_out
-from fem_reference.surface_contact import SurfaceContact
+from fem_reference import press
+from fem_reference.elements.taylor_hood import mixed_elements
+from fem_reference.finite_strain import contact as surface_contact
+from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
+from fem_reference.finite_strain.block_path import lay_out
+from fem_reference.finite_strain.contact import SurfaceContact
+from fem_reference.finite_strain.indenter_surface import Obstacle
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.paired_path import press_pair
+from fem_reference.linear_response.point_spread import decay_length
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 
 #: Share of the heights that counts as small strain.
@@ -125,7 +126,7 @@ def test_a_wrong_sign_of_friction_is_seen(monkeypatch):
         traction, *rest = right(self, place, normal, pressure)
         return -traction, *rest
 
-    monkeypatch.setattr(surface_contact.SurfaceContact, "_drag", wrong)
+    monkeypatch.setattr(contact.SurfaceContact, "_drag", wrong)
     with pytest.raises(AssertionError, match="hold back"):
         test_no_traction_leaves_the_cone_and_sliding_points_lie_on_it(0.4)
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import skfem
 
-from fem_reference.elements import Pattern, linear_system, mixed_elements
-from fem_reference.finite_strain import Solid
-from fem_reference.solve import ConstrainedSystem
-from fem_reference.transfer import _pressure_places
-from fem_reference.units import Units
+from fem_reference.elements.scaling import Units
+from fem_reference.elements.taylor_hood import Pattern, linear_system, mixed_elements
+from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.mesh_transfer import _pressure_places
+from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 
 STEP = 2e-3

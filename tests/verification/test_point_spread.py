@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form, point_spread
-from fem_reference.slab import slab_transfer
+from fem_reference.linear_response.surface_compliance import slab_transfer
 from meshes import Cover, Layer, Material, TexelArray
 
 RATIOS = [0.0, 0.3, 0.45, 0.49, 0.499, 0.5]

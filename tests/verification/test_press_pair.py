@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_reference import press_linear
-from fem_reference.equilibrium import Guess
-from fem_reference.loading_path import LoadingPath
-from fem_reference.press_pair import Pair, _changed, press_pair
-from fem_reference.press_solid import lay_out, meshed
-from fem_reference.units import Units
+from fem_reference.elements.scaling import Units
+from fem_reference.finite_strain.block_path import lay_out, meshed
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.newton import Guess
+from fem_reference.finite_strain.paired_path import Pair, _changed, press_pair
+from fem_reference.indentation import small_strain
 from meshes import Box, Cover, Cylinder, Layer, Material, TexelArray
 
 FACE = Box(size=(3e-3, 2e-3, 5e-3))
@@ -130,7 +130,7 @@ def test_a_guess_that_leads_nowhere_costs_time_alone(pressed, caplog):
         for each in pair.deep
     ]
     astray = Pair(elements=pair.elements, rest=pair.rest, deep=wild, ratio=pair.ratio)
-    with caplog.at_level("INFO", logger="fem_reference.equilibrium"):
+    with caplog.at_level("INFO", logger="fem_reference.finite_strain.newton"):
         found = press_pair(
             path(0.1e-3),
             block(2),
@@ -150,8 +150,8 @@ def test_another_load_of_a_flat_face_is_the_first_scaled(control):
     linear = replace(RUBBER, model="linear-elastic", parameters={"youngs_modulus": 1e6})
     cover = Cover(layers=(Layer(thickness=2e-3, material=linear),))
     targets = [1.0, 2.5] if control == "load" else [0.1e-3, 0.25e-3]
-    both = press_linear.levels(cover, Cylinder(radius=2e-3), targets, control, None)
-    alone = press_linear.levels(cover, Cylinder(radius=2e-3), targets[1:], control, None)
+    both = small_strain.levels(cover, Cylinder(radius=2e-3), targets, control, None)
+    alone = small_strain.levels(cover, Cylinder(radius=2e-3), targets[1:], control, None)
     array = TexelArray.grid(6, 6, pitch=3.4e-3)
     for scaled, solved in zip(both[1], alone[0], strict=True):
         for name in ("total_force", "depth", "area"):

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.contact import touch, widest
-from fem_reference.obstacle import Obstacle
-from fem_reference.pose import Pose
-from fem_reference.press_bounded import BoundedLevel, PosedObstacle, _base_pressure, _side
-from fem_reference.side_edges import SideEdges, mirrored
-from fem_reference.slab import surface_compliance
+from fem_reference.finite_strain.indenter_surface import Obstacle
+from fem_reference.indentation.finite_cover import BoundedLevel, PosedObstacle, _base_pressure, _side
+from fem_reference.linear_response.surface_compliance import surface_compliance
+from fem_reference.small_strain_contact.free_edges import SideEdges, mirrored
+from fem_reference.small_strain_contact.frictionless import touch, widest
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
+from meshes.pose import Pose
 
 PAD, THICKNESS = (8e-3, 6e-3), 4e-3
 BALL = Sphere(radius=4e-3)

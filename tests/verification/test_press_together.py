@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.press_together import Body, press_together
+from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Sphere
 
 SQUARE = Box(size=(6e-3, 6e-3, 5e-3))

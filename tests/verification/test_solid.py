@@ -10,11 +10,11 @@ import scipy.sparse as sp
 import skfem
 
 from fem_reference import point_spread
-from fem_reference.elements import linear_system, mixed_elements
-from fem_reference.quarter import Resolution, quarter_solid
-from fem_reference.solid import SolidInfluence, solid_influence, texel_lifts
-from fem_reference.solve import ConstrainedSystem
-from fem_reference.tensor import Line, TensorSolid, line_matrix
+from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.elements.tensor_product import Line, TensorSolid, line_matrix
+from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, texel_lifts
+from fem_reference.linear_response.mirror_symmetry import Resolution, quarter_solid
+from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material, TexelArray
 
 COARSE = Resolution(across=1.2, through=2)
@@ -137,7 +137,7 @@ def test_mirrored_loads_have_mirrored_answers_and_a_square_can_be_turned(bonded)
 def test_exchanging_x_and_y_saves_work_and_changes_nothing(bonded, monkeypatch):
     square = bonded(0.5, size=(11e-3, 11e-3))
     short = texel_lifts(square, THREE, COARSE).lift
-    monkeypatch.setattr("fem_reference.solid.MirroredTexels.swapped", None)
+    monkeypatch.setattr("fem_reference.linear_response.finite_cover.MirroredTexels.swapped", None)
     assert np.abs(texel_lifts(square, THREE, COARSE).lift - short).max() < 1e-11
 
 

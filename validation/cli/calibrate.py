@@ -10,10 +10,10 @@ from cyclopts import Parameter
 from validation.cli.options import Json
 from validation.cli.output import print_json, say
 from validation.errors import InputError
-from validation.indenter_text import read_indenter, read_position
+from validation.text.indenter import read_indenter, read_position
 
 if TYPE_CHECKING:
-    from validation.calibrate import Calibration
+    from validation.calibration.calibrate import Calibration
 
 _Files = Annotated[list[Path], Parameter(help="Recordings under known loads (labels, or a `force` channel).")]
 _Indenter = Annotated[str, Parameter(help="Flat tool that pressed; the one in the recordings' labels when not given.")]
@@ -43,9 +43,9 @@ def calibrate(
     json: Json = False,
 ) -> None:
     """Characteristic, gains, saturation, noise, drift and hysteresis from recordings under known loads."""
-    from validation.calibrate import calibrate as fit
-    from validation.calibrate import flat_shares, middle
-    from validation.calibration_file import as_json, write_sensor
+    from validation.calibration.calibrate import calibrate as fit
+    from validation.calibration.calibrate import flat_shares, middle
+    from validation.calibration.file import as_json, write_sensor
     from validation.recordings.importing import open_recording
 
     if (sensor is None) != (out is None):

@@ -7,10 +7,10 @@ import contextlib
 from validation.cli.options import Json, MaterialName, Out, Sensor, Thickness
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
-from validation.derive import Derivation
-from validation.derive import derive as derive_parameters
-from validation.folder import new_folder
-from validation.sensor_file import load
+from validation.derivation.derive import Derivation
+from validation.derivation.derive import derive as derive_parameters
+from validation.output_folder import new_folder
+from validation.sensor_file.description import load
 
 
 def derive(

@@ -13,7 +13,7 @@ from validation.cli.monitor import stoppable
 from validation.cli.options import Json, within
 from validation.cli.output import print_json, say
 from validation.errors import InputError, nearest
-from validation.indenter_text import read_indenter, read_load
+from validation.text.indenter import read_indenter, read_load
 
 if TYPE_CHECKING:
     from meshes import TexelArray
@@ -108,7 +108,7 @@ def _shown(show: str, array: int, indenter: str, load: str) -> tuple[Source, Mat
         raise InputError(f"--show: no pattern, recording or folder {show!r}; {nearest(show, _PATTERNS)}")
     if place.name == "parameters.toml" or (place / "parameters.toml").exists():
         import fastmodel
-        from validation.live import simulated
+        from validation.recordings.live_frames import simulated
 
         parameters = fastmodel.load(place)
         frames = simulated(parameters, read_indenter(indenter), load=read_load(load))

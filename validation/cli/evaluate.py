@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from validation.campaign.evaluation import Evaluation, evaluate
 from validation.cli.failures import DONE, NOT_CONVERGED
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
-from validation.evaluation import Evaluation, evaluate
-from validation.folder import new_folder
+from validation.output_folder import new_folder
 from validation.report import require, write_report
-from validation.sensor_file import SensorDescription
+from validation.sensor_file.description import SensorDescription
 
 
 def evaluate_into(

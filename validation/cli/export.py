@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from validation.campaign.comparison import METHODS
 from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
-from validation.comparison import METHODS
 from validation.errors import InputError, nearest
-from validation.sensor_file import SensorDescription, load
+from validation.sensor_file.description import SensorDescription, load
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -39,8 +39,8 @@ def export(
     json: Json = False,
 ) -> None:
     """The sensor for other simulators: an MJCF model or a Gazebo plugin block, and the fast model's parameters."""
-    from validation.derive import derive
-    from validation.folder import new_folder
+    from validation.derivation.derive import derive
+    from validation.output_folder import new_folder
 
     faults = _faults(format, method)
     description = collect(faults, lambda: load(sensor, material=material, thickness=thickness))
@@ -89,9 +89,9 @@ def _refuse_early(description: SensorDescription) -> None:
 
 def _write(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
     """Write the model; the name of the contact method that it is for, None where the format has its own."""
-    from fastmodel.methods import choose
-    from validation.folder import write_text
-    from validation.mjcf import write_mjcf
+    from fastmodel.contact.methods import choose
+    from validation.cli.mjcf import write_mjcf
+    from validation.output_folder import write_text
 
     if form == "gazebo":
         write_text(path, _plugin_block(parameters))
@@ -103,8 +103,8 @@ def _write(parameters: Parameters, path: Path, form: str, method: str) -> str | 
 
 def _plugin_block(parameters: Parameters) -> str:
     """The 2015 report's plugin element."""
+    from fastmodel.adapters.gazebo import write_block
     from fastmodel.errors import FastModelError
-    from fastmodel.gazebo import write_block
 
     try:
         return write_block(parameters)

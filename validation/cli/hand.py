@@ -29,13 +29,13 @@ def hand(*, out: _Out = Path("softcover-hand"), method: _Method = "default", jso
     if not os.environ.get("DISPLAY"):
         # Has to be said before MuJoCo is loaded; without a display only this draws.
         os.environ.setdefault("MUJOCO_GL", "egl")
-    from fastmodel.methods import choose
-    from validation.comparison import METHODS
-    from validation.derive import derive
-    from validation.folder import new_folder
+    from fastmodel.contact.methods import choose
+    from validation.campaign.comparison import METHODS
+    from validation.derivation.derive import derive
     from validation.hand import Hand, find_assets
     from validation.hand_picture import draw, record
-    from validation.sensor_file import load
+    from validation.output_folder import new_folder
+    from validation.sensor_file.description import load
 
     if method not in METHODS:
         raise InputError(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")

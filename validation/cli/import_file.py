@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from validation.cli.options import Json
 from validation.cli.output import print_json, say
 from validation.errors import InputError
-from validation.indenter_text import read_indenter, read_load
+from validation.text.indenter import read_indenter, read_load
 
 _File = Annotated[Path, Parameter(help="A recording: .dsa, .csv, .bag, .mcap, or a folder of ROS 2.")]
 _Out = Annotated[Path | None, Parameter(help="New .mcap file; the recording's name with .mcap when not given.")]

@@ -15,8 +15,8 @@ def init(path: Path = Path("sensor.toml"), *, force: bool = False) -> None:
         path: The file to write.
         force: Replace a file that is already there.
     """
-    from validation.folder import write_text
-    from validation.sensor_file import template
+    from validation.output_folder import write_text
+    from validation.sensor_file.description import template
 
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; name another file, or replace it with --force")

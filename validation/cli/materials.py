@@ -35,7 +35,7 @@ def materials(name: Name = None, /, *, hardness: Hardness = None, json: Json = F
     if name is not None and hardness is not None:
         raise InputError("--hardness: stands for a material of its own; leave out the name")
     if hardness is not None:
-        from validation.hardness_text import read_hardness
+        from validation.text.hardness import read_hardness
 
         found = read_hardness(hardness, place="--hardness", bare=True)
         print_json(_hardness_json(found)) if json else _show_hardness(found)

@@ -9,14 +9,14 @@ import numpy as np
 from cyclopts import Parameter
 
 from meshes import TexelArray
-from validation.case import Case
+from validation.campaign.case import Case
+from validation.campaign.comparison import METHODS, MODELS, Comparison, compare
 from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect
 from validation.cli.output import print_json
 from validation.cli.progress import Progress
-from validation.comparison import METHODS, MODELS, Comparison, compare
 from validation.errors import InputError, nearest
-from validation.indenter_text import read_depth, read_indenter, read_load, read_position, read_yaw
-from validation.sensor_file import load as load_sensor
+from validation.sensor_file.description import load as load_sensor
+from validation.text.indenter import read_depth, read_indenter, read_load, read_position, read_yaw
 
 _Shape = Annotated[str, Parameter(help="Shape, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
 _Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]

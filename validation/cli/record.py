@@ -12,7 +12,7 @@ from validation.cli.monitor import Monitor, stoppable
 from validation.cli.options import Json, within
 from validation.cli.output import print_json, say
 from validation.errors import InputError
-from validation.indenter_text import read_indenter, read_load
+from validation.text.indenter import read_indenter, read_load
 
 if TYPE_CHECKING:
     from validation.recordings.capture import Captured

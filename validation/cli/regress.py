@@ -10,13 +10,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from validation import regress as gate
-from validation.campaign import default_cases, run
+from validation.campaign.campaign import default_cases, run
 from validation.cli.failures import CHECK_FAILED, DONE
 from validation.cli.options import Json, Sensor
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
-from validation.derive import derive
-from validation.sensor_file import load
+from validation.derivation.derive import derive
+from validation.sensor_file.description import load
 
 
 def regress(

@@ -16,7 +16,7 @@ from validation.cli.output import print_json, say, show
 from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from fem_reference.store import Entry
+    from fem_reference.result_store import Entry
 
 OlderThan = Annotated[
     str | None, Parameter(name="--older-than", help="Remove only what was written longer ago, e.g. 30d, 12h.")
@@ -41,40 +41,40 @@ _SIZES = 3
 
 def list_entries(*, json: Json = False) -> None:
     """List the kept results, newest first."""
-    from fem_reference import store
+    from fem_reference import result_store
 
-    found = store.entries()
+    found = result_store.entries()
     if json:
         print_json(
             {
-                "folder": str(store.folder()),
-                "code": store.code_version(),
+                "folder": str(result_store.folder()),
+                "code": result_store.code_version(),
                 "entries": [_as_json(entry) for entry in found],
                 "bytes": sum(entry.size for entry in found),
-                "partial_files": store.partial_files(),
+                "partial_files": result_store.partial_files(),
             }
         )
         return
     _print_lines(found)
     other = sum(not _usable(entry) for entry in found)
-    show(f"{_summary(found)} in {store.folder()}")
+    show(f"{_summary(found)} in {result_store.folder()}")
     if other:
         say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
 
 
 def verify_entries(*, json: Json = False) -> int:
     """Read every kept result and check it; leave with 1 when one is damaged."""
-    from fem_reference import store
+    from fem_reference import result_store
 
-    checked = store.verify()
+    checked = result_store.verify()
     damaged = [entry for entry in checked if entry.problem]
     if json:
         print_json(
             {
-                "folder": str(store.folder()),
+                "folder": str(result_store.folder()),
                 "checked": len(checked),
                 "damaged": [{"key": e.key, "path": str(e.path), "problem": e.problem} for e in damaged],
-                "partial_files": store.partial_files(),
+                "partial_files": result_store.partial_files(),
             }
         )
     else:
@@ -99,7 +99,7 @@ def prune_entries(
 
     Options narrow one another.  Damaged entries and what killed writers left always go.
     """
-    from fem_reference import store
+    from fem_reference import result_store
 
     age = _age_limit(older_than)
     if keep_latest is not None and keep_latest < 0:
@@ -108,17 +108,17 @@ def prune_entries(
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")
     if not everything and older_than is None and keep_latest is None:
         other_code = True
-    found = store.verify()
+    found = result_store.verify()
     chosen = list(_chosen(found, age=age, keep_latest=keep_latest or 0, other_code=other_code))
     removed, failures = (chosen, []) if dry_run else _remove(chosen)
-    swept = 0 if dry_run else store.sweep_leftovers()
+    swept = 0 if dry_run else result_store.sweep_leftovers()
     _report(removed, kept=len(found) - len(removed), swept=swept, dry_run=dry_run, as_json=json)
     if failures:
         raise failures[0]
 
 
 def _age_limit(older_than: str | None) -> float:
-    from validation.quantity import read
+    from validation.text.quantity import read
 
     if older_than is None:
         return 0.0
@@ -130,7 +130,7 @@ def _age_limit(older_than: str | None) -> float:
 
 def _chosen(found: Iterable[Entry], *, age: float, keep_latest: int, other_code: bool) -> Iterator[Entry]:
     """Entries to remove out of `found`, which is newest first."""
-    from fem_reference import store
+    from fem_reference import result_store
 
     now, kept = time.time(), 0
     for entry in found:
@@ -139,18 +139,18 @@ def _chosen(found: Iterable[Entry], *, age: float, keep_latest: int, other_code:
             continue
         kept += 1
         young = now - entry.created < age
-        ours = other_code and entry.code == store.code_version()
+        ours = other_code and entry.code == result_store.code_version()
         if kept > keep_latest and not young and not ours:
             yield entry
 
 
 def _remove(chosen: Iterable[Entry]) -> tuple[list[Entry], list[OSError]]:
-    from fem_reference import store
+    from fem_reference import result_store
 
     removed, failures = [], []
     for entry in chosen:
         try:
-            store.remove(entry)
+            result_store.remove(entry)
         except OSError as error:
             failures.append(error)
         else:
@@ -198,9 +198,9 @@ def _as_json(entry: Entry) -> dict[str, Any]:
 
 
 def _usable(entry: Entry) -> bool:
-    from fem_reference import store
+    from fem_reference import result_store
 
-    return not entry.problem and entry.code == store.code_version()
+    return not entry.problem and entry.code == result_store.code_version()
 
 
 def _state(entry: Entry) -> str:

@@ -11,11 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from meshes import Cover, TexelArray
-from validation.campaign import CampaignResult
-from validation.comparison import Comparison
-from validation.derive import Derivation
-from validation.pooling import Pooled
-from validation.stamp import StampScores
+from validation.calibration.stamp import StampScores
+from validation.campaign.campaign import CampaignResult
+from validation.campaign.comparison import Comparison
+from validation.campaign.pooling import Pooled
+from validation.derivation.derive import Derivation
 
 FloatArray = npt.NDArray[np.float64]
 

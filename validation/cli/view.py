@@ -12,18 +12,18 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
+from validation.campaign.comparison import METHODS
 from validation.cli.monitor import Monitor, stoppable
 from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect, within
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.cli.window import Window, why_no_window
-from validation.comparison import METHODS
 from validation.errors import InputError, nearest
-from validation.indenter_text import read_indenter, read_load
-from validation.sensor_file import load as load_sensor
+from validation.sensor_file.description import load as load_sensor
+from validation.text.indenter import read_indenter, read_load
 
 if TYPE_CHECKING:
-    from validation.sliding import Sliding
+    from validation.cli.sliding import Sliding
 
 #: Where the live image can be shown.
 DISPLAYS = ("auto", "window", "terminal")
@@ -67,8 +67,8 @@ def view(
     if faults or not (description and shape and weight and shown):
         raise InputError(*faults)
 
-    from validation.derive import derive
-    from validation.sliding import Sliding
+    from validation.cli.sliding import Sliding
+    from validation.derivation.derive import derive
 
     with Progress() as progress:
         parameters = derive(description, progress=progress).parameters

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from validation.cli.monitor import heat
 
 if TYPE_CHECKING:
-    from validation.sliding import Sliding
+    from validation.cli.sliding import Sliding
 
 #: How often the window is drawn [s].
 _PERIOD = 1 / 30

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from validation.campaign import MODELS, POOLED_METRICS, CampaignResult, CaseResult
-from validation.derive import Derivation
-from validation.evaluation import Evaluation
+from validation.calibration.stamp import StampScores
+from validation.campaign.campaign import MODELS, POOLED_METRICS, CampaignResult, CaseResult
+from validation.campaign.evaluation import Evaluation
+from validation.campaign.pooling import Pooled
+from validation.derivation.derive import Derivation
 from validation.plain import plain
-from validation.pooling import Pooled
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.recordings import best_null, recordings_contents
 from validation.report.tactile_image import Outline, Scale, colour_bar, tactile_image
-from validation.stamp import StampScores
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.derive import Derivation
+from validation.derivation.derive import Derivation
 from validation.plain import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from fem_reference.point_spread import PointSpread
+    from fem_reference.linear_response.point_spread import PointSpread
 
 _LOG = logging.getLogger(__name__)
 

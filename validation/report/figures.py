@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from validation.campaign import MODELS, CampaignResult
-from validation.derive import Derivation
+from validation.campaign.campaign import MODELS, CampaignResult
+from validation.derivation.derive import Derivation
 
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
 _INK = "#24303f"

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from meshes import TexelArray
+from validation.calibration.stamp import StampExample, StampRow, StampScores
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
-from validation.stamp import StampExample, StampRow, StampScores
 
 #: Metrics of a row: name, heading, factor, unit.
 COLUMNS = (

@@ -6,8 +6,8 @@ import json
 from importlib import resources
 from pathlib import Path
 
+from validation.campaign.evaluation import Evaluation
 from validation.errors import MissingExtraError
-from validation.evaluation import Evaluation
 from validation.plain import plain
 from validation.report.contents import contents
 

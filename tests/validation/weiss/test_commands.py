@@ -15,9 +15,9 @@ import pytest
 import fastmodel
 from meshes import Sphere, TexelArray
 from validation.cli.entry import main
-from validation.live import frames, recorded, simulated
 from validation.recordings import mcap_reader
 from validation.recordings.importing import open_recording
+from validation.recordings.live_frames import frames, recorded, simulated
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import VirtualSensor, from_frames, pattern
 

@@ -20,14 +20,7 @@ from validation.weiss.link import LinkLostError, PortError
 from validation.weiss.messages import checksum, encode
 from validation.weiss.sensor import NoAnswerError, Reading, Sensor, SensorError
 from validation.weiss.serve import BACKLOG, PseudoTerminal, serve
-from validation.weiss.virtual import (
-    WTS_0614_34,
-    Misbehaviour,
-    VirtualSensor,
-    from_frames,
-    pattern,
-    playback,
-)
+from validation.weiss.virtual import WTS_0614_34, Misbehaviour, VirtualSensor, from_frames, pattern, playback
 
 
 def _take(sensor, frames, **options):

@@ -1,0 +1,1 @@
+"""Interfaces to other software: Gymnasium, Gazebo, and many worlds at once."""

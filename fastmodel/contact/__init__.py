@@ -1,0 +1,1 @@
+"""Contact methods: how contact forces in MuJoCo become forces on texels."""

@@ -1,0 +1,1 @@
+"""Fits of the fast model's parameters to a reference response."""

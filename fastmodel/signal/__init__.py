@@ -1,0 +1,1 @@
+"""From texel forces to frames: low-pass filter, point spread, electronics."""

@@ -1,0 +1,1 @@
+"""Finite elements: mixed Taylor-Hood elements, tensor-product meshes, and the scaling of units."""

@@ -1,0 +1,253 @@
+"""Mixed elements on tensor meshes: hexahedra in rows, columns and layers, assembled from line matrices.
+
+On such a mesh every element integral is a product of three line integrals, so the blocks of the stiffness are sums of
+Kronecker products of matrices along x, y and z, and a load is as cheap as three small products.  The elements are the
+Taylor-Hood hexahedra of `taylor_hood` (their matrices are equal to rounding), at a hundredth of the work.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+#: A product of three line matrices times a number.
+Term = tuple[float, Any, Any, Any]
+
+_PRESSURE = 3
+_LIFT = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Line:
+    """Lagrange elements along one direction.
+
+    Attributes:
+        edges: Element edges, ascending, shape (e + 1,).
+        order: Polynomial order [-].
+        jumps: Elements before which functions may jump.
+    """
+
+    edges: FloatArray
+    order: int
+    jumps: tuple[int, ...] = ()
+
+    @cached_property
+    def index(self) -> IntArray:
+        """Nodes of each element, shape (e, order + 1)."""
+        element = np.arange(len(self.edges) - 1)
+        extra = np.isin(element, self.jumps).cumsum()
+        return np.asarray((element * self.order + extra)[:, None] + np.arange(self.order + 1), dtype=np.int64)
+
+    @property
+    def count(self) -> int:
+        """Number of nodes [-]."""
+        return int(self.index[-1, -1]) + 1
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """Nodes of the element on -1..1: ends and extrema of the Legendre polynomial, shape (order + 1,)."""
+        inner = np.polynomial.legendre.Legendre.basis(self.order).deriv().roots()
+        return np.concatenate([[-1.0], np.asarray(inner.real, dtype=float), [1.0]])
+
+    def shape(self, points: FloatArray, derivative: int = 0) -> FloatArray:
+        """Shape functions, or their first derivatives, on -1..1, shape (points, order + 1)."""
+        coefficients = np.linalg.inv(np.vander(self.reference, increasing=True))
+        powers = np.vander(points, self.order + 1, increasing=True)
+        if derivative:
+            powers = np.column_stack([np.zeros(len(points)), powers[:, :-1] * np.arange(1, self.order + 1)])
+        return np.asarray(powers @ coefficients)
+
+    def at(self, places: FloatArray) -> FloatArray:
+        """Values of every node's function at places, shape (k, count)."""
+        element = np.clip(np.searchsorted(self.edges, places, side="right") - 1, 0, len(self.edges) - 2)
+        start, length = self.edges[element], np.diff(self.edges)[element]
+        out = np.zeros((len(places), self.count))
+        np.put_along_axis(out, self.index[element], self.shape(2 * (places - start) / length - 1), axis=1)
+        return out
+
+    def integral(self, low: float, high: float) -> FloatArray:
+        """Integral of every node's function from `low` to `high`, shape (count,)."""
+        start, end = np.clip(low, self.edges[:-1], self.edges[1:]), np.clip(high, self.edges[:-1], self.edges[1:])
+        points, weights = np.polynomial.legendre.leggauss(self.order + 1)
+        x = start[:, None] + np.maximum(end - start, 0)[:, None] * (points + 1) / 2
+        local = 2 * (x - self.edges[:-1, None]) / np.diff(self.edges)[:, None] - 1
+        values = self.shape(local.ravel()).reshape(*x.shape, -1)
+        part = np.einsum("eqa,q,e->ea", values, weights / 2, np.maximum(end - start, 0))
+        out = np.zeros(self.count)
+        np.add.at(out, self.index, part)
+        return out
+
+
+def line_matrix(test: Line, trial: Line, derivatives: tuple[int, int], weight: FloatArray) -> sp.csr_matrix:
+    """Integrals of test times trial functions along a line, every neighbour stored.
+
+    Args:
+        test: Functions of the rows.
+        trial: Functions of the columns, on the same edges.
+        derivatives: 1 where the function is differentiated.
+        weight: Factor of each element, shape (e,).
+    """
+    points, weights = np.polynomial.legendre.leggauss(max(test.order, trial.order) + 1)
+    left, right = test.shape(points, derivatives[0]), trial.shape(points, derivatives[1])
+    half = np.diff(test.edges) / 2
+    block = (weight * half ** (1 - sum(derivatives)))[:, None, None] * np.einsum("qa,qb,q->ab", left, right, weights)
+    rows = np.broadcast_to(test.index[:, :, None], block.shape).ravel()
+    columns = np.broadcast_to(trial.index[:, None, :], block.shape).ravel()
+    return sp.coo_matrix((block.ravel(), (rows, columns)), shape=(test.count, trial.count)).tocsr()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TensorSolid:
+    """A linear elastic block of horizontal layers.
+
+    Unknowns: displacements along x, then y, then z, then the mean pressure; within each, z runs fastest, then y.
+
+    Attributes:
+        edges: Element edges along x, y and z.
+        layer: Which layer each element along z belongs to, shape (e,).
+        shear_modulus: Of each layer [Pa].
+        bulk_compliance: 1 / K of each layer, 0 when incompressible [1/Pa].
+        order: Polynomial order of the displacement, one more than the pressure's [-].
+        first: First node along z that is free, for displacements along x, y and z [-].
+        breaks: Elements along x and along y before which the pressure may jump.
+    """
+
+    edges: tuple[FloatArray, FloatArray, FloatArray]
+    layer: IntArray
+    shear_modulus: FloatArray
+    bulk_compliance: FloatArray
+    order: int = 2
+    first: tuple[int, int, int] = (0, 0, 0)
+    breaks: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
+
+    @cached_property
+    def lines(self) -> tuple[Line, Line, Line]:
+        """Displacement functions along x, y and z."""
+        x, y, z = (Line(edges=edges, order=self.order) for edges in self.edges)
+        return x, y, z
+
+    @cached_property
+    def pressure_lines(self) -> tuple[Line, Line, Line]:
+        """Pressure functions; along z they jump where layers meet."""
+        x, y = (
+            Line(edges=edges, order=self.order - 1, jumps=jumps)
+            for edges, jumps in zip(self.edges[:2], self.breaks, strict=True)
+        )
+        jumps = tuple(int(i) + 1 for i in np.flatnonzero(np.diff(self.layer)))
+        return x, y, Line(edges=self.edges[2], order=self.order - 1, jumps=jumps)
+
+    def field_shape(self, field: int) -> tuple[int, int, int]:
+        """Nodes along x, y and z of displacement 0, 1, 2 or of the pressure, 3."""
+        lines = self.pressure_lines if field == _PRESSURE else self.lines
+        lowest = 0 if field == _PRESSURE else self.first[field]
+        return lines[0].count, lines[1].count, lines[2].count - lowest
+
+    @cached_property
+    def offsets(self) -> IntArray:
+        """Where each field starts, and the number of unknowns, shape (5,)."""
+        return np.cumsum([0, *(int(np.prod(self.field_shape(field))) for field in range(4))])
+
+    def upper(self) -> sp.csr_matrix:
+        """Upper triangle of the stiffness, every neighbour stored, shape (n, n)."""
+        rows, columns, values = [], [], []
+        for i in range(4):
+            for j in range(i, 4):
+                row, column, value = self._entries(i, j)
+                rows.append(row + self.offsets[i])
+                columns.append(column + self.offsets[j])
+                values.append(value)
+        size = int(self.offsets[-1])
+        parts = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return sp.coo_matrix(parts, shape=(size, size)).tocsr()
+
+    def lifted(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Forces on the free unknowns when the base is lifted by products of functions along x and y.
+
+        Args:
+            x: Nodal values along x of each function, shape (k, nodes).
+            y: Nodal values along y, shape (k, nodes).
+
+        Returns:
+            Shape (n, k).
+        """
+        out = np.zeros((int(self.offsets[-1]), len(x)))
+        for field in range(4):
+            terms = self._terms(min(field, _LIFT), max(field, _LIFT))
+            if field > _LIFT:
+                terms = [(factor, a.T, b.T, c.T) for factor, a, b, c in terms]
+            lowest = 0 if field == _PRESSURE else self.first[field]
+            part = sum(
+                factor * np.einsum("xk,yk,z->xyzk", a @ x.T, b @ y.T, c[lowest:, [0]].toarray()[:, 0], optimize=True)
+                for factor, a, b, c in terms
+            )
+            out[self.offsets[field] : self.offsets[field + 1]] = np.asarray(part).reshape(-1, len(x))
+        return out
+
+    def _entries(self, i: int, j: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Rows, columns and values of the block of fields i <= j; its upper half only when i = j."""
+        start = [0 if field == _PRESSURE else self.first[field] for field in (i, j)]
+        value: FloatArray = np.zeros(1)
+        place: list[Any] = []
+        for factor, a, b, full in self._terms(i, j):
+            c = full[start[0] :, start[1] :]
+            value = value + factor * np.multiply.outer(a.data, np.multiply.outer(b.data, c.data)).ravel()
+            place = [matrix.tocoo() for matrix in (a, b, c)]
+        row, column = (_joined([p.coords[side] for p in place], self.field_shape((i, j)[side])) for side in (0, 1))
+        keep = slice(None) if i != j else row <= column
+        return row[keep], column[keep], value[keep]
+
+    def _terms(self, i: int, j: int) -> list[Term]:
+        """The stiffness between fields i <= j as sums of products.
+
+        Of sigma = 2 mu dev(eps) - p I: the block of displacements i and j is
+        mu (delta_ij grad a . grad b + d_j a d_i b - 2/3 d_i a d_j b).
+        """
+        if i == j == _PRESSURE:
+            return [(-1.0, *self._row("pressure"))]
+        if j == _PRESSURE:
+            return [(-1.0, *self._row("volume", {i: "divergence"}))]
+        if i == j:
+            return [(4 / 3 if k == i else 1.0, *self._row("mass", {k: "stiffness"})) for k in range(3)]
+        return [
+            (1.0, *self._row("mass", {i: "right", j: "left"})),
+            (-2 / 3, *self._row("mass", {i: "left", j: "right"})),
+        ]
+
+    def _row(self, usual: str, special: dict[int, str] | None = None) -> tuple[Any, Any, Any]:
+        x, y, z = (self._matrices[axis][(special or {}).get(axis, usual)] for axis in range(3))
+        return x, y, z
+
+    @cached_property
+    def _matrices(self) -> list[dict[str, sp.csr_matrix]]:
+        """Line matrices of each axis; moduli, which vary along z only, are in those of z."""
+        out = []
+        for axis, (u, p) in enumerate(zip(self.lines, self.pressure_lines, strict=True)):
+            one = np.ones(len(u.edges) - 1)
+            mu = self.shear_modulus[self.layer] if axis == _LIFT else one
+            soft = self.bulk_compliance[self.layer] if axis == _LIFT else one
+            out.append(
+                {
+                    "mass": line_matrix(u, u, (0, 0), mu),
+                    "stiffness": line_matrix(u, u, (1, 1), mu),
+                    "left": line_matrix(u, u, (1, 0), mu),
+                    "right": line_matrix(u, u, (0, 1), mu),
+                    "divergence": line_matrix(u, p, (1, 0), one),
+                    "volume": line_matrix(u, p, (0, 0), one),
+                    "pressure": line_matrix(p, p, (0, 0), soft),
+                }
+            )
+        return out
+
+
+def _joined(parts: list[Any], shape: tuple[int, int, int]) -> IntArray:
+    """Node numbers of all triples of nodes along x, y and z, x slowest."""
+    x, y, z = (np.asarray(part, dtype=np.int64) for part in parts)
+    across = (x[:, None] * shape[1] + y) * shape[2]
+    return np.asarray((across.ravel()[:, None] + z).ravel())

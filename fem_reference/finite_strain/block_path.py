@@ -1,0 +1,260 @@
+"""Finite-strain pressing of any shape, in three dimensions.
+
+A wide cover is alike everywhere, so its mesh lies in the indenter's frame, and poses need no new solve.  A shape that
+mirrors in x or in y is solved on the half or the quarter that is enough, without being asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+import skfem
+
+from fem_reference.elements.scaling import Units
+from fem_reference.elements.taylor_hood import MixedElements, mixed_elements
+from fem_reference.finite_strain.contact import Rigid
+from fem_reference.finite_strain.indenter_surface import Obstacle
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.newton import Equilibrium
+from fem_reference.linear_response.axisymmetric import edge_shape, layer_heights
+from meshes import Cover, Indenter
+from meshes.indenters.indenter import Flat
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidState:
+    """One converged target of a loading path.
+
+    Attributes:
+        depth: Approach from first touch [m].
+        load: Force of the whole indenter [N].
+        area: Reference area that touches, of the whole [m2].
+        overlap: Mean distance that the penalty left between the surfaces [m].
+        x: Positions of the base pressure along x, ascending, mirrored halves included, shape (m,) [m].
+        y: Positions along y, shape (n,) [m].
+        pressure: Base pressure, shape (m, n) [Pa].
+        reaction: Sum of the base reactions, of the whole [N].
+        lines: Positions of the meshed base's nodes along x and along y [m].
+        forces: Base reactions on them, a value for each pair [N].
+    """
+
+    depth: float
+    load: float
+    area: float
+    overlap: float
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+    reaction: float
+    lines: tuple[FloatArray, FloatArray]
+    forces: FloatArray
+
+
+class Steepened(Protocol):
+    """What comes down on a block, and can do so with all its heights scaled."""
+
+    def with_steepness(self, steepness: float) -> Rigid:
+        """The same with that factor on its heights [-]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """The part of a cover that is meshed, lengths in thicknesses.
+
+    Attributes:
+        sides: Nodes along x and along y, ascending.
+        mirrored: Whether the planes x = 0 and y = 0 are planes of symmetry, from which `sides` start.
+        size: Size of the elements under the contact.
+        obstacle: What comes down on it.
+        free: Whether the side faces are free; else nothing moves there.
+    """
+
+    sides: list[FloatArray]
+    mirrored: tuple[bool, bool]
+    size: float
+    obstacle: Steepened
+    free: bool = False
+
+    @property
+    def multiple(self) -> float:
+        """Whole force over the force on the meshed part [-]."""
+        return float((1 + self.mirrored[0]) * (1 + self.mirrored[1]))
+
+
+def mirrors(indenter: Indenter) -> tuple[bool, bool]:
+    """Whether the shape is its own mirror image in the planes x = 0 and y = 0."""
+    half = indenter.footprint
+    x, y = np.meshgrid(np.linspace(-half[0], half[0], 61), np.linspace(-half[1], half[1], 61))
+    # a face's gap jumps on its outline, where rounding tells what is inside; the distance from it does not
+    gap = indenter.inside(x, y) if isinstance(indenter, Flat) else np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
+    scale = 1e-9 + 1e-6 * max(half)
+    return bool(np.abs(gap - gap[:, ::-1]).max() < scale), bool(np.abs(gap - gap[::-1]).max() < scale)
+
+
+def lay_out(
+    path: LoadingPath, *, elements_per_thickness: int, contact_half: tuple[float, float], fillet: float, reach: float
+) -> Block:
+    """The block under a shape on a wide cover.
+
+    Args:
+        path: What is pressed.
+        elements_per_thickness: Elements through the cover [-].
+        contact_half: Half widths of the largest contact; the mesh is fine up to them [m].
+        fillet: Radius of the rounding of sharp edges [m].
+        reach: Distance from the contact to the outer boundary [m].
+    """
+    mirrored = mirrors(path.indenter)
+    unit = Units.of(path.cover).length
+    fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
+    size = min(1.0, 2 * min(halves)) / elements_per_thickness
+    fine = _FINE * fillet if isinstance(path.indenter, Flat) else 0.5 * size
+    most = 1.2 * size
+    if isinstance(path.indenter, Flat) and not _rectangular(path.indenter, path.indenter.footprint):
+        fine = most = max(min(size, _EVEN * fillet), _finest(halves, mirrored) / elements_per_thickness)
+    return Block(
+        sides=[_side(half, (fine, most), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)],
+        mirrored=mirrored,
+        size=size,
+        obstacle=Obstacle(indenter=path.indenter, fillet=fillet, unit=unit),
+    )
+
+
+#: Elements over the radius of a rounded edge, across the edge where it lies on the mesh's lines and where it may be
+#: anywhere [-].
+_FINE, _EVEN = 0.6, 1.3
+
+
+def _finest(halves: Sequence[float], mirrored: tuple[bool, bool]) -> float:
+    """Element size times the elements per thickness below which a mesh would outgrow the machine."""
+    return max(half / (_MOST if mirror else _MOST / 2) for half, mirror in zip(halves, mirrored, strict=True))
+
+
+#: Elements along half a footprint, for each element through the cover, at most [-].
+_MOST = 6
+
+
+def _rectangular(shape: Flat, footprint: tuple[float, float]) -> bool:
+    """Whether a face fills the rectangle around it, so that its outline lies on the lines of a mesh."""
+    half = np.array(footprint)
+    corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
+    filled = abs(float(shape.inside(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_LINE * half.min()
+    return filled and bool((np.abs(shape.inside(*corners.T)) < _ON_LINE * half.min()).all())
+
+
+#: Distance over the half width that counts as none [-].
+_ON_LINE = 1e-6
+
+
+def meshed(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
+    """The block's elements, each in the region of its layer; lengths in thicknesses."""
+    counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
+    heights, region = layer_heights(cover, counts, top=block.size)
+    mesh = skfem.MeshHex.init_tensor(*block.sides, heights)
+    row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
+    return mixed_elements(mesh, region=region[row])
+
+
+def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
+    """Nodes along one side: up to `most` apart in the middle of the contact, fine at its edge, growing outside [m]."""
+    fine, most = steps
+    inner, step = [half], fine
+    while inner[-1] > 0.6 * step:
+        inner.append(inner[-1] - step)
+        step = min(step * 1.5, most)
+    inside = np.array(inner[::-1])
+    inside = (inside - inside[0]) / (half - inside[0]) * half  # the last node falls on the axis
+    outer, step = [half], fine
+    while outer[-1] < half + reach:
+        outer.append(outer[-1] + step)
+        step *= 1.5
+    positive = np.concatenate([inside, outer[1:]])
+    return positive if mirror else np.concatenate([-positive[:0:-1], positive])
+
+
+def held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np.int64]:
+    """The base, the outer boundary unless it is free, and the planes of symmetry along their normals."""
+    x, y, z = elements.nodes.T
+    tolerance = 1e-9
+    base = z < tolerance
+    outer = np.zeros_like(base)
+    for place, side, mirror in zip((x, y), block.sides, block.mirrored, strict=True):
+        if block.free:
+            continue
+        outer |= place > side[-1] - tolerance
+        if not mirror:
+            outer |= place < side[0] + tolerance
+    across = outer | (base if cover.base == "bonded" else np.zeros_like(base))
+    planes = [(np.abs(place) < tolerance) & mirror for place, mirror in zip((x, y), block.mirrored, strict=True)]
+    components = [across | planes[0], across | planes[1], base | outer]
+    return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
+
+
+def solid_state(elements: MixedElements, units: Units, reached: Equilibrium, block: Block) -> SolidState:
+    """A converged target in SI units, mirrored halves included; given in thicknesses and shear moduli."""
+    x, y, z = elements.nodes.T
+    base = np.flatnonzero(z < 1e-9 * z.max())
+    base = base[np.lexsort((y[base], x[base]))]
+    lines = [np.unique(np.round(place[base], 12)) for place in (x, y)]
+    forces = reached.reaction[3 * base + 2].reshape(len(lines[0]), len(lines[1]))
+    points, pressure = _pressure(lines, forces)
+    for axis in range(2):
+        if block.mirrored[axis]:
+            points[axis] = np.concatenate([-points[axis][::-1], points[axis]])
+            pressure = np.concatenate([np.flip(pressure, axis), pressure], axis)
+    return SolidState(
+        depth=reached.depth * units.length,
+        load=reached.load * units.force,
+        area=reached.touch.area * units.length**2,
+        overlap=reached.touch.overlap * units.length,
+        x=points[0] * units.length,
+        y=points[1] * units.length,
+        pressure=pressure * units.stress,
+        reaction=float(forces.sum()) * block.multiple * units.force,
+        lines=(lines[0] * units.length, lines[1] * units.length),
+        forces=forces * units.force,
+    )
+
+
+def _pressure(lines: list[FloatArray], forces: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Base pressure at the Gauss points of each face from nodal reactions.
+
+    The mass of biquadratic faces on a tensor grid is a product of two line masses, so two small banded solves divide
+    the reactions by it; at the two Gauss points of each edge its oscillation vanishes, as in the axisymmetric solve.
+    """
+    value = forces
+    points = []
+    for axis, nodes in enumerate(lines):
+        value = np.moveaxis(scipy.linalg.solve(_line_mass(nodes), np.moveaxis(value, axis, 0), assume_a="pos"), 0, axis)
+        read, place = _gauss_reader(nodes)
+        value = np.moveaxis(np.tensordot(read, value, axes=(1, axis)), 0, axis)
+        points.append(place)
+    return points, value
+
+
+def _line_mass(nodes: FloatArray) -> FloatArray:
+    """Mass of quadratic edges, dense, shape (m, m) [m]."""
+    points, weights = np.polynomial.legendre.leggauss(3)
+    shape = edge_shape((points + 1) / 2)
+    out = np.zeros((len(nodes), len(nodes)))
+    for e in range(0, len(nodes) - 2, 2):
+        out[e : e + 3, e : e + 3] += (shape * weights / 2) @ shape.T * (nodes[e + 2] - nodes[e])
+    return out
+
+
+def _gauss_reader(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matrix from nodal values to values at two Gauss points per edge, and where they are [m]."""
+    t = (1 + np.array([-1, 1]) / np.sqrt(3)) / 2
+    shape = edge_shape(t)
+    edges = range(0, len(nodes) - 2, 2)
+    out = np.zeros((2 * len(edges), len(nodes)))
+    for row, e in enumerate(edges):
+        out[2 * row : 2 * row + 2, e : e + 3] = shape.T
+    place = np.concatenate([nodes[e] + t * (nodes[e + 2] - nodes[e]) for e in edges])
+    return out, place

@@ -1,0 +1,1 @@
+"""`press`: one indentation by the solver that fits the cover, the indenter and the friction."""

@@ -1,0 +1,1 @@
+"""Response of a linear cover to a unit load: base pressure, texel forces and surface displacement."""

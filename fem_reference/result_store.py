@@ -1,0 +1,332 @@
+"""Results kept by content: the key is a hash of the whole input and of the code that computes.
+
+An entry is one file, `KEY.entry`: a line with the sha256 and length of all that follows, a line of JSON that says what
+it is, and the arrays as npz.  It is renamed into place when it is whole and checked when it is read; what fails the
+check is computed again.  Two processes that compute the same result both write it, and the later one stays.  The store
+is a convenience: where it cannot be written, results are computed and a warning is logged.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import json
+import logging
+import os
+import platform
+import re
+import sys
+import time
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.atomic_file import leftovers, replace, sweep
+
+_LOG = logging.getLogger(__name__)
+
+_HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n")
+_HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
+_SUFFIX = ".entry"
+#: Libraries whose numbers are in every result.
+_LIBRARIES = ("numpy", "scipy", "scikit-fem")
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+class DamagedEntryError(ValueError):
+    """An entry is not what was written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """What the store says about a result without reading it.
+
+    Attributes:
+        key: Hash of the input and the code.
+        path: The file.
+        kind: What was computed.
+        code: Version of the code that computed it.
+        created: When it was written, in seconds since 1970 [s].
+        size: Of the file [bytes].
+        inputs: What it was computed from, as `describe` writes it.
+        problem: Why it cannot be used; empty when nothing is known to be wrong.
+    """
+
+    key: str
+    path: Path
+    kind: str
+    code: str
+    created: float
+    size: int
+    inputs: Mapping[str, Any]
+    problem: str = ""
+
+
+def folder() -> Path:
+    """Where entries lie: `SOFTCOVER_STORE`, or `softcover` in the user's cache folder."""
+    named = os.environ.get("SOFTCOVER_STORE")
+    if named:
+        return Path(named)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return base / "softcover"
+
+
+def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[str, Any]]) -> Arrays:
+    """Return the stored result of `compute`, or compute and store it.
+
+    Args:
+        kind: What is computed; part of the key.
+        inputs: Everything the result depends on besides the code: dataclasses, arrays, numbers, strings.
+        compute: Makes the result: arrays and numbers by name.
+
+    Raises:
+        TypeError: If an input cannot be part of a key.
+    """
+    _sweep_at_start(folder())
+    described = describe(dict(inputs))
+    key = make_key(kind, described)
+    found = read(key)
+    if found is not None:
+        return found
+    result = {name: np.asarray(value) for name, value in compute().items()}
+    if hash_sources() != code_version():
+        _warn_once(folder(), "the sources changed after this process loaded them")
+        return result
+    try:
+        write(key, result, {"kind": kind, "code": code_version(), "inputs": described})
+    except OSError as error:
+        _warn_once(folder(), error.strerror or str(error))
+    return result
+
+
+def make_key(kind: str, described: Any) -> str:  # noqa: ANN401 -- JSON
+    """Key of a result: sha256 of what is computed, by which code, from what."""
+    text = json.dumps([kind, code_version(), described], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def read(key: str) -> Arrays | None:
+    """The arrays of an entry; None where there is none or it fails its check."""
+    path = _path(key)
+    try:
+        return _checked(path)[1]
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except DamagedEntryError as error:
+        _LOG.warning("store entry %s %s; it is computed again", path, error)
+    except OSError as error:
+        _LOG.warning("store entry %s cannot be read (%s); it is computed again", path, error.strerror)
+    return None
+
+
+def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None:
+    """Write an entry so that it is either whole or absent.
+
+    Args:
+        key: Name of the entry.
+        arrays: The result.
+        about: What the manifest says besides key, time and surroundings.
+
+    Raises:
+        OSError: If the folder cannot be written.
+        ValueError: If an array holds Python objects.
+    """
+    blob = _pack(arrays)
+    surroundings = {"created": time.time(), "python": platform.python_version(), "machine": platform.machine()}
+    manifest = json.dumps({"key": key, **about, **surroundings, "arrays": sorted(arrays)}).encode() + b"\n"
+    digest = hashlib.sha256(manifest)
+    digest.update(blob)
+    header = f"softcover-entry 1 sha256={digest.hexdigest()} bytes={len(manifest) + len(blob):016d}\n"
+    folder().mkdir(parents=True, exist_ok=True)
+    replace(_path(key), (header.encode(), manifest, blob))
+
+
+def entries() -> list[Entry]:
+    """All entries, newest first, by their manifests; `verify` reads the results too."""
+    return _sorted(_glance)
+
+
+def verify() -> list[Entry]:
+    """All entries, newest first, each one read and checked: `problem` says what is wrong with it."""
+    return _sorted(_examine)
+
+
+def remove(entry: Entry) -> None:
+    """Remove one entry.
+
+    Raises:
+        OSError: If it cannot be removed.
+    """
+    entry.path.unlink(missing_ok=True)
+
+
+def partial_files() -> int:
+    """How many temporary files lie in the store: leftovers of killed writers, and what is being written now."""
+    return len(leftovers(folder()))
+
+
+def sweep_leftovers() -> int:
+    """Remove what killed writers left behind; the number of files."""
+    return sweep(folder())
+
+
+@cache
+def code_version() -> str:
+    """Hash of the code that computes, as this process found it when it first asked."""
+    return hash_sources()
+
+
+def hash_sources() -> str:
+    """Hash of the sources of `meshes` and `fem_reference` and of the libraries under them, as they are now."""
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted([*here.rglob("*.py"), *(here.parent / "meshes").rglob("*.py")]):
+        digest.update(source.relative_to(here.parent).as_posix().encode())
+        digest.update(source.read_bytes())
+    for library in _LIBRARIES:
+        digest.update(_version(library).encode())
+    return digest.hexdigest()[:16]
+
+
+def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
+    """Turn inputs into JSON in which equal inputs are equal and different ones differ.
+
+    Raises:
+        TypeError: If there is a value whose content cannot be told.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = type(value)
+        body = {field.name: describe(getattr(value, field.name)) for field in fields(value)}
+        return {"@type": f"{kind.__module__}.{kind.__qualname__}", **body}
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return {"@array": [str(value.dtype), list(value.shape), hashlib.sha256(value.tobytes()).hexdigest()]}
+    if isinstance(value, Mapping) and all(isinstance(name, str) and name[:1] != "@" for name in value):
+        return {name: describe(item) for name, item in sorted(value.items())}
+    if isinstance(value, list | tuple):
+        return [describe(item) for item in value]
+    if isinstance(value, np.generic):
+        return describe(value.item())
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    raise TypeError(f"cannot make a store key from {type(value).__name__}")
+
+
+def _path(key: str) -> Path:
+    return folder() / f"{key}{_SUFFIX}"
+
+
+@cache
+def _sweep_at_start(place: Path) -> None:
+    """Once in a process: what killed writers left behind is in nobody's way, but takes space."""
+    removed = sweep(place)
+    if removed:
+        _LOG.info("removed %d unfinished files from %s", removed, place)
+
+
+@cache
+def _warn_once(place: Path, reason: str) -> None:
+    _LOG.warning("the result store %s is not written (%s): results are not kept", place, reason)
+
+
+def _version(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return "absent"
+
+
+def _pack(arrays: Mapping[str, Any]) -> bytes:
+    """The arrays as an npz; equal arrays give equal bytes."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, values in arrays.items():
+            part = io.BytesIO()
+            np.lib.format.write_array(part, np.asanyarray(values), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), part.getbuffer(), zipfile.ZIP_DEFLATED, compresslevel=1)
+    return buffer.getvalue()
+
+
+def _checked(path: Path) -> tuple[dict[str, Any], Arrays]:
+    """Manifest and arrays of an entry.
+
+    Raises:
+        DamagedEntryError: If it is not what was written.
+        OSError: If it cannot be read.
+    """
+    content = path.read_bytes()
+    header, body = _HEADER.match(content), content[_HEADER_LENGTH:]
+    if header is None:
+        raise DamagedEntryError("does not begin like an entry of this version")
+    if len(body) != int(header[2]):
+        raise DamagedEntryError(f"has {len(body)} of {int(header[2])} bytes")
+    if hashlib.sha256(body).hexdigest() != header[1].decode():
+        raise DamagedEntryError("fails its sha256")
+    text, _, blob = body.partition(b"\n")
+    manifest = json.loads(text)
+    if manifest["key"] != path.stem:
+        raise DamagedEntryError(f"is a copy of the entry {manifest['key']}")
+    with np.load(io.BytesIO(blob), allow_pickle=False) as arrays:
+        return manifest, {name: arrays[name] for name in arrays.files}
+
+
+def _sorted(look: Callable[[Path], Entry | None]) -> list[Entry]:
+    found = (look(path) for path in folder().glob(f"*{_SUFFIX}"))
+    return sorted((entry for entry in found if entry is not None), key=lambda entry: (-entry.created, entry.key))
+
+
+def _glance(path: Path) -> Entry | None:
+    """An entry by its first two lines; None when another process has just removed it."""
+    try:
+        with path.open("rb") as file:
+            if not _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
+                return _entry(path, {}, "does not begin like an entry of this version")
+            manifest = json.loads(file.readline())
+    except OSError as error:
+        return _entry(path, {}, f"cannot be read: {error.strerror}")
+    except ValueError:
+        return _entry(path, {}, "has an unreadable manifest")
+    return _entry(path, manifest if isinstance(manifest, dict) else {})
+
+
+def _examine(path: Path) -> Entry | None:
+    """An entry by all of it."""
+    found = _glance(path)
+    if found is None or found.problem:
+        return found
+    try:
+        _checked(path)
+    except (DamagedEntryError, OSError) as error:
+        return dataclasses.replace(found, problem=str(error))
+    return found
+
+
+def _entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> Entry | None:
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    created, inputs = manifest.get("created"), manifest.get("inputs")
+    return Entry(
+        key=path.stem,
+        path=path,
+        kind=str(manifest.get("kind", "unknown")),
+        code=str(manifest.get("code", "unknown")),
+        created=created if isinstance(created, float) else status.st_mtime,
+        size=status.st_size,
+        inputs=inputs if isinstance(inputs, dict) else {},
+        problem=problem,
+    )

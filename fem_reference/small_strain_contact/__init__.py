@@ -1,0 +1,1 @@
+"""Frictionless contact at small strain: cells on the compliance of the top surface."""

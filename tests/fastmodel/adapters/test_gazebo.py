@@ -1,0 +1,65 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fastmodel import WTS_0614_34, Butterworth, FastModelError, Gaussian, Parameters
+from fastmodel.adapters.gazebo import NAMES, read_block, write_block
+from meshes.catalogue import ARRAYS
+
+WTS = Parameters(
+    array=ARRAYS["wts-0614-34"],
+    spread=Gaussian(sigma_x=0.6, sigma_y=0.7, ksize_x=5, ksize_y=5),
+    electronics=WTS_0614_34,
+    filter=Butterworth(cutoff_hz=30.0, order=4),
+)
+
+
+def test_the_reports_own_spelling_and_numbers():
+    text = write_block(WTS)
+    assert [line.split(">")[0].strip(" <") for line in text.splitlines()[1:-1]] == list(NAMES)
+    assert "<liniarityOfset>-493.87</liniarityOfset>" in text
+    block = read_block(text, pitch=3.4e-3)
+    # zero below 0.185 N, saturated from 1.646 N
+    assert float(text.split("<rangeMin>")[1].split("<")[0]) == pytest.approx(0.185, abs=5e-4)
+    assert float(text.split("<rangeMax>")[1].split("<")[0]) == pytest.approx(1.646, abs=5e-4)
+    assert block.data_topic == "tactile/data"
+
+
+def test_what_was_written_is_read_back():
+    back = read_block(f"<sdf><model><link>{write_block(WTS)}</link></model></sdf>", pitch=3.4e-3).parameters
+    assert back.spread == WTS.spread
+    assert back.filter == WTS.filter
+    assert back.electronics == WTS.electronics
+    np.testing.assert_allclose(back.array.centres, WTS.array.centres)
+    bare = dataclasses.replace(WTS, filter=None)
+    assert read_block(write_block(bare), pitch=3.4e-3).parameters.filter is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"array": ARRAYS["sdh2-distal"]}, "no texel may be masked"),
+        ({"electronics": dataclasses.replace(WTS_0614_34, characteristic=(0, 1, 0, 0, 0, 0))}, "straight line"),
+    ],
+)
+def test_what_the_block_cannot_hold_is_named(change, message):
+    with pytest.raises(FastModelError, match=message):
+        write_block(dataclasses.replace(WTS, **change))
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda text: text.replace("<rows>14", "<rows>many"), "<rows> must be a whole number, not 'many'"),
+        (lambda text: text.replace("<sigmax>0.6</sigmax>", ""), "<sigmax> must be a number, not ''"),
+        (lambda text: text.replace("<sigmax>0.6", "<sigmax>nan"), "<sigmax> must be a number, not 'nan'"),
+        (lambda text: text.replace("<ksizex>5", "<ksizex>4"), "ksize must be a positive odd"),
+        (lambda text: text.replace("liniaritySensibility", "linearitySensitivity"), "no <plugin> element"),
+        (lambda text: text[:-20], "not readable as XML"),
+    ],
+)
+def test_damaged_blocks_are_refused_in_one_line(damage, message):
+    with pytest.raises(FastModelError, match=message) as caught:
+        read_block(damage(write_block(WTS)), pitch=3.4e-3)
+    assert "\n" not in str(caught.value)

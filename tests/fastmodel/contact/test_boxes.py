@@ -1,0 +1,187 @@
+import copy
+
+import mujoco
+import numpy as np
+import pytest
+
+from fastmodel.contact.box_forces import _in_one_span
+from fastmodel.contact.boxes import BoxTexels, geom_name
+from fastmodel.pose import Pose, about_z, multiply
+from meshes import TexelArray
+
+ARRAY = TexelArray.grid(4, 5, 10e-3)
+
+
+def scene(cone, condim, tilt=(1.0, 0.0, 0.0, 0.0), seed=0):
+    """Several free objects dropped on an array, some sliding, some rolling."""
+    rng = np.random.default_rng(seed)
+    spec = mujoco.MjSpec()
+    spec.option.cone = cone
+    spec.option.timestep = 1e-3
+    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), tilt), "a")
+    kinds = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+    for k in range(6):
+        place = [((k % 3) - 1) * 14e-3, (k // 3 - 0.5) * 16e-3, 7e-3]
+        body = spec.worldbody.add_body(pos=place, quat=rng.normal(size=4))
+        body.add_freejoint()
+        body.add_geom(
+            type=kinds[k % 3], size=[4e-3, 5e-3, 3e-3], density=4000, condim=condim, friction=[0.6, 0.01, 0.001]
+        )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qvel[:] = rng.normal(size=model.nv) * 0.05
+    return model, data
+
+
+def by_the_book(model, data):
+    """One `mj_contactForce` at a time: the slow oracle."""
+    texel = {model.geom(geom_name("a", i)).id: i for i in range(ARRAY.count)}
+    total, force = np.zeros(ARRAY.count), np.zeros(6)
+    for k in range(data.ncon):
+        mujoco.mj_contactForce(model, data, k, force)
+        world = data.contact[k].frame.reshape(3, 3).T @ force[:3]
+        for geom, sign in zip(data.contact[k].geom, (1, -1), strict=True):
+            if geom in texel:
+                total[texel[geom]] += sign * world @ data.geom_xmat[geom].reshape(3, 3)[:, 2]
+    return total
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+@pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
+@pytest.mark.parametrize("condim", [1, 3, 4, 6])
+def test_array_reading_equals_contact_by_contact(cone, condim, native):
+    if native:
+        pytest.importorskip("numba")
+    tilt = multiply(np.array([np.cos(0.1), np.sin(0.1), 0, 0]), about_z(0.4))
+    model, data = scene(cone, condim, tilt)
+    reader = BoxTexels().bind(model, ARRAY, "a", native=native)
+    touched = 0
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+        expected = by_the_book(model, data)
+        touched += np.count_nonzero(expected)
+        forces = reader.forces(data)
+        assert np.all(forces >= 0)
+        assert forces.sum() == pytest.approx(max(expected.sum(), 0), rel=1e-12)
+        if expected.min() >= 0:
+            assert np.allclose(forces, expected, rtol=1e-12, atol=1e-15)
+    assert touched > 50
+
+
+def test_a_wrong_cone_would_be_noticed():
+    """The planted defect: elliptic forces read as pyramidal edges differ from the oracle."""
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
+    reader = BoxTexels().bind(model, ARRAY, "a")
+    reader._pyramidal = True
+    worst = 0.0
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+        worst = max(worst, np.abs(reader.forces(data) - by_the_book(model, data)).max())
+    assert worst > 1e-6
+
+
+def test_no_contact_is_zero_and_boxes_weigh_nothing():
+    spec = mujoco.MjSpec()
+    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert np.array_equal(BoxTexels().bind(model, ARRAY, "a").forces(data), np.zeros(20))
+    assert model.body_mass.sum() == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_scenes_never_give_negative_or_undefined_forces(seed):
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 4, seed=seed)
+    reader = BoxTexels().bind(model, ARRAY, "a")
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        forces = reader.forces(data)
+        assert np.all(np.isfinite(forces) & (forces >= 0))
+
+
+def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
+    """A thin blade dragged along between boxes with high friction: signed sums go negative, readings do not."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = 1e-3
+    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    blade = spec.worldbody.add_body(pos=[1e-3, 2e-3, 3e-3], quat=about_z(0.7))
+    for axis in np.eye(3):
+        blade.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    size, friction = [0.3e-3, 4e-3, 3e-3], [2.0, 0, 0]
+    blade.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=0.2, friction=friction)
+    model = spec.compile()
+    data, lifted = mujoco.MjData(model), 0
+    reader = BoxTexels().bind(model, ARRAY, "a")
+    for step in range(1500):
+        data.qfrc_applied[:3] = [3 * np.sin(step / 40), 3 * np.cos(step / 60), 0]
+        mujoco.mj_step(model, data)
+        signed, forces = by_the_book(model, data), reader.forces(data)
+        lifted += signed.min() < -1e-6
+        assert np.all(forces >= 0)
+        assert forces.sum() == pytest.approx(max(signed.sum(), 0), abs=1e-12)
+    assert lifted > 0
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+def test_one_reader_reads_several_states_of_a_model(native):
+    if native:
+        pytest.importorskip("numba")
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
+    other, turned = mujoco.MjData(model), multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), about_z(0.4))
+    texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
+    # the boxes lean in the other state; without this MuJoCo would go by the turns they were compiled with
+    model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    reader = BoxTexels().bind(model, ARRAY, "a", native=native)
+    signals, touched = np.empty(ARRAY.count + 1), 0
+    for _ in range(30):
+        for state, turn in ((data, (1.0, 0.0, 0.0, 0.0)), (other, turned)):
+            model.geom_quat[texels] = turn
+            mujoco.mj_step(model, state)
+            expected = by_the_book(model, state)
+            carried = reader.sample(state, signals)
+            touched += state is other and np.count_nonzero(expected)
+            assert carried == pytest.approx(max(expected.sum(), 0), rel=1e-12)
+            np.testing.assert_array_equal(reader.latest.contact_forces, signals[:-1])
+            if expected.min() >= 0:
+                np.testing.assert_allclose(signals[:-1], expected, rtol=1e-12, atol=1e-15)
+    assert touched > 20
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
+def test_a_copy_of_a_reader_looks_at_the_copy_of_the_data(native):
+    if native:
+        pytest.importorskip("numba")
+    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
+    texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
+    model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    reader, signals = BoxTexels().bind(model, ARRAY, "a", native=native), np.empty(ARRAY.count + 1)
+    mujoco.mj_step(model, data)
+    reader.sample(data, signals)
+    reader, model, data = copy.deepcopy((reader, model, data))
+    model.geom_quat[texels] = multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), about_z(0.4))
+    touched = 0
+    for _ in range(30):
+        mujoco.mj_step(model, data)
+        expected = by_the_book(model, data)
+        assert reader.sample(data, signals) == pytest.approx(max(expected.sum(), 0), rel=1e-12)
+        touched += np.count_nonzero(expected)
+    assert touched > 20
+
+
+@pytest.mark.parametrize(
+    ("dim", "address", "pyramidal", "whole"),
+    [
+        ([3, 3, 3], [6, 9, 12], False, True),
+        ([3, 3, 3], [6, 10, 14], True, True),
+        ([1, 1], [0, 1], True, True),
+        ([3], [4], False, True),
+        ([3], [-1], False, False),
+        ([3, 1, 4, 4, 3], [0, 3, 4, 8, 12], False, False),  # as long as four of three
+        ([3, 3, 3], [0, -1, 3], False, False),
+        ([3, 3, 3], [0, 3, -1], False, False),
+        ([3, 3, 3], [-1, 2, 5], False, False),
+    ],
+)
+def test_contacts_are_read_at_once_only_where_all_have_rows_of_one_dimension(dim, address, pyramidal, whole):
+    assert _in_one_span(np.array(dim), np.array(address), pyramidal=pyramidal) is whole

@@ -1,0 +1,372 @@
+"""Every contact method on whole models: balance, symmetry, what happens at the edges of use."""
+
+import dataclasses
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import (
+    METHODS,
+    Butterworth,
+    FastModelError,
+    Foundation,
+    LifeCycleError,
+    OptionWarning,
+    OverlapError,
+    Parameters,
+    ParametersError,
+    Placement,
+    Plate,
+    ShapeError,
+    StateError,
+    UnknownNameError,
+    indent,
+    indent_together,
+)
+from fastmodel.pose import about_z, multiply, rotate
+from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
+from meshes.catalogue import ARRAYS
+from tests.support.cover_data import WTS, cells, parameters
+
+PARAMETERS = parameters()
+SHAPES = [
+    Sphere(radius=5e-3),
+    Box(size=(12e-3, 6e-3, 5e-3)),
+    Cylinder(radius=5e-3),
+    Nut(across=13e-3, bore=8e-3),
+    LetterH(size=(12e-3, 16e-3), bar=4e-3),
+    RoundedTip(),
+]
+NAMES = tuple(METHODS)
+
+
+@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__name__)
+def test_the_weight_is_carried_and_nothing_is_negative(shape, method):
+    for yaw in (0.0, np.pi / 4, np.pi / 2):
+        found = indent(PARAMETERS, shape, load=0.9, at=(0.7e-3, -1.1e-3), yaw=yaw, method=method)
+        assert found.total_force == pytest.approx(0.9, rel=1e-3)
+        assert found.contact_forces.sum() <= found.total_force * (1 + 1e-9)
+        if max(shape.footprint) < 8e-3:  # else it may reach beyond the texels
+            assert found.contact_forces.sum() == pytest.approx(0.9, rel=1e-3)
+        assert found.contact_forces.min() >= 0
+        assert found.texel_forces.sum() + found.outside == pytest.approx(0.9, rel=1e-3)
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_mirrored_poses_mirror_the_image(method):
+    shape = LetterH(size=(12e-3, 16e-3), bar=4e-3)
+    right = indent(PARAMETERS, shape, load=2.0, at=(1.1e-3, 2.3e-3), yaw=0.3, method=method)
+    left = indent(PARAMETERS, shape, load=2.0, at=(-1.1e-3, 2.3e-3), yaw=-0.3, method=method)
+    # the boxes of an edge may touch in one more point on one side: their share jumps there
+    tolerance = {"boxes": 0.2, "area": 0.05}.get(method, 2e-3)
+    apart = WTS.image(left.texel_forces) - WTS.image(right.texel_forces)[:, ::-1]
+    assert np.abs(apart).max() < tolerance
+
+
+@pytest.mark.parametrize("method", ["area", "foundation", "cover"])
+def test_an_even_face_is_shared_by_area_not_by_contact_points(method):
+    """What the boxes get wrong by a quarter."""
+    shape, at = Box(size=(10e-3, 10e-3, 5e-3)), (0.7e-3, -1.1e-3)
+    cells_ = (np.arange(40) + 0.5) / 40 - 0.5
+    dx, dy = (cell.ravel() * 3.4e-3 for cell in np.meshgrid(cells_, cells_))
+    share = np.isfinite(shape.gap(WTS.centres[:, :1] + dx - at[0], WTS.centres[:, 1:2] + dy - at[1])).mean(axis=1)
+    share /= share.sum()
+    apart = {
+        name: np.abs(indent(PARAMETERS, shape, load=1.0, at=at, method=name).contact_forces - share).sum() / 2
+        for name in (method, "boxes")
+    }
+    # the cover itself presses harder along edges, so even shares are not its aim
+    assert apart[method] < (0.8 if method == "cover" else 0.25) * apart["boxes"]
+
+
+@pytest.mark.parametrize("method", ["area", "foundation", "cover"])
+def test_a_free_body_presses_where_its_weight_stands(method):
+    block = Box(size=(10e-3, 10e-3, 10e-3))
+    at = (0.7e-3, -1.1e-3)
+    placement = Placement(indenter=block, load=2.0, at=at, guided=False, centre=(2e-3, -1e-3))
+    found = indent_together(PARAMETERS, [placement], method=method)
+    pressed = found.contact_forces @ WTS.centres[:, :2] / found.contact_forces.sum()
+    np.testing.assert_allclose(pressed, np.add(at, [2e-3, -1e-3]), atol=0.6e-3)
+
+
+def test_two_bodies_each_carry_their_own():
+    square = Box(size=(6e-3, 6e-3, 5e-3))
+    both = [Placement(indenter=square, load=load, at=(0, y)) for load, y in ((3.0, -8e-3), (1.0, 8e-3))]
+    found = indent_together(PARAMETERS, both, method="cover")
+    image = WTS.image(found.contact_forces)
+    assert image[:7].sum() == pytest.approx(3, rel=1e-3)
+    assert image[7:].sum() == pytest.approx(1, rel=1e-3)
+
+
+def scene(turn, method="cover", speed=0.0, **settings):
+    """A 200 g block on a tilted array, held on a slide along its normal and one along it."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    spec.option.gravity = rotate(turn, np.array([[0, 0, -9.80665]]))[0]
+    holder = spec.worldbody.add_body(name="holder", quat=turn, pos=[0.1, -0.2, 0.3])
+    sensor = fastmodel.attach(spec, "holder", PARAMETERS, contact=method, **settings)
+    block = holder.add_body(name="block", pos=[-4e-3, 1e-3, 0])
+    for axis in ([1, 0, 0], [0, 0, 1]):
+        block.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    block.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[4e-3, 3e-3, 5e-3], pos=[0, 0, 5e-3], mass=0.2)
+    spec.geoms[-1].condim = 1
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qvel[0] = speed
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OptionWarning)
+        sensor.bind(model)
+    return sensor, model, data
+
+
+def run(sensor, model, data, steps):
+    frames = []
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        if sensor.step(data):
+            frames.append(sensor.frame())
+    return frames
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_turning_array_and_object_together_changes_no_texel(method):
+    turn = multiply(np.array([np.cos(0.4), np.sin(0.4), 0, 0]), about_z(1.1))
+    level = run(*scene(np.array([1.0, 0, 0, 0]), method), 500)[-1]
+    turned = run(*scene(turn, method), 500)[-1]
+    # 2 N; boxes hold four contacts of a redundant set, which rounding shares anew
+    np.testing.assert_allclose(turned.texel_forces, level.texel_forces, atol=2e-6 if method != "boxes" else 2e-2)
+
+
+@pytest.mark.parametrize("method", ["foundation", "cover"])
+def test_sliding_is_smooth_and_carries_the_weight(method):
+    frames = run(*scene(np.array([1.0, 0, 0, 0]), method, speed=20e-3), 400)
+    total = np.array([frame.texel_forces.sum() for frame in frames[len(frames) // 2 :]])
+    assert total.std() < 0.005 * 0.2 * 9.80665
+    peak = np.array([frame.texel_forces.max() for frame in frames[len(frames) // 2 :]])
+    assert np.abs(np.diff(peak)).max() < 0.05 * peak.max()
+
+
+def test_resting_does_not_chatter():
+    frames = run(*scene(np.array([1.0, 0, 0, 0])), 1500)
+    late = np.array([frame.texel_forces for frame in frames[-100:]])
+    assert np.ptp(late, axis=0).max() < 1e-3 * late.max()
+
+
+@pytest.mark.parametrize("method", ["foundation", "cover"])
+def test_numpy_and_numba_agree(method):
+    pytest.importorskip("numba")
+    plain, fast = (
+        run(*scene(np.array([1.0, 0, 0, 0]), method, speed=10e-3, native=native), 120)[-1].texel_forces
+        for native in (False, True)
+    )
+    np.testing.assert_allclose(plain, fast, atol=1e-6)
+
+
+def test_a_held_start_is_at_rest():
+    sensor, _, _ = scene(np.array([1.0, 0, 0, 0]))
+    forces = np.zeros(84)
+    forces[30] = 1.0
+    sensor.reset(forces)
+    image = WTS.image(sensor.frame().texel_forces)
+    assert image.argmax() == 30
+    assert image.sum() + sensor.outside() == pytest.approx(1)
+
+
+def test_a_contact_is_solved_anew_only_after_it_has_slid_by_a_cell():
+    sensor, model, data = scene(np.array([1.0, 0, 0, 0]))
+    run(sensor, model, data, 600)
+    reader = sensor._running._reader
+    first = reader._held
+    run(sensor, model, data, 30)
+    assert reader._held is first
+    cell = PARAMETERS.cells.cell[0]
+    for way, same in ((0.9, True), (0.2, False)):
+        data.qvel[0] = way * cell / 30e-3
+        run(sensor, model, data, 30)
+        data.qvel[0] = 0
+        run(sensor, model, data, 3)
+        assert (reader._held is first) is same
+
+
+def test_costly_methods_read_as_rarely_as_frames_and_filter_allow():
+    for cutoff, every in ((10.0, 3), (100.0, 2), (200.0, 1)):
+        changed = dataclasses.replace(PARAMETERS, filter=Butterworth(cutoff_hz=cutoff))
+        spec = mujoco.MjSpec()
+        spec.option.timestep = 1e-3
+        sensor = fastmodel.attach(spec, "world", changed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", OptionWarning)
+            sensor.bind(spec.compile())
+        assert sensor._running._every == every
+
+
+def test_the_best_method_is_taken_where_it_can_be():
+    assert indent(PARAMETERS, SHAPES[0], load=1.0).method == "cover"
+    assert indent(PARAMETERS, SHAPES[0], load=1.0).depth > 0
+    bare = dataclasses.replace(PARAMETERS, cells=None)
+    assert indent(bare, SHAPES[0], load=1.0).method == "boxes"
+
+
+def test_masked_texels_carry_but_do_not_measure():
+    array = ARRAYS["sdh2-distal"]
+    corner = array.centres[0]
+    found = indent(parameters(array), Sphere(radius=3e-3), load=1.0, at=(corner[0], corner[1]), method="cover")
+    assert found.contact_forces[0] > 0.3
+    assert np.all(found.texel_forces[~array.active] == 0)
+    assert found.outside > 0.3
+
+
+def test_force_beside_the_texels_is_outside():
+    edge = WTS.centres[:, 0].max() + 1.7e-3
+    found = indent(PARAMETERS, Cylinder(radius=2e-3), load=1.0, at=(edge, 1.7e-3), method="cover")
+    assert found.total_force == pytest.approx(1, rel=1e-3)
+    assert 0.3 < found.contact_forces.sum() < 0.7
+    assert found.outside > 0.3
+
+
+def curved():
+    angle = np.repeat([-0.4, 0.0, 0.4], 3)
+    along = np.tile([-3.4e-3, 0.0, 3.4e-3], 3)
+    normals = np.stack([np.zeros(9), np.sin(angle), np.cos(angle)], axis=1)
+    centres = 8.5e-3 * (normals - [0, 0, 1]) + along[:, None] * [1.0, 0, 0]
+    return TexelArray(
+        centres=centres,
+        normals=normals,
+        texel_size=(3e-3, 3e-3),
+        pitch=(3.4e-3, 3.4e-3),
+        rows=3,
+        columns=3,
+        active=np.ones(9, dtype=bool),
+    )
+
+
+def test_bad_use_is_named():
+    sphere = SHAPES[0]
+    bare = dataclasses.replace(PARAMETERS, cells=None)
+    with pytest.raises(ParametersError, match="'cover' needs the cover's cells"):
+        indent(bare, sphere, load=1.0, method="cover")
+    with pytest.raises(ParametersError, match="a modulus"):
+        indent(bare, sphere, load=1.0, method="foundation")
+    assert indent(bare, sphere, load=1.0, method=Foundation(modulus=1e9)).total_force == pytest.approx(1, rel=1e-3)
+    bent = Parameters(array=curved(), spread=bare.spread, electronics=bare.electronics)
+    assert indent(bent, sphere, load=1.0).method == "boxes"
+    with pytest.raises(UnknownNameError, match="valid names: area, boxes, cover, default, foundation"):
+        indent(PARAMETERS, sphere, load=1.0, method="covers")
+    with pytest.raises(ShapeError, match="pitch"):
+        dataclasses.replace(PARAMETERS, cells=cells(TexelArray.grid(2, 2, 3e-3)))
+    spec = mujoco.MjSpec()
+    sensor = fastmodel.attach(spec, "world", PARAMETERS)
+    with pytest.raises(LifeCycleError, match="sensor/plate"):
+        sensor.bind(mujoco.MjSpec().compile())
+    with pytest.raises(FastModelError, match="on this spec already"):
+        fastmodel.attach(spec, "world", PARAMETERS, contact="boxes")
+    for wrong in ({"height": 0.0}, {"margin": -1}, {"contact_bit": 31}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            Plate(**wrong)
+
+
+def test_cells_travel_with_the_parameters(tmp_path):
+    PARAMETERS.save(tmp_path)
+    back = fastmodel.load(tmp_path).cells
+    for field in dataclasses.fields(back):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(PARAMETERS.cells, field.name))
+    assert "\ncompliance" not in (tmp_path / "parameters.toml").read_text()
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(3000, marks=pytest.mark.slow)])
+def test_random_shapes_and_poses_never_break(count):
+    rng = np.random.default_rng(count)
+    for _ in range(count):
+        a, b, c = 10 ** rng.uniform(-3.5, -1.9, 3)
+        shape = rng.choice([Sphere(radius=a), Cylinder(radius=a), Box(size=(a, b, c)), RoundedTip(radius=a)])
+        at = (rng.uniform(-0.0102, 0.0102), rng.uniform(-0.0238, 0.0238))
+        load = 10 ** rng.uniform(-2, 1.0)
+        found = indent(PARAMETERS, shape, load=load, at=at, yaw=rng.uniform(0, 7), method="cover")
+        assert found.total_force == pytest.approx(load, rel=1e-3), (shape, at)
+        assert np.all(np.isfinite(found.texel_forces))
+        assert np.all(found.contact_forces >= 0)
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 30))])
+def test_tumbling_bodies_never_break(seed):
+    """Free boxes, balls, capsules, ellipsoids and cylinders thrown on the array: on edges, on corners, in heaps."""
+    rng = np.random.default_rng(seed)
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    sensor = fastmodel.attach(spec, "world", PARAMETERS, contact="cover", every=1)
+    kinds = [getattr(mujoco.mjtGeom, f"mjGEOM_{n}") for n in ("BOX", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER")]
+    for k, kind in enumerate(kinds):
+        place = [*rng.uniform(-8e-3, 8e-3, 2), 8e-3 * (k + 1)]
+        body = spec.worldbody.add_body(pos=place, quat=rng.normal(size=4))
+        body.add_freejoint()
+        body.add_geom(type=kind, size=[4e-3, 3e-3, 5e-3], density=4000)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OptionWarning)
+        sensor.bind(model)
+    felt = 0
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+        forces = sensor.contact_forces()
+        assert np.all(np.isfinite(forces) & (forces >= 0))
+        assert forces.sum() <= sensor.carried() * (1 + 1e-9)
+        assert np.isfinite(sensor.frame().texel_forces).all()
+        assert sensor.frame().counts.min() >= 0
+        felt += sensor.carried() > 0
+    assert felt > 50
+
+
+def test_texels_on_top_of_one_another_are_refused():
+    wide = TexelArray.grid(4, 4, 3e-3, texel_size=3.5e-3, name="wide")
+    spread = fastmodel.Gaussian.from_sigma(0.5)
+    overlapping = Parameters(array=wide, spread=spread, electronics=PARAMETERS.electronics)
+    with pytest.raises(OverlapError, match=r"'wide': texels 0 and \d overlap \(42 pairs"):
+        fastmodel.attach(mujoco.MjSpec(), "world", overlapping)
+    bent = Parameters(array=curved(), spread=spread, electronics=PARAMETERS.electronics)
+    fastmodel.attach(mujoco.MjSpec(), "world", bent)
+
+
+def test_forces_that_are_not_numbers_are_told():
+    sensor, model, data = scene(np.array([1.0, 0, 0, 0]))
+    run(sensor, model, data, 20)
+    mujoco.mj_step(model, data)
+    data.efc_force[:] = np.nan
+    with pytest.raises(StateError, match="not finite"):
+        sensor._running._reader.read(data)
+
+
+def test_a_sensor_with_hysteresis_reads_less_on_the_way_up_than_on_the_way_down():
+    lazy = dataclasses.replace(
+        PARAMETERS,
+        filter=None,
+        electronics=dataclasses.replace(
+            PARAMETERS.electronics, offset=0.0, hysteresis_share=0.5, hysteresis_width=0.05
+        ),
+    )
+    spec = mujoco.MjSpec()
+    spec.option.timestep = 1e-3
+    sensor = fastmodel.attach(spec, "world", lazy)
+    body = spec.worldbody.add_body(pos=[0, 0, 0])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, 5e-3], mass=0.1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OptionWarning)
+        sensor.bind(model)
+    readings = {}
+    for name, push in (("up", -1.0), ("top", -4.0), ("down", -1.0)):
+        data.xfrc_applied[1, 2] = push
+        run(sensor, model, data, 600)
+        readings[name] = sensor.frame()
+    np.testing.assert_allclose(readings["up"].texel_forces, readings["down"].texel_forces, atol=2e-3)
+    middle = readings["top"].texel_forces.argmax()
+    assert readings["down"].counts[middle] > readings["up"].counts[middle] + 50

@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from fastmodel.errors import FastModelError, ShapeError
+from fastmodel.fitting.gaussian import fit_gaussian
+from fastmodel.signal.point_spread import Gaussian
+from meshes.catalogue import ARRAYS
+
+WTS = ARRAYS["wts-0614-34"]
+LOADED = (7, 3)
+
+
+def image_of(gaussian):
+    return WTS.image(gaussian.operator(WTS)[:, WTS.middle])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.27, 5.0), st.floats(0.27, 5.0))
+@example(1.1, 4.11328125)  # just over a jump of ksize, with a fit just under it that agrees with itself
+def test_synthetic_gaussian_is_recovered(sigma_x, sigma_y):
+    truth = Gaussian.from_sigma(sigma_x, sigma_y)
+    fit = fit_gaussian(image_of(truth), LOADED)
+    assert fit.gaussian.sigma_x == pytest.approx(sigma_x, abs=1e-6)
+    assert fit.gaussian.sigma_y == pytest.approx(sigma_y, abs=1e-6)
+    assert (fit.gaussian.ksize_x, fit.gaussian.ksize_y) == (truth.ksize_x, truth.ksize_y)
+    assert fit.residual < 1e-6
+
+
+def test_load_scales_out():
+    truth = Gaussian.from_sigma(0.8, 0.6)
+    fit = fit_gaussian(4.2 * image_of(truth), LOADED, load=4.2)
+    assert fit.gaussian.sigma_x == pytest.approx(0.8, abs=1e-6)
+
+
+def test_residual_and_outside_kernel_are_what_they_say():
+    truth = Gaussian.from_sigma(0.5)
+    image = 0.9 * image_of(truth)
+    image[0, 0] += 0.06
+    fit = fit_gaussian(image, LOADED)
+    kernel = image_of(fit.gaussian)
+    assert fit.residual == pytest.approx(0.5 * np.abs(image - kernel).sum(), rel=1e-12)
+    assert fit.outside_kernel == pytest.approx(1 - image[kernel > 0].sum(), rel=1e-12)
+    assert fit.outside_kernel == pytest.approx(0.1, abs=2e-3)
+
+
+def test_it_is_the_least_squares_minimum_of_the_kernel():
+    rng = np.random.default_rng(5)
+    image = image_of(Gaussian.from_sigma(0.9, 0.7)) + 0.01 * rng.normal(size=(14, 6))
+    fit = fit_gaussian(image, LOADED)
+    best = fit.gaussian
+    least = np.sum((image - image_of(best)) ** 2)
+    for step in ([1e-3, 0], [-1e-3, 0], [0, 1e-3], [0, -1e-3]):
+        other = Gaussian(
+            sigma_x=best.sigma_x + step[0],
+            sigma_y=best.sigma_y + step[1],
+            ksize_x=best.ksize_x,
+            ksize_y=best.ksize_y,
+        )
+        assert np.sum((image - image_of(other)) ** 2) > least
+
+
+def test_masked_texels_do_not_pull():
+    active = np.ones((14, 6), dtype=bool)
+    active[7, 4] = False
+    image = image_of(Gaussian.from_sigma(0.8, 0.6))
+    image[7, 4] = 0
+    assert fit_gaussian(image, LOADED, active=active).gaussian.sigma_x == pytest.approx(0.8, abs=1e-6)
+    assert abs(fit_gaussian(image, LOADED).gaussian.sigma_x - 0.8) > 1e-3
+
+
+def test_every_estimator_finds_a_gaussian_and_carries_its_name():
+    """On a wide continuous Gaussian all of them must agree; on anything else they need not."""
+    sigma, pitch = 1.0, 3.4e-3
+    radius = np.linspace(0, 10 * pitch, 4001)
+    pressure = np.exp(-0.5 * (radius / (sigma * pitch)) ** 2) / (2 * np.pi * (sigma * pitch) ** 2)
+    big = np.exp(-0.5 * (np.arange(-12, 13) / sigma) ** 2)
+    big = np.outer(big, big) / big.sum() ** 2
+    fit = fit_gaussian(
+        big, (12, 12), point_response=big, radius=radius, pressure_per_force=pressure, pitch=(pitch, pitch)
+    )
+    assert {name for name, _ in fit.estimates.items()} == {
+        "least-squares-uniform",
+        "least-squares-uniform-uncut",
+        "least-squares-point",
+        "variance-uniform",
+        "peak-uniform",
+        "neighbour-uniform",
+        "variance-point",
+        "peak-point",
+        "neighbour-point",
+        "radial-profile",
+        "radial-profile-area",
+        "radial-peak",
+        "radial-half-height",
+        "radial-half-force",
+        "radial-variance",
+    }
+    for name, pair in fit.estimates.items():
+        assert pair == pytest.approx((1.0, 1.0), rel=2e-3), name
+    assert fit.estimates["least-squares-uniform-uncut"] == pytest.approx((1.0, 1.0), abs=1e-6)
+    assert fit.estimates["radial-profile"] == pytest.approx((1.0, 1.0), abs=1e-6)
+
+
+def test_negative_rings_give_nan_and_no_exception():
+    image = image_of(Gaussian.from_sigma(0.4))
+    image[7, 1] = image[7, 5] = image[5, 3] = image[9, 3] = -0.2
+    estimates = fit_gaussian(image, LOADED).estimates
+    assert np.isnan(estimates["variance-uniform"][0])
+
+
+def test_extreme_responses_end_in_range():
+    single = np.zeros((14, 6))
+    single[LOADED] = 1
+    assert fit_gaussian(single, LOADED).gaussian.ksize_x == 1
+    assert np.isfinite(fit_gaussian(np.full((14, 6), 1 / 84), LOADED).gaussian.sigma_x)
+
+
+def test_bad_input_is_named():
+    image = np.zeros((14, 6))
+    with pytest.raises(ShapeError, match="not on an image"):
+        fit_gaussian(image, (14, 0))
+    with pytest.raises(FastModelError, match="load must be positive"):
+        fit_gaussian(image, LOADED, load=0)
+    with pytest.raises(FastModelError, match="nan"):
+        fit_gaussian(np.full((14, 6), np.nan), LOADED)
+    with pytest.raises(FastModelError, match="together"):
+        fit_gaussian(image, LOADED, radius=[0, 1.0])

@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fastmodel.errors import ShapeError
+from fastmodel.signal.point_spread import Gaussian, Tabulated, outside_share, running_operator, smallest_kernel
+from meshes import TexelArray
+from meshes.catalogue import ARRAYS
+
+WTS = ARRAYS["wts-0614-34"]
+
+
+def test_kernel_is_the_sampled_gaussian_of_unit_sum():
+    kernel = Gaussian(sigma_x=0.8, sigma_y=1.2, ksize_x=5, ksize_y=7).kernel()
+    assert kernel.shape == (7, 5)
+    assert kernel.sum() == pytest.approx(1, abs=1e-15)
+    assert kernel[3, 2] / kernel[3, 3] == pytest.approx(np.exp(0.5 / 0.8**2))
+    assert kernel[3, 2] / kernel[5, 2] == pytest.approx(np.exp(0.5 * 4 / 1.2**2))
+
+
+@given(st.floats(0.1, 20))
+def test_ksize_is_the_smallest_odd_that_holds_the_mass(sigma):
+    ksize = smallest_kernel(sigma)
+    i = np.arange(-400, 401)
+    weights = np.exp(-0.5 * (i / sigma) ** 2)
+    held = weights[np.abs(i) <= ksize // 2].sum() / weights.sum()
+    narrower = weights[np.abs(i) <= ksize // 2 - 1].sum() / weights.sum()
+    assert ksize % 2 == 1
+    assert held >= 0.999 - 1e-12
+    assert ksize == 1 or narrower < 0.999 + 1e-12
+
+
+def test_operator_column_is_the_kernel_about_the_loaded_texel():
+    gaussian = Gaussian.from_sigma(0.7, 0.5)
+    column = WTS.image(gaussian.operator(WTS)[:, WTS.middle])
+    reach_y, reach_x = gaussian.ksize_y // 2, gaussian.ksize_x // 2
+    window = column[7 - reach_y : 8 + reach_y, 3 - reach_x : 4 + reach_x]
+    assert np.allclose(window, gaussian.kernel()[:, : window.shape[1]], atol=1e-15)
+    assert column.sum() == pytest.approx(window.sum())
+
+
+def test_force_that_leaves_is_booked_once_at_edge_and_corner():
+    gaussian = Gaussian.from_sigma(0.7)
+    lost = WTS.image(outside_share(gaussian.operator(WTS)))
+    axis = gaussian.kernel().sum(axis=0)
+    beyond = axis[: len(axis) // 2].sum()
+    assert lost[7, 2:4] == pytest.approx(0, abs=1e-15)
+    assert lost[7, 0] == pytest.approx(beyond, rel=1e-12)
+    assert lost[0, 0] == pytest.approx(1 - (1 - beyond) ** 2, rel=1e-12)
+
+
+def test_masked_texels_feel_nothing_but_pass_force_on():
+    array = ARRAYS["sdh2-distal"]
+    operator = Gaussian.from_sigma(0.8).operator(array)
+    dead = ~array.active
+    assert np.all(operator[dead] == 0)
+    assert operator[:, dead].sum() > 0
+    assert np.all(outside_share(operator)[dead] > 0.3)
+
+
+def test_layout_need_not_be_flat_and_turning_it_changes_nothing():
+    gaussian = Gaussian.from_sigma(0.9, 0.6)
+    turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # x -> -z, z -> x
+    tilt = np.array([[np.cos(0.3), 0, np.sin(0.3)], [0, 1, 0], [-np.sin(0.3), 0, np.cos(0.3)]])
+    for rotation in (tilt, tilt @ tilt, turn @ tilt):
+        turned = TexelArray(
+            centres=WTS.centres @ rotation.T,
+            normals=WTS.normals @ rotation.T,
+            texel_size=WTS.texel_size,
+            pitch=WTS.pitch,
+            rows=14,
+            columns=6,
+            active=WTS.active.copy(),
+        )
+        assert np.allclose(gaussian.operator(turned), gaussian.operator(WTS), atol=1e-12)
+
+
+def test_crowded_texels_never_feel_more_than_the_load():
+    array = TexelArray.grid(6, 6, 1e-3)
+    crowded = TexelArray(
+        centres=array.centres * 0.4,
+        normals=array.normals.copy(),
+        texel_size=(1e-3, 1e-3),
+        pitch=(1e-3, 1e-3),
+        rows=6,
+        columns=6,
+        active=array.active.copy(),
+    )
+    assert np.all(outside_share(Gaussian.from_sigma(0.8).operator(crowded)) >= -1e-14)
+
+
+def test_any_linear_operator_serves():
+    rng = np.random.default_rng(1)
+    matrix = rng.normal(size=(84, 84))
+    assert np.array_equal(Tabulated(matrix=matrix).operator(WTS), matrix)
+    with pytest.raises(ShapeError, match=r"84 texels.*\(84, 84\)"):
+        Tabulated(matrix=np.eye(83)).operator(WTS)
+    with pytest.raises(ShapeError, match=r"\(n, n\)"):
+        Tabulated(matrix=np.ones((84, 83)))
+    with pytest.raises(ValueError, match="finite"):
+        Tabulated(matrix=np.full((2, 2), np.nan))
+
+
+@pytest.mark.parametrize("bad", [{"sigma_x": 0.0}, {"sigma_y": np.nan}, {"ksize_x": 4}, {"ksize_y": 0}])
+def test_impossible_kernels_are_refused(bad):
+    with pytest.raises(ValueError, match=r"sigma|ksize"):
+        Gaussian(**{"sigma_x": 1.0, "sigma_y": 1.0, "ksize_x": 5, "ksize_y": 5, **bad})
+
+
+def test_large_arrays_run_on_a_sparse_operator_that_does_the_same():
+    mask = np.ones((30, 25), dtype=bool)
+    mask[3:5, 7:20] = False
+    array = TexelArray.grid(30, 25, (2e-3, 3e-3), active=mask)
+    spread = Gaussian(sigma_x=0.7, sigma_y=1.1, ksize_x=5, ksize_y=7)
+    sparse = running_operator(spread, array)
+    assert sparse.nnz < 0.06 * array.count**2
+    np.testing.assert_allclose(sparse.toarray(), spread.operator(array), atol=1e-15)
+    table = Tabulated(matrix=spread.operator(array))
+    np.testing.assert_allclose(running_operator(table, array).toarray(), table.operator(array))
+    small = TexelArray.grid(3, 3, 2e-3)
+    np.testing.assert_array_equal(running_operator(spread, small), spread.operator(small))

@@ -1,0 +1,158 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from fastmodel import (
+    WTS_0614_34,
+    BoxTexels,
+    FastModelError,
+    Gaussian,
+    MissedArrayError,
+    Parameters,
+    UnknownNameError,
+    bench,
+    indent,
+)
+from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
+from meshes.catalogue import ARRAYS
+
+WTS = ARRAYS["wts-0614-34"]
+PARAMETERS = Parameters(array=WTS, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
+SHAPES = (
+    Sphere(radius=5e-3),
+    Cylinder(radius=5e-3),
+    Box(size=(10e-3, 10e-3, 5e-3)),
+    Box(size=(6e-3, 18e-3, 5e-3)),
+    RoundedTip(),
+)
+# Over a corner, a centre, an edge of texels, and off the grid.
+PLACES = ((0.0, 0.0), (1.7e-3, 1.7e-3), (1.7e-3, 0.0), (0.7e-3, -1.1e-3))
+YAWS = (0.0, np.pi / 4, np.pi / 2)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+def test_contact_force_before_spread_is_the_weight(shape):
+    worst = 0.0
+    for load, at, yaw in itertools.product((0.098, 0.98, 4.9), PLACES, YAWS):
+        result = indent(PARAMETERS, shape, load=load, at=at, yaw=yaw)
+        worst = max(worst, abs(result.total_force / load - 1))
+        assert np.all(result.contact_forces >= 0)
+        assert np.isfinite(result.texel_forces).all()
+        assert result.texel_forces.sum() + result.outside == pytest.approx(load, rel=1e-3)
+    assert worst < 1e-3
+
+
+def test_force_lands_under_the_indenter_and_nowhere_else():
+    at = WTS.centres[20, :2]
+    result = indent(PARAMETERS, RoundedTip(), load=1.0, at=(at[0], at[1]))
+    assert np.flatnonzero(result.contact_forces).tolist() == [20]
+    assert np.allclose(result.texel_forces, Gaussian.from_sigma(0.6).operator(WTS)[:, 20], rtol=1e-3)
+
+
+def test_mirrored_pose_mirrors_the_image():
+    right = indent(PARAMETERS, Sphere(radius=6e-3), load=2.0, at=(1.1e-3, 2.3e-3))
+    left = indent(PARAMETERS, Sphere(radius=6e-3), load=2.0, at=(-1.1e-3, 2.3e-3))
+    assert np.allclose(WTS.image(left.contact_forces), WTS.image(right.contact_forces)[:, ::-1], atol=2e-6)
+
+
+def test_split_goes_by_contact_points_not_by_area():
+    """The known error of rigid boxes, measured: about a quarter of a flat face's force on wrong texels."""
+    errors = [_split_error(shape, at, yaw) for shape, at, yaw in itertools.product(SHAPES[1:4], PLACES, YAWS)]
+    assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 0.6
+
+
+def _split_error(shape, at, yaw):
+    """RMS distance from the share that uniform pressure over the face would give, over that share's RMS."""
+    cells = (np.arange(40) + 0.5) / 40 - 0.5
+    dx, dy = (cell.ravel() * 3.4e-3 for cell in np.meshgrid(cells, cells))
+    x, y = WTS.centres[:, :1] + dx - at[0], WTS.centres[:, 1:2] + dy - at[1]
+    c, s = np.cos(yaw), np.sin(yaw)
+    share = np.isfinite(shape.gap(c * x + s * y, c * y - s * x)).mean(axis=1)
+    share /= share.sum()
+    force = indent(PARAMETERS, shape, load=1.0, at=at, yaw=yaw).contact_forces
+    return np.linalg.norm(force - share) / np.linalg.norm(share)
+
+
+def test_face_on_whole_texels_is_shared_evenly():
+    shape = Box(size=(3.3 * 3.4e-3, 3.3 * 3.4e-3, 5e-3))
+    result = indent(PARAMETERS, shape, load=9.0, at=(1.7e-3, 1.7e-3))
+    assert result.contact_forces.max() == pytest.approx(result.contact_forces[result.contact_forces > 0].min())
+
+
+def test_masked_texels_carry_but_do_not_measure():
+    array = ARRAYS["sdh2-distal"]
+    parameters = Parameters(array=array, spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34)
+    corner = array.centres[0]
+    result = indent(parameters, Sphere(radius=3e-3), load=1.0, at=(corner[0], corner[1]))
+    assert result.contact_forces[0] == pytest.approx(1, rel=1e-3)
+    assert np.all(result.texel_forces[~array.active] == 0)
+    assert result.outside > 0.5
+
+
+def test_curved_array_feels_the_weight_too():
+    angle = np.repeat([-0.4, 0.0, 0.4], 3)
+    along = np.tile([-3.4e-3, 0.0, 3.4e-3], 3)
+    normals = np.stack([np.zeros(9), np.sin(angle), np.cos(angle)], axis=1)
+    centres = 8.5e-3 * (normals - [0, 0, 1]) + along[:, None] * [1.0, 0, 0]
+    array = TexelArray(
+        centres=centres,
+        normals=normals,
+        texel_size=(3e-3, 3e-3),
+        pitch=(3.4e-3, 3.4e-3),
+        rows=3,
+        columns=3,
+        active=np.ones(9, dtype=bool),
+    )
+    parameters = Parameters(array=array, spread=Gaussian.from_sigma(0.4), electronics=WTS_0614_34)
+    result = indent(parameters, Sphere(radius=5e-3), load=2.0, at=(0.3e-3, 0.2e-3))
+    assert result.total_force == pytest.approx(2.0, rel=1e-3)
+    assert result.contact_forces.argmax() == 4
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
+def test_random_shapes_and_poses_never_break(count):
+    """Thin, tiny, huge, over corners and edges: the weight is carried, nothing negative, nothing undefined."""
+    rng = np.random.default_rng(count)
+    for _ in range(count):
+        a, b, c = 10 ** rng.uniform(-3.5, -1.7, 3)
+        shape = rng.choice([Sphere(radius=a), Cylinder(radius=a), Box(size=(a, b, c)), RoundedTip(radius=a)])
+        at = (rng.uniform(-0.0102, 0.0102), rng.uniform(-0.0238, 0.0238))
+        load = 10 ** rng.uniform(-2, 1.5)
+        result = indent(PARAMETERS, shape, load=load, at=at, yaw=rng.uniform(0, 7))
+        assert result.total_force == pytest.approx(load, rel=1e-3), (shape, at)
+        assert np.all(np.isfinite(result.texel_forces))
+        assert np.all(result.contact_forces >= 0)
+
+
+def test_forces_that_do_not_settle_are_averaged(monkeypatch):
+    """Cut the time to settle short: the mean still carries the weight, and what was not steady is told."""
+    shape = Cylinder(radius=5e-3)
+    settled = indent(PARAMETERS, shape, load=0.952)
+    monkeypatch.setattr(bench, "SETTLE_TIME", 0.1)
+    averaged = indent(PARAMETERS, shape, load=0.952)
+    assert settled.chatter == 0
+    assert 0 < averaged.chatter < 1e-3
+    assert averaged.total_force == pytest.approx(0.952, rel=1e-3)
+    assert np.allclose(averaged.contact_forces, settled.contact_forces, atol=1e-3)
+
+
+def test_it_is_fast_enough_for_campaigns():
+    seconds = [indent(PARAMETERS, shape, load=4.9, yaw=np.pi / 4).seconds for shape in SHAPES]
+    assert max(seconds) < 0.5
+
+
+def test_bad_input_is_named():
+    sphere = Sphere(radius=5e-3)
+    with pytest.raises(FastModelError, match="load must be positive"):
+        indent(PARAMETERS, sphere, load=0.0)
+    with pytest.raises(FastModelError, match="finite"):
+        indent(PARAMETERS, sphere, load=1.0, at=(np.nan, 0.0))
+    with pytest.raises(MissedArrayError, match="'at' must lie on the array"):
+        indent(PARAMETERS, sphere, load=1.0, at=(0.1, 0.0))
+    with pytest.raises(UnknownNameError, match="no contact method named 'bricks'; valid names: area, boxes, cover"):
+        indent(PARAMETERS, sphere, load=1.0, method="bricks")
+    with pytest.raises(ValueError, match="height"):
+        BoxTexels(height=0.0)
+    with pytest.raises(ValueError, match="contact_bit"):
+        BoxTexels(contact_bit=31)

@@ -1,0 +1,331 @@
+import dataclasses
+import json
+import os
+import time
+
+import numpy as np
+import pytest
+
+from fem_reference import result_store
+from fem_reference.grid_convergence import grid_convergence
+from meshes import Box, Sphere, atomic_file
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "store"))
+    return tmp_path / "store"
+
+
+def counted(results):
+    calls = []
+
+    def compute():
+        calls.append(1)
+        return results
+
+    return compute, calls
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_second_fetch_reads_what_the_first_computed():
+    compute, calls = counted({"a": np.arange(5.0), "b": 2.5, "file": np.array([True, False])})
+    first = result_store.fetch("test", {"x": 1.0}, compute)
+    second = result_store.fetch("test", {"x": 1.0}, compute)
+    assert len(calls) == 1
+    assert first.keys() == second.keys()
+    for name, values in first.items():
+        assert values.dtype == second[name].dtype
+        np.testing.assert_array_equal(values, second[name])
+
+
+def test_other_inputs_are_other_entries():
+    compute, calls = counted({"a": 1.0})
+    for inputs in ({"x": 1.0}, {"x": 2.0}, {"x": Sphere(radius=1.0)}, {"x": Sphere(radius=2.0)}, {"y": 1.0}):
+        result_store.fetch("test", inputs, compute)
+    result_store.fetch("other", {"x": 1.0}, compute)
+    assert len(calls) == 6
+
+
+def test_other_code_is_another_entry(monkeypatch):
+    compute, calls = counted({"a": 1.0})
+    result_store.fetch("test", {}, compute)
+    for name in ("code_version", "hash_sources"):
+        monkeypatch.setattr(result_store, name, lambda: "0123456789abcdef")
+    result_store.fetch("test", {}, compute)
+    assert len(calls) == 2
+
+
+def test_code_version_covers_every_source(monkeypatch, tmp_path):
+    for package in ("fem_reference", "meshes"):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "one.py").write_text("pass")
+    monkeypatch.setattr(result_store, "__file__", str(tmp_path / "fem_reference" / "result_store.py"))
+    versions = {result_store.hash_sources()}
+    (tmp_path / "meshes" / "one.py").write_text("pass # changed")
+    versions.add(result_store.hash_sources())
+    (tmp_path / "meshes" / "one.py").rename(tmp_path / "meshes" / "two.py")
+    versions.add(result_store.hash_sources())
+    (tmp_path / "fem_reference" / "materials").mkdir()
+    (tmp_path / "fem_reference" / "materials" / "one.py").write_text("")
+    versions.add(result_store.hash_sources())
+    monkeypatch.setattr(result_store, "_version", lambda library: f"another {library}")
+    versions.add(result_store.hash_sources())
+    assert len(versions) == 5
+
+
+def test_sources_that_change_meanwhile_keep_the_result_out(folder, monkeypatch, caplog):
+    compute, _ = counted({"a": 1.0})
+    result_store.code_version()
+    monkeypatch.setattr(result_store, "hash_sources", lambda: "0123456789abcdef")
+    assert result_store.fetch("test", {}, compute)["a"] == 1.0
+    assert "sources changed" in caplog.text
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("place", [0, 30, 60, 110, 200, -1])
+def test_a_flipped_bit_anywhere_is_found_and_computed_again(folder, place, caplog):
+    compute, calls = counted({"a": np.arange(100.0)})
+    result_store.fetch("test", {}, compute)
+    (entry,) = folder.iterdir()
+    content = bytearray(entry.read_bytes())
+    content[place] ^= 1
+    entry.write_bytes(content)
+    (found,) = result_store.verify()
+    assert found.problem
+    assert (result_store.fetch("test", {}, compute)["a"] == np.arange(100.0)).all()
+    assert len(calls) == 2
+    assert "computed again" in caplog.text
+    assert [entry.problem for entry in result_store.verify()] == [""]
+
+
+@pytest.mark.parametrize("length", [0, 1, 50, 105, 300])
+def test_a_cut_entry_is_found_and_computed_again(folder, length):
+    compute, calls = counted({"a": np.arange(100.0)})
+    result_store.fetch("test", {}, compute)
+    (entry,) = folder.iterdir()
+    os.truncate(entry, length)
+    assert [entry.problem != "" for entry in result_store.verify()] == [True]
+    assert len(result_store.entries()) == 1
+    result_store.fetch("test", {}, compute)
+    assert len(calls) == 2
+
+
+def test_an_entry_under_another_name_is_no_entry(folder):
+    compute, calls = counted({"a": 1.0})
+    result_store.fetch("test", {"x": 1.0}, compute)
+    (entry,) = folder.iterdir()
+    entry.rename(folder / f"{result_store.make_key('test', {'x': 2.0})}.entry")
+    result_store.fetch("test", {"x": 2.0}, compute)
+    assert len(calls) == 2
+
+
+def test_entries_say_what_they_are(folder):
+    compute, _ = counted({"a": 1.0})
+    for radius in (1.0, 2.0):
+        result_store.fetch("test", {"indenter": Sphere(radius=radius)}, compute)
+        time.sleep(0.01)
+    (folder / "notes.txt").write_text("mine")
+    newest, oldest = result_store.entries()
+    assert newest.created > oldest.created
+    assert newest.inputs["indenter"]["radius"] == 2.0
+    assert (newest.kind, newest.code, newest.problem) == ("test", result_store.code_version(), "")
+    assert newest.size == newest.path.stat().st_size
+    result_store.remove(newest)
+    assert result_store.entries() == [oldest]
+
+
+def test_a_store_that_is_not_there_is_empty():
+    assert result_store.entries() == result_store.verify() == []
+    assert result_store.sweep_leftovers() == result_store.partial_files() == 0
+
+
+def test_results_come_back_even_where_nothing_can_be_kept(tmp_path, monkeypatch, caplog):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "file"))
+    compute, _ = counted({"a": 1.0})
+    for number in range(3):
+        assert result_store.fetch("test", {"number": number}, compute)["a"] == 1.0
+    assert caplog.text.count("results are not kept") == 1
+
+
+def test_objects_are_never_pickled(folder):
+    with pytest.raises(ValueError, match="allow_pickle"):
+        result_store.write("key", {"a": np.array([object()])}, {})
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("call", ["open", "write", "fsync", "replace", "close"])
+def test_every_call_of_the_system_may_fail(folder, monkeypatch, call):
+    """The k-th one fails, for every k: an entry is whole or absent, and nothing is left behind."""
+    original = getattr(os, call)
+    old, new = np.arange(300_000.0), np.arange(300_000.0) + 1
+    failures = 0
+    while True:
+        result_store.write("key", {"a": old}, {})
+        calls = []
+
+        def fail(*arguments, calls=calls, nth=failures, **options):
+            calls.append(1)
+            if len(calls) == nth + 1:
+                if call == "close":
+                    original(*arguments)
+                raise OSError(28, "No space left on device")
+            if call == "write":  # a short write, as nearly full disks and pipes give
+                return original(arguments[0], arguments[1][: 1 << 18])
+            return original(*arguments, **options)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, call, fail)
+            try:
+                result_store.write("key", {"a": new}, {})
+            except OSError:
+                failures += 1
+                finished = False
+            else:
+                finished = True
+        found = result_store.read("key")["a"]
+        assert np.array_equal(found, old) or np.array_equal(found, new)
+        assert files(folder) == ["key.entry"]
+        if finished:
+            assert np.array_equal(found, new)
+            break
+    assert failures >= {"write": 4, "open": 2, "fsync": 2, "close": 2}.get(call, 1)
+
+
+def test_a_write_that_is_not_atomic_would_be_noticed(folder, monkeypatch):
+    """The defect that the test above must be able to see."""
+    result_store.write("key", {"a": np.arange(300_000.0)}, {})
+
+    def plain(path, parts):
+        with path.open("wb") as file:
+            file.write(b"".join(parts)[:100_000])
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(result_store, "replace", plain)
+    with pytest.raises(OSError, match="No space"):
+        result_store.write("key", {"a": np.arange(300_000.0)}, {})
+    assert result_store.read("key") is None
+
+
+def test_sweep_takes_leftovers_and_leaves_what_is_being_written(folder):
+    folder.mkdir()
+    handle, mine = atomic_file._create(folder)
+    dead_handle, dead = atomic_file._create(folder)
+    os.write(dead_handle, b"half")
+    os.close(dead_handle)
+    assert result_store.partial_files() == 2
+    assert result_store.sweep_leftovers() == 1
+    assert (mine.exists(), dead.exists()) == (True, False)
+    os.close(handle)
+    assert result_store.sweep_leftovers() == 1
+
+
+def test_leftovers_are_swept_at_the_next_start(folder):
+    folder.mkdir()
+    (folder / ".partial-0123").write_bytes(b"half")
+    compute, _ = counted({"a": 1.0})
+    result_store.fetch("test", {}, compute)
+    assert result_store.partial_files() == 0
+
+
+def test_without_locks_only_old_leftovers_are_swept(folder, monkeypatch):
+    def unsupported(*_, **__):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(atomic_file, "_lock", unsupported)
+    result_store.write("key", {"a": np.arange(3)}, {})
+    young, old = folder / ".partial-young", folder / ".partial-old"
+    young.touch()
+    old.touch()
+    os.utime(old, (0, 0))
+    assert result_store.sweep_leftovers() == 1
+    assert (young.exists(), old.exists()) == (True, False)
+    assert result_store.read("key") is not None
+
+
+def test_a_file_swept_before_it_was_locked_is_made_again(folder, monkeypatch):
+    lock, swept = atomic_file._lock, []
+
+    def late(handle, *, wait):
+        if wait and not swept:
+            swept.append(atomic_file.sweep(folder))
+        lock(handle, wait=wait)
+
+    monkeypatch.setattr(atomic_file, "_lock", late)
+    result_store.write("key", {"a": np.arange(3)}, {})
+    assert swept == [1]
+    assert result_store.read("key") is not None
+    assert files(folder) == ["key.entry"]
+
+
+def test_equal_inputs_are_described_equally():
+    assert result_store.describe(Box(size=(1, 2, 3))) == result_store.describe(Box(size=(1.0, 2.0, 3.0)))
+    assert result_store.describe({"b": 1, "a": np.float64(2)}) == result_store.describe({"a": 2.0, "b": 1})
+    everything = np.arange(12.0).reshape(3, 4)
+    assert result_store.describe(everything[:, ::2]) == result_store.describe(everything[:, ::2].copy())
+
+
+@dataclasses.dataclass(frozen=True)
+class Ball:
+    radius: float
+
+
+def test_different_inputs_are_described_differently():
+    different = [
+        np.arange(4.0),
+        np.arange(4),
+        np.arange(4.0).reshape(2, 2),
+        np.arange(5.0),
+        [0.0, 1.0, 2.0, 3.0],
+        Ball(1.0),
+        Sphere(radius=1.0),
+        {"radius": 1.0},
+        {"type": "Ball", "radius": 1.0},
+        "1",
+        1,
+        1.5,
+        None,
+        True,
+    ]
+    texts = [json.dumps(result_store.describe(value), sort_keys=True) for value in different]
+    assert len(set(texts)) == len(different)
+
+
+@pytest.mark.parametrize("value", [object(), {1: 2.0}, {"@type": "Ball"}, np.array([object()]), {1.0, 2.0}, Ball])
+def test_what_cannot_be_described_is_refused(value):
+    with pytest.raises(TypeError, match="store key"):
+        result_store.describe(value)
+
+
+def test_grid_convergence_of_a_second_order_sequence():
+    sizes = [1.0, 0.5, 0.25]
+    values = [3 + 0.4 * h**2 for h in sizes]
+    estimate = grid_convergence(values, sizes)
+    assert estimate == pytest.approx(1.25 * 0.4 * 0.25**2)
+    assert estimate > abs(values[-1] - 3)
+
+
+@pytest.mark.parametrize("order", [1, 1.5, 2, 3, 4])
+@pytest.mark.parametrize("elements", [(2, 3, 4), (6, 9, 13), (64, 96, 144)])
+def test_grid_convergence_sees_the_order_on_grids_of_any_ratio(order, elements):
+    sizes = [1 / n for n in elements]
+    estimate = grid_convergence([3 - 0.4 * h**order for h in sizes], sizes)
+    assert estimate == pytest.approx(1.25 * 0.4 * sizes[-1] ** order)
+
+
+def test_grid_convergence_is_not_taken_in_by_two_grids_that_agree_by_chance():
+    sizes = [3, 2, 1]
+    chance = [grid_convergence([1.0, 1.1, 1.1 + fine], sizes) for fine in (0.0, 1e-9, -1e-9)]
+    quick = grid_convergence([1 + h**4 * 0.1 / 65 for h in sizes], sizes)  # as fast as is believed, the same start
+    assert chance == pytest.approx(3 * [3 / 1.25 * quick])
+
+
+def test_grid_convergence_is_careful_where_values_wander():
+    wander = grid_convergence([1.0, 1.1, 1.05], [3, 2, 1])
+    assert wander >= 3 * 0.05 / (2**4 - 1)
+    with pytest.raises(ValueError, match="three values"):
+        grid_convergence([1.0, 2.0], [2, 1])

@@ -1,0 +1,138 @@
+"""Every backend gives the same answer, and a changed system is factorised again without a new analysis."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import skfem
+
+from fem_reference import sparse_solver
+from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.sparse_solver import BACKENDS, ConstrainedSystem
+
+PACKAGE = {"pardiso": "pypardiso", "metis": "pymetis", "plain": "scipy"}
+
+
+def layered(nu, ratio=1.0, elements=4):
+    """Two layers on a clamped base: matrix, clamped unknowns and a few loads."""
+    mesh = skfem.MeshHex.init_tensor(*[np.linspace(0, 3, elements + 1)] * 2, np.linspace(0, 1, 3))
+    region = (mesh.p[2][mesh.t].mean(axis=0) > 0.5).astype(int)
+    prepared = mixed_elements(mesh, region=region)
+    shear = np.array([1.0, ratio])
+    matrix = linear_system(prepared, shear, 3 * (1 - 2 * nu) / (2 * shear * (1 + nu)))
+    base = np.flatnonzero(prepared.nodes[:, 2] < 1e-9)
+    load = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
+    return matrix, (3 * base[:, None] + np.arange(3)).ravel(), load
+
+
+def system(backend, matrix, fixed, **options):
+    pytest.importorskip(PACKAGE[backend])
+    return ConstrainedSystem(matrix, fixed, backend=backend, **options)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1000.0])
+@pytest.mark.parametrize("nu", [0.3, 0.4999, 0.5])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_backends_agree(backend, nu, ratio):
+    matrix, fixed, load = layered(nu, ratio)
+    found = system(backend, matrix, fixed).solve(load)
+    expected = ConstrainedSystem(matrix, fixed, backend="plain").solve(load)
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_one_column_and_prescribed_values(backend):
+    matrix, fixed, load = layered(0.5)
+    mine = system(backend, matrix, fixed)
+    value = np.linspace(0, 1, len(fixed))
+    many, one = mine.solve(load, value), mine.solve(load[:, 1], value)
+    assert one == pytest.approx(many[:, 1], abs=1e-12 * np.abs(many).max())
+    assert (many[fixed] == value[:, None]).all()
+    residual = matrix @ many - load - mine.reaction(many, load)
+    assert np.abs(residual).max() <= 1e-10 * np.abs(load).max()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_same_pattern_keeps_the_analysis(backend, monkeypatch):
+    matrix, fixed, load = layered(0.5)
+    stiffer, _, _ = layered(0.45, ratio=30.0)  # its pressure block is no longer zero
+    first = system(backend, stiffer, fixed)
+    monkeypatch.setattr(sparse_solver, "_node_order", lambda _: pytest.fail("ordered again"))
+    monkeypatch.setattr(sparse_solver._Pardiso, "__init__", lambda *_: pytest.fail("analysed again"))
+    again = ConstrainedSystem(matrix, fixed, like=first).solve(load)
+    monkeypatch.undo()
+    expected = ConstrainedSystem(matrix, fixed, backend="plain").solve(load)
+    assert np.abs(again - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_larger_pattern_is_analysed_again(backend):
+    matrix, fixed, load = layered(0.45)
+    first = system(backend, matrix, fixed)
+    spring = sp.coo_matrix(([3.0, 3.0], ([30, 290], [290, 30])), shape=matrix.shape)
+    changed = (matrix + spring).tocsr()
+    found = ConstrainedSystem(changed, fixed, like=first).solve(load)
+    expected = ConstrainedSystem(changed, fixed, backend="plain").solve(load)
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_other_values_on_one_pattern_find_their_places_without_a_search(backend, monkeypatch):
+    """Also where the factors hold a larger pattern than the matrix, as after a contact that opened."""
+    matrix, fixed, load = layered(0.45)
+    spring = sp.coo_matrix(([3.0, 3.0], ([30, 290], [290, 30])), shape=matrix.shape)
+    larger = system(backend, (matrix + spring).tocsr(), fixed)
+    smaller = ConstrainedSystem(matrix, fixed, like=larger)
+    monkeypatch.setattr(sparse_solver, "_upper", lambda _: pytest.fail("searched again"))
+    changed = sp.csr_matrix((matrix.data * 2.5, matrix.indices, matrix.indptr), shape=matrix.shape)
+    found = ConstrainedSystem(changed, fixed, like=smaller).solve(load)
+    monkeypatch.undo()
+    expected = ConstrainedSystem(matrix, fixed, backend="plain").solve(load) / 2.5
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+def test_systems_do_not_share_a_solver():
+    """Two pardiso systems alive at once, one dropped: the other still has its own factors."""
+    matrix, fixed, load = layered(0.5)
+    other, _, _ = layered(0.3)
+    first, second = system("pardiso", matrix, fixed), system("pardiso", other, fixed)
+    expected = first.solve(load)
+    assert np.abs(second.solve(load) - expected).max() > 1e-3 * np.abs(expected).max()
+    del second
+    gc.collect()
+    assert first.solve(load) == pytest.approx(expected, abs=1e-14)
+
+
+def test_inaccurate_factors_are_refined():
+    matrix, fixed, load = layered(0.5)
+    mine = ConstrainedSystem(matrix, fixed, backend="metis")
+    exact = mine.solve(load)
+    engine = mine._factors._engine
+    honest = engine.solve
+    engine.solve = lambda right: honest(right) * (1 + 1e-7)  # as small pivots would leave it
+    assert np.abs(mine.solve(load) - exact).max() <= 1e-12 * np.abs(exact).max()
+
+
+def test_backend_is_chosen_by_argument_environment_and_size(monkeypatch):
+    matrix, fixed, _ = layered(0.5, elements=2)
+    monkeypatch.setenv("SOFTCOVER_SOLVER", "plain")
+    assert ConstrainedSystem(matrix, fixed)._factors.backend == "plain"
+    assert ConstrainedSystem(matrix, fixed, backend="metis")._factors.backend == "metis"
+    monkeypatch.setenv("SOFTCOVER_SOLVER", "mumps")
+    with pytest.raises(ValueError, match="unknown solver 'mumps'; known solvers: pardiso, metis, plain"):
+        ConstrainedSystem(matrix, fixed)
+    monkeypatch.delenv("SOFTCOVER_SOLVER")
+    monkeypatch.setattr(sparse_solver, "_loadable", lambda: False)
+    assert sparse_solver._chosen(None, 10**6) == "metis"
+    monkeypatch.setattr(sparse_solver, "find_spec", lambda _: None)
+    assert sparse_solver._chosen(None, 10**6) == "plain"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_floating_body_is_singular_in_words(backend):
+    matrix = sp.csr_matrix(np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 0.0]]))
+    with pytest.raises(np.linalg.LinAlgError, match=r"singular|factorise"):
+        system(backend, matrix, np.array([], dtype=int)).solve(np.ones(3))

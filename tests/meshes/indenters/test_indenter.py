@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from meshes import Box, Cone, Cylinder, LetterH, Nut, Prism, Roller, RoundedTip, Sphere, read_stl
+from meshes.indenters.indenter import Flat
+
+NUT, LETTER = Nut(across=13e-3, bore=8e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)
+CONE = Cone(angle=np.radians(120), radius=4e-3)
+ARROW = Prism(points=((0.0, 6e-3), (-5e-3, -4e-3), (0.0, -2e-3), (4e-3, -4e-3)))
+SHAPES = [
+    Sphere(radius=5e-3),
+    RoundedTip(),
+    Cylinder(radius=4e-3),
+    Box(size=(10e-3, 6e-3, 5e-3)),
+    Roller(radius=4e-3, length=12e-3),
+    CONE,
+    NUT,
+    LETTER,
+    ARROW,
+]
+GEOMS = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "hull": mujoco.mjtGeom.mjGEOM_MESH,
+}
+#: Height by which facets may miss a curved surface.
+FACETS = {Cone: 0.0006 * 4e-3}
+
+
+def solids(indenter):
+    """The solids as a model at rest."""
+    spec = mujoco.MjSpec()
+    for number, part in enumerate(indenter.primitives()):
+        size, mesh = (*part.size, 0, 0, 0)[:3], f"part{number}" if part.vertices else ""
+        if mesh:
+            spec.add_mesh(name=mesh, uservert=np.ravel(part.vertices).tolist())
+        spec.worldbody.add_geom(
+            type=GEOMS[part.kind], size=size, pos=part.position, quat=part.quaternion, meshname=mesh
+        )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def height_by_ray(model, data, x, y):
+    """Height of the lower surface, found by shooting a ray upwards at the solids."""
+    hit = np.zeros(1, dtype=np.int32)
+    return mujoco.mj_ray(model, data, np.array([x, y, -1.0]), np.array([0, 0, 1.0]), None, 1, -1, hit, None) - 1
+
+
+@pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
+def test_gap_and_solids_describe_the_same_surface(indenter):
+    rng = np.random.default_rng(1)
+    half = np.array(indenter.footprint)
+    model, data = solids(indenter)
+    tolerance = FACETS.get(type(indenter), 2e-8)
+    for x, y in rng.uniform(-1.2, 1.2, (60, 2)) * half:
+        gap = float(indenter.gap(np.array(x), np.array(y)))
+        ray = height_by_ray(model, data, x, y)
+        if np.isfinite(gap):
+            assert ray == pytest.approx(gap, abs=tolerance)
+        else:
+            assert ray < 0
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("sphere", 1e-8), ("pyramid", 1e-8), ("two-balls", 3e-5)])
+def test_gap_and_hulls_of_a_body_from_a_file_describe_the_same_surface(write_stl, name, tolerance):
+    """Where a hull fills more than the tolerance, the body is not far beside."""
+    body = read_stl(write_stl(name))
+    model, data = solids(body)
+    places = np.random.default_rng(1).uniform(-1.1, 1.1, (400, 2)) * body.footprint
+    gap = body.gap(*places.T)
+    ray = np.array([height_by_ray(model, data, x, y) for x, y in places])
+    assert ((ray > -0.5) == np.isfinite(gap)).mean() > 0.995
+    both = np.isfinite(gap) & (ray > -0.5)
+    assert both.sum() > 200
+    assert np.quantile(np.abs(ray - gap)[both], 0.99) < tolerance
+    assert (ray - gap)[both].max() < 1e-8
+
+
+@pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
+def test_lowest_point_is_on_the_axis_and_the_footprint_holds_the_shape(indenter):
+    assert (float(indenter.gap(np.array(0.0), np.array(0.0))) == 0) == (indenter is not NUT)
+    x = np.linspace(-2, 2, 401) * max(indenter.footprint)
+    grid = np.meshgrid(x, x)
+    finite = np.isfinite(indenter.gap(*grid))
+    assert np.abs(grid[0][finite]).max() <= indenter.footprint[0] + 1e-12
+    assert np.abs(grid[1][finite]).max() <= indenter.footprint[1] + 1e-12
+
+
+def test_axisymmetric_shapes_are():
+    for indenter in SHAPES:
+        r, turn = 0.8 * indenter.footprint[1], np.linspace(0, np.pi, 7)
+        gap = indenter.gap(r * np.cos(turn), r * np.sin(turn))
+        assert not indenter.axisymmetric or np.ptp(gap) < 1e-12
+
+
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+def test_inside_is_the_distance_from_the_outline(indenter):
+    """Its slope is one almost everywhere, and it is positive just where the face is."""
+    rng = np.random.default_rng(2)
+    x, y = (rng.uniform(-1.3, 1.3, (2, 4000)).T * indenter.footprint).T
+    step = 1e-8
+    slope_x = (indenter.inside(x + step, y) - indenter.inside(x - step, y)) / (2 * step)
+    slope_y = (indenter.inside(x, y + step) - indenter.inside(x, y - step)) / (2 * step)
+    assert np.mean(np.abs(np.hypot(slope_x, slope_y) - 1) < 1e-5) > 0.99
+    assert np.array_equal(indenter.inside(x, y) >= 0, indenter.gap(x, y) == 0)
+
+
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+def test_beyond_an_inset_is_the_distance_from_what_it_leaves(indenter):
+    """Nothing where the face is deeper than the inset; beside straight sides as much as the inset lacks; no creases."""
+    rng = np.random.default_rng(3)
+    inset = 0.4e-3
+    x, y = (rng.uniform(-1.2, 1.2, (2, 3000)).T * indenter.footprint).T
+    inside, beyond = indenter.inside(x, y), indenter.beyond(inset, x, y)
+    assert np.abs(beyond[inside >= inset]).max() < 2e-3 * inset
+    assert (beyond >= inset - inside - 2e-3 * inset).all()
+    step, rim = 1e-7, beyond > 1e-2 * inset
+    slope = [
+        (indenter.beyond(inset, x + a, y + b) - indenter.beyond(inset, x - a, y - b)) / (2 * step)
+        for a, b in ((step, 0), (0, step))
+    ]
+    assert np.mean(np.abs(np.hypot(*slope)[rim] - 1) < 1e-3) > 0.99
+
+
+def test_corners_that_stand_out_are_round_beyond_an_inset():
+    corner = np.array(NUT.footprint) * [0, 1]
+    inset = 0.5e-3
+    left = corner - [0, inset * 2 / np.sqrt(3)]  # the inset hexagon's corner, where two sides meet at 120 degrees
+    turn = np.radians(np.linspace(62, 118, 15))
+    beyond = NUT.beyond(inset, left[0] + 0.3e-3 * np.cos(turn), left[1] + 0.3e-3 * np.sin(turn))
+    assert beyond == pytest.approx(0.3e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+def test_an_inset_that_leaves_nothing_is_refused(indenter):
+    with pytest.raises(ValueError, match="leaves nothing"):
+        indenter.beyond(1.01 * min(indenter.footprint), np.zeros(1), np.zeros(1))
+
+
+def test_area_of_the_compound_shapes():
+    x, y = np.meshgrid(*(np.linspace(-9e-3, 9e-3, 1801),) * 2)
+    cell = (18e-3 / 1800) ** 2
+    assert (NUT.gap(x, y) == 0).sum() * cell == pytest.approx(np.sqrt(3) / 2 * 13e-3**2 - np.pi / 4 * 8e-3**2, rel=3e-3)
+    assert (LETTER.gap(x, y) == 0).sum() * cell == pytest.approx((12 * 16 - 2 * 4 * 6) * 1e-6, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Sphere(radius=0.0),
+        lambda: Cylinder(radius=-1e-3),
+        lambda: Box(size=(1e-3, 0.0, 1e-3)),
+        lambda: RoundedTip(radius=float("nan")),
+        lambda: Roller(radius=1e-3, length=0.0),
+        lambda: Cone(angle=4.0, radius=1e-3),
+        lambda: Nut(across=8e-3, bore=9e-3),
+        lambda: LetterH(size=(8e-3, 16e-3), bar=4e-3),
+    ],
+)
+def test_degenerate_shapes_are_refused(make):
+    with pytest.raises(ValueError, match=r"positive|angle|wall|between the legs"):
+        make()

@@ -1,0 +1,75 @@
+import json
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+import fem_reference.linear_response.point_spread  # noqa: F401 -- so that a test can see when it is asked
+from fastmodel.adapters.gazebo import read_block
+
+
+def test_the_reports_plugin_block_is_written_and_reads_back(softcover):
+    status, _, _ = softcover("export", "wts-0614-34", "--format", "gazebo", "--out", "out")
+    assert status == 0
+    block = read_block(Path("out/wts-0614-34.xml").read_text(), pitch=3.4e-3)
+    assert block.parameters.spread == fastmodel.load("out").spread
+
+
+def test_what_no_plugin_block_can_hold_is_told_before_the_work(softcover, monkeypatch):
+    def too_late(*_, **__):
+        raise AssertionError("the reference was asked first")
+
+    monkeypatch.setattr(sys.modules["fem_reference.linear_response.point_spread"], "point_spread", too_late)
+    status, _, err = softcover("export", "sdh2-distal", "--format", "gazebo", "--out", "masked")
+    assert status == 2
+    assert "no texel may be masked" in err
+    assert not Path("masked").exists()
+
+
+@pytest.fixture
+def exported(softcover):
+    """Export a sensor: what was printed, the loaded model and the parameters."""
+
+    def run(sensor, *words):
+        status, out, _ = softcover("export", sensor, "--out", "out", *words, "--json")
+        assert status == 0
+        return json.loads(out), mujoco.MjModel.from_xml_path(f"out/{sensor}.xml"), fastmodel.load("out")
+
+    return run
+
+
+def test_exported_texels_are_where_the_array_has_them(exported):
+    _, model, parameters = exported("sdh2-distal", "--method", "area")
+    centres = parameters.array.centres
+    assert model.ngeom == len(centres)
+    places = np.array([model.geom(f"sdh2-distal/texel{i}").pos for i in range(len(centres))])
+    np.testing.assert_allclose(places[:, :2], centres[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["default", "boxes"])
+def test_exported_model_is_the_one_that_the_method_reads(exported, method):
+    printed, model, parameters = exported("wts-0614-34", "--method", method)
+    assert printed == {
+        "sensor": "wts-0614-34",
+        "format": "mjcf",
+        "method": "cover" if method == "default" else method,
+        "out": "out",
+        "files": ["wts-0614-34.xml", "parameters.toml", "cover.npz"],
+    }
+    plate = printed["method"] in {"cover", "foundation"}
+    assert model.ngeom == (1 if plate else 84)
+    bound = {"array": parameters.array, "name": "wts-0614-34", "cells": parameters.cells}
+    reading = fastmodel.METHODS[printed["method"]].bind(model, **bound).at_rest(np.zeros(84))
+    assert reading.carried == 0.0
+    with pytest.raises(fastmodel.LifeCycleError):
+        fastmodel.METHODS["boxes" if plate else "cover"].bind(model, **bound)
+
+
+def test_the_plugin_block_takes_no_contact_method(softcover, tmp_path):
+    status, out, err = softcover("export", "wts-0614-3", "--format", "gazebo", "--method", "boxes")
+    assert (status, out) == (2, "")
+    assert [line.split(": ")[1] for line in err.splitlines()] == ["--method", "wts-0614-3"]
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,162 @@
+import json
+import os
+
+import numpy as np
+import pytest
+
+from fem_reference import result_store
+from meshes.catalogue import ASSUMED_COVER
+
+CODES = ("other-code", None, "other-code", None, None)
+DAY = 86_400
+
+
+@pytest.fixture
+def empty(softcover, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "store"))
+    return softcover
+
+
+@pytest.fixture
+def filled(empty, monkeypatch):
+    """Entries 0 (newest), 1, 2 ... each a day older than the one before; some of another code."""
+    now = result_store.time.time()
+    for number, code in enumerate(CODES):
+        with monkeypatch.context() as patch:
+            patch.setattr(result_store.time, "time", lambda number=number: now - (number + 0.5) * DAY)
+            about = {"kind": "point-spread", "code": code or result_store.code_version()}
+            cover = result_store.describe({"cover": ASSUMED_COVER})
+            result_store.write(
+                f"{number:064x}", {"a": np.random.default_rng(number).random(100)}, {**about, "inputs": cover}
+            )
+    return empty
+
+
+def numbers(entries):
+    return [int(entry["key"], 16) for entry in entries]
+
+
+def stored():
+    return [int(entry.key, 16) for entry in result_store.entries()]
+
+
+def damage(number):
+    path = result_store.folder() / f"{number:064x}.entry"
+    os.truncate(path, path.stat().st_size - 7)
+    return path
+
+
+def test_list_of_an_empty_store(empty):
+    assert empty("store", "list")[:2] == (0, f"0 entries, 0 B in {result_store.folder()}\n")
+    result = json.loads(empty("store", "list", "--json")[1])
+    assert (result["entries"], result["bytes"]) == ([], 0)
+
+
+def test_list_shows_what_lies_there_for_people(filled):
+    status, out, err = filled("store", "list")
+    lines = out.splitlines()
+    assert status == 0
+    assert len(lines) == 6
+    assert lines[0].split()[0] == "0" * 12
+    assert "point spread: 2 mm assumed elastomer, bonded" in lines[0]
+    assert " 12 h " in lines[0]
+    assert " 4 d " in lines[4] or " 5 d " in lines[4]
+    assert [("other code" in line) for line in lines[:5]] == [True, False, True, False, False]
+    assert lines[5].startswith("5 entries, ")
+    assert "2 of them cannot be used" in err
+
+
+def test_list_for_programs(filled):
+    result = json.loads(filled("store", "list", "--json")[1])
+    assert numbers(result["entries"]) == [0, 1, 2, 3, 4]
+    assert [entry["usable"] for entry in result["entries"]] == [code is None for code in CODES]
+    assert result["bytes"] == sum(path.stat().st_size for path in result_store.folder().iterdir())
+
+
+def test_a_real_indentation_is_told_in_the_words_of_the_command_line(softcover):
+    """In the store that all tests share, so that the touch is solved once for all of them."""
+    press = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g", "--model", "fem", "--json")
+    assert softcover(*press)[0] == 0
+    balls = [line for line in softcover("store", "list")[1].splitlines() if "sphere:radius=5mm" in line]
+    assert any("4.903 N" in line for line in balls)
+    assert softcover("store", "verify")[0] == 0
+
+
+def test_verify_of_a_whole_store(filled):
+    assert filled("store", "verify")[0] == 0
+    assert json.loads(filled("store", "verify", "--json")[1])["damaged"] == []
+
+
+def test_verify_says_which_entry_is_damaged(filled):
+    path = damage(3)
+    status, out, _ = filled("store", "verify")
+    assert status == 1
+    assert out.splitlines()[0].startswith(f"{path}: has ")
+    assert "5 entries" in out
+    status, out, _ = filled("store", "verify", "--json")
+    assert status == 1
+    assert [entry["path"] for entry in json.loads(out)["damaged"]] == [str(path)]
+
+
+@pytest.mark.parametrize(
+    ("options", "left"),
+    [
+        ([], [1, 3, 4]),
+        (["--other-code"], [1, 3, 4]),
+        (["--older-than", "2d"], [0, 1]),
+        (["--older-than", "61h"], [0, 1, 2]),
+        (["--older-than", "2d", "--other-code"], [0, 1, 3, 4]),
+        (["--keep-latest", "3"], [0, 1, 2]),
+        (["--keep-latest", "0"], []),
+        (["--keep-latest", "9"], [0, 1, 2, 3, 4]),
+        (["--keep-latest", "1", "--other-code"], [0, 1, 3, 4]),
+        (["--all"], []),
+    ],
+)
+def test_prune_removes_what_the_options_choose_and_says_so(filled, options, left):
+    gone = [number for number in range(5) if number not in left]
+    dry = json.loads(filled("store", "prune", *options, "--dry-run", "--json")[1])
+    assert (dry["dry_run"], numbers(dry["removed"]), stored()) == (True, gone, [0, 1, 2, 3, 4])
+    status, out, _ = filled("store", "prune", *options)
+    assert status == 0
+    assert stored() == left
+    assert [int(line.split()[0], 16) for line in out.splitlines()[:-1]] == [0] * len(gone)
+    assert f"{len(gone)} entr" in out.splitlines()[-1]
+    assert f"{len(left)} kept" in out.splitlines()[-1]
+
+
+def test_prune_takes_damaged_entries_and_leftovers_always(filled):
+    damage(0)
+    (result_store.folder() / ".partial-left").touch()
+    (result_store.folder() / "notes.txt").write_text("mine")
+    out = filled("store", "prune", "--older-than", "30d")[1]
+    assert stored() == [1, 2, 3, 4]
+    assert "damaged" in out
+    assert "1 unfinished file" in out
+    assert (result_store.folder() / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["prune", "--older-than", "30"], "--older-than: '30' has no unit"),
+        (["prune", "--older-than=-3d"], "--older-than: must not be negative"),
+        (["prune", "--older-than", "3mm"], "--older-than: 'mm' in '3mm' is not a unit of time"),
+        (["prune", "--keep-latest=-1"], "--keep-latest: must be 0 or more"),
+        (["prune", "--keep-latest", "few"], "few"),
+        (["prune", "--all", "--keep-latest", "3"], "--all: removes every entry"),
+        (["lst"], "unknown action 'lst'; did you mean 'list'?"),
+    ],
+)
+def test_bad_options_remove_nothing(filled, words, expected):
+    status, out, err = filled("store", *words)
+    assert (status, out) == (2, "")
+    assert expected in err
+    assert stored() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("action", ["list", "verify", "prune"])
+def test_help_has_examples(softcover, action):
+    status, out, _ = softcover("store", action, "--help")
+    assert status == 0
+    assert f"softcover store {action}" in out.split("Examples")[1]

@@ -1,0 +1,176 @@
+import json
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import WTS_0614_34, Foundation, Gaussian, Parameters
+from meshes import Sphere
+from meshes.catalogue import ARRAYS
+from validation.cli.sliding import Sliding
+
+ARRAY = ARRAYS["wts-0614-34"]
+TOUCH = ("--indenter", "sphere:radius=5mm", "--load", "500g")
+WEIGHT = 0.5 * 9.80665
+
+
+def test_the_indenter_comes_down_gently_and_its_weight_goes_round():
+    parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
+    scene = Sliding(parameters, Sphere(radius=5e-3), load=WEIGHT, method=Foundation(modulus=1e9))
+    carried, places, centres = [], [], []
+    for moment in scene.run(6.0):
+        frame = scene.sensor.frame()
+        carried.append(scene.sensor.carried())
+        if moment > 2.0:
+            places.append(scene.place)
+            centres.append(frame.texel_forces @ ARRAY.centres[:, :2] / frame.texel_forces.sum())
+    assert carried[0] == 0.0
+    assert max(carried) < 1.01 * WEIGHT
+    np.testing.assert_allclose(carried[-len(places) :], WEIGHT, rtol=1e-3)
+    radius = np.hypot(*np.transpose(places))
+    np.testing.assert_allclose(radius, 0.2 * 6 * 3.4e-3, rtol=0.02)
+    assert np.ptp(np.transpose(places), axis=1) == pytest.approx(2 * radius[:2].mean(), rel=0.02)
+    assert np.abs(np.subtract(centres, places)).max() < 0.5e-3
+
+
+def test_view_without_a_terminal_prints_the_last_image(softcover):
+    status, out, _ = softcover("view", "wts-0614-34", *TOUCH, "--seconds", "1.5")
+    assert status == 0
+    assert "sphere:radius=5mm on wts-0614-34, 4.903 N" in out
+    assert "fast model, mN" in out
+    assert "4.90 N at (" in out
+    assert "\x1b" not in out
+
+
+def test_view_as_json(softcover):
+    status, out, _ = softcover("view", "wts-0614-34", *TOUCH, "--seconds", "1", "--json")
+    result = json.loads(out)
+    assert status == 0
+    assert np.shape(result["image"]) == np.shape(result["counts"]) == np.shape(result["texel_forces"]) == (14, 6)
+    assert result["carried"] == pytest.approx(WEIGHT, rel=0.01)
+    assert np.sum(result["texel_forces"]) + result["outside"] == pytest.approx(result["carried"], rel=0.01)
+    peak = np.unravel_index(np.argmax(result["texel_forces"]), (14, 6))
+    assert peak[0] in {6, 7}
+    assert peak[1] in {2, 3}
+
+
+def test_every_fault_is_told_at_once(softcover):
+    status, out, err = softcover(
+        "view", "wts-0614-3", "--indenter", "shpere", "--load", "0N", "--method", "boxs", "--seconds=-1"
+    )
+    assert (status, out) == (2, "")
+    for part in ("'wts-0614-34'", "'sphere'", "--load: must be positive", "'boxes'", "--seconds: accepted: 0 or more"):
+        assert part in err
+
+
+def test_the_methods_are_those_of_the_fast_model():
+    from validation.campaign.comparison import METHODS
+
+    assert set(METHODS) == {"default", *fastmodel.METHODS}
+
+
+def test_begun_again_it_is_as_at_first():
+    parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
+    scene = Sliding(parameters, Sphere(radius=5e-3), load=WEIGHT, method="boxes")
+    first = list(scene.run(0.8))
+    before = scene.sensor.frame().texel_forces
+    scene.restart()
+    assert not scene.sensor.frame().texel_forces.any()
+    assert list(scene.run(0.8)) == first
+    np.testing.assert_array_equal(scene.sensor.frame().texel_forces, before)
+    assert before.sum() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("words", "display", "expected"),
+    [
+        (["--display", "windw"], ":0", "--display: unknown place 'windw'; did you mean 'window'?"),
+        (["--display", "window"], "", "--display: no window can be opened (there is no display"),
+        (["--display", "window"], ":31999", "--display: no window can be opened (X11: Failed to open display :31999)"),
+    ],
+)
+def test_a_window_that_cannot_be_opened_is_said_at_once(softcover, monkeypatch, words, display, expected):
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    status, out, err = softcover("view", "wts-0614-34", *TOUCH, *words)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"softcover: {expected}")
+    assert err.count("\n") == 1
+
+
+@pytest.fixture
+def display():
+    """A display of its own, in memory."""
+    program = shutil.which("Xvfb")
+    if program is None:
+        pytest.skip("Xvfb is not installed: apt install xvfb")
+    command = [program, "-displayfd", "1", "-screen", "0", "900x700x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:  # noqa: S603
+        yield f":{server.stdout.readline().strip()}"
+        server.terminate()
+
+
+@pytest.mark.slow
+def test_in_a_window_the_array_and_its_image_are_seen(display):
+    from PIL import ImageGrab
+
+    code = "from validation.cli import main; main()"
+    words = ("view", "wts-0614-34", *TOUCH, "--display", "window", "--json")
+    running = subprocess.Popen(  # noqa: S603 -- our own code
+        [sys.executable, "-c", code, *words],
+        env={**os.environ, "DISPLAY": display},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    seen, deadline = False, time.monotonic() + 120
+    while not seen and running.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.5)
+        picture = np.asarray(ImageGrab.grab(xdisplay=display)).astype(int)
+        # the image in the corner, hottest where the sphere presses, and black where nothing does
+        corner = picture[260:680, 10:190]
+        seen = (corner[..., 0] > corner[..., 2] + 100).any() and (corner == 0).all(axis=-1).any()
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    assert seen, err
+    assert running.returncode == 0
+    assert 0.1 * WEIGHT < json.loads(out)["carried"] < 1.01 * WEIGHT
+
+
+def drain(terminal):
+    """Read what comes until nobody writes any more: a program whose terminal is full waits for ever."""
+    try:
+        while os.read(terminal, 65536):
+            pass
+    except OSError:
+        pass
+
+
+@pytest.mark.slow
+def test_on_a_terminal_without_a_display_it_is_live_until_interrupted_and_leaves_with_0():
+    master, slave = pty.openpty()
+    code = "from validation.cli import main; main()"
+    command = [sys.executable, "-c", code, "view", "wts-0614-34", *TOUCH]
+    headless = {key: value for key, value in os.environ.items() if key not in {"DISPLAY", "WAYLAND_DISPLAY"}}
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=slave, env=headless)  # noqa: S603 -- our own code
+    os.close(slave)
+    seen, deadline = b"", time.monotonic() + 60
+    while b"4.90 N at" not in seen and time.monotonic() < deadline:
+        seen += os.read(master, 65536)
+    running.send_signal(signal.SIGINT)
+    reader = threading.Thread(target=drain, args=(master,))
+    reader.start()
+    out, _ = running.communicate(timeout=30)
+    reader.join()
+    os.close(master)
+    assert b"4.90 N at" in seen
+    assert b"\x1b[" in seen
+    assert running.returncode == 0
+    assert b"fast model, mN" in out

@@ -1,0 +1,97 @@
+"""The report in a real browser: nothing is fetched, nothing fails, tables sort."""
+
+import json
+import shutil
+
+import pytest
+
+from validation.campaign.case import Case
+from validation.campaign.evaluation import evaluate
+from validation.report import write_report
+from validation.sensor_file.description import load
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(
+        not (shutil.which("chromium") and shutil.which("chromedriver")), reason="needs chromium and chromedriver"
+    ),
+]
+
+CASES = tuple(
+    Case.read(f"sphere {radius}", f"sphere:radius={radius}mm", "100 g", at="0.7mm,-1.1mm") for radius in (5, 3, 8)
+)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    from selenium import webdriver
+
+    folder = tmp_path_factory.mktemp("report")
+    write_report(evaluate(load("wts-0614-34"), cases=CASES), folder)
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium")
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1300,900"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    driver.set_page_load_timeout(60)
+    yield driver, folder
+    driver.quit()
+
+
+def fresh(page, path="index.html"):
+    driver, folder = page
+    driver.get_log("browser")
+    driver.get_log("performance")
+    driver.get((folder / path).as_uri())
+    return driver
+
+
+def requests(driver):
+    events = (json.loads(entry["message"])["message"] for entry in driver.get_log("performance"))
+    return [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
+
+
+def test_no_error_and_no_request_beyond_the_folder(page):
+    driver = fresh(page)
+    assert driver.execute_script("return document.documentElement.dataset.ready") == "true"
+    assert driver.get_log("browser") == []
+    asked = requests(driver)
+    assert any(url.endswith("plotly.min.js") for url in asked)
+    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+
+
+def test_a_broken_page_would_be_noticed(page):
+    _, folder = page
+    text = (folder / "index.html").read_text()
+    broken = text.replace("plotly.min.js", "http://127.0.0.1:9/plotly.min.js")
+    (folder / "broken.html").write_text(broken)
+    driver = fresh(page, "broken.html")
+    assert driver.execute_script("return document.documentElement.dataset.ready") is None
+    assert driver.get_log("browser")
+    assert any(url.startswith("http:") for url in requests(driver))
+
+
+def test_figures_are_drawn(page):
+    driver = fresh(page)
+    for name in ("psf-plot", "texel-plot", "campaign-plot"):
+        assert driver.execute_script(f"return document.querySelectorAll('#{name} svg.main-svg').length") > 0
+
+
+def column(driver, index):
+    script = "return [...document.querySelectorAll('#case-table tbody tr')].map(r => r.cells[arguments[0]].textContent)"
+    return [text.strip() for text in driver.execute_script(script, index)]
+
+
+@pytest.mark.parametrize("index", [0, 4])
+def test_tables_sort_both_ways(page, index):
+    driver = fresh(page)
+    before = column(driver, index)
+    assert before[:3] == column(driver, index)
+    key = float if index else str
+    header = driver.find_elements("css selector", "#case-table thead th")[index]
+    driver.execute_script("arguments[0].click()", header)
+    assert column(driver, index) == sorted(before, key=key)
+    driver.execute_script("arguments[0].click()", header)
+    assert column(driver, index) == sorted(before, key=key, reverse=True)
+    assert header.get_attribute("aria-sort") == "descending"

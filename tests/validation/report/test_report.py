@@ -1,0 +1,113 @@
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import fastmodel
+from meshes.catalogue import ARRAYS
+from validation.campaign.case import Case
+from validation.campaign.evaluation import evaluate
+from validation.cli.tables import heat_maps
+from validation.report import write_report
+from validation.report.tactile_image import Outline, Scale, tactile_image
+from validation.sensor_file.description import load
+
+CASES = (
+    Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
+    Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),
+)
+
+
+@pytest.fixture(scope="module")
+def evaluation():
+    return evaluate(load("wts-0614-34"), cases=CASES)
+
+
+@pytest.fixture(scope="module")
+def folder(evaluation, tmp_path_factory):
+    target = tmp_path_factory.mktemp("report")
+    write_report(evaluation, target)
+    return target
+
+
+class References(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found, self.ids = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.found += [value for key, value in attrs if key in {"src", "href"}]
+        self.ids += [value for key, value in attrs if key == "id"]
+
+
+def test_folder_is_complete_and_needs_no_network(folder):
+    page = References()
+    page.feed((folder / "index.html").read_text())
+    for reference in page.found:
+        assert not re.match(r"(https?:)?//", reference)
+        if reference.startswith("#"):
+            assert reference[1:] in page.ids
+        elif not reference.startswith("data:"):
+            assert (folder / reference).is_file(), reference
+
+
+def test_numbers_beside_the_page_are_those_of_the_evaluation(folder, evaluation):
+    scores = json.loads((folder / "scores.json").read_text())
+    mean = evaluation.campaign.pooled["fast"]["misplaced_force"].mean
+    assert scores["campaign"]["pooled"]["fast"]["misplaced_force"]["mean"] == mean
+    assert f"{100 * mean:.1f}" in (folder / "index.html").read_text()
+    np.testing.assert_array_equal(
+        scores["campaign"]["cases"][1]["models"]["fast"]["texel_forces"],
+        evaluation.campaign.cases[1].predictions["fast"].texel_forces,
+    )
+
+
+def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tmp_path):
+    assert "assumed cover" in (folder / "index.html").read_text()
+    known = load("wts-0614-34", material="neoprene", thickness="2mm")
+    assert not known.cover.assumed
+    derivation = dataclasses.replace(evaluation.derivation, sensor=known)
+    write_report(dataclasses.replace(evaluation, derivation=derivation), tmp_path)
+    assert "assumed" not in (tmp_path / "index.html").read_text()
+
+
+def test_parameters_beside_the_page_load(folder, evaluation):
+    assert fastmodel.load(folder).spread == evaluation.derivation.parameters.spread
+
+
+def test_elements_agree_with_the_exact_layer(evaluation):
+    assert evaluation.verification["radial_profile"] < 5e-3
+    assert evaluation.verification["texel_response"] < 5e-3
+
+
+def test_row_0_is_at_the_bottom():
+    array = ARRAYS["wts-0614-34"]
+    values = np.zeros(84)
+    values[0] = 1.0
+    svg = tactile_image(array, values, Scale(peak=1.0))
+    y = {title: int(y) for y, title in re.findall(r'y="(\d+)"[^>]*><title>(\[\d+, \d+\])', svg)}
+    assert y["[0, 0]"] == max(y.values())
+    assert y["[13, 0]"] == 0
+    terminal = heat_maps(array, [("x", values)]).columns[0]._cells[1].plain.splitlines()
+    assert terminal[13].split()[0] == "1000"
+    assert terminal[0].split()[0] == "0"
+
+
+def test_masked_texels_are_told_apart():
+    array = ARRAYS["sdh2-distal"]
+    assert tactile_image(array, np.zeros(78), Scale(peak=1.0)).count("no texel") == 10
+
+
+def test_outline_lies_where_the_texels_are():
+    array = ARRAYS["wts-0614-34"]
+    centre = Outline(x=array.centres[[0, 5, 83], 0], y=array.centres[[0, 5, 83], 1])
+    svg = tactile_image(array, np.zeros(84), Scale(peak=1.0), outline=centre)
+    assert 'points="7.5,202.5 82.5,202.5 82.5,7.5"' in svg
+
+
+@pytest.mark.parametrize(("value", "expected"), [(0.0, "#ffffff"), (1.0, "#97142a"), (-1.0, "#0b4f8a"), (9, "#97142a")])
+def test_colours_of_differences(value, expected):
+    assert Scale(peak=1.0, difference=True).colour(value) == expected

@@ -1,0 +1,95 @@
+import math
+
+import pytest
+import trimesh
+
+from meshes import Box, Prism, RoundedTip, Sphere, read_stl
+from meshes.indenters.by_name import SHAPES
+from validation.errors import InputError
+from validation.text.indenter import _EXAMPLES, read_indenter, read_position, read_yaw
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_has_an_example_that_is_accepted(shape):
+    assert isinstance(read_indenter(_EXAMPLES[shape]), SHAPES[shape])
+
+
+def test_the_examples_are_those_of_every_shape():
+    assert set(_EXAMPLES) == {*SHAPES, "prism", "mesh"}
+    assert isinstance(read_indenter(_EXAMPLES["prism"]), Prism)
+
+
+def test_corners_of_a_prism():
+    triangle = Prism(points=((0.0, 0.0), (10e-3, 0.0), (0.0, 6e-3)))
+    assert read_indenter("prism:points=0,0/10mm,0/0,6mm") == triangle
+    assert read_indenter(" prism: points = 0mm , 0mm / 1cm , 0mm / 0mm , 6mm") == triangle
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("prism", "prism needs points; write for example prism:points="),
+        ("prism:points=0,0/10mm/0,6mm", "prism.points: corner 2, '10mm', is not 2 values"),
+        ("prism:points=0,0/10,0/0,6mm", "'10' has no unit"),
+        ("prism:points=0,0/nan,0/0,6mm", "'nan' is not a length"),
+        ("prism:points=0,0/10mm,0", "three corners or more, not 2; write for example"),
+        ("prism:points=0,0/9mm,9mm/9mm,0/0,9mm", "sides 1 and 3 of the polygon meet"),
+        ("prism:holes=0,0/1mm,0/0,1mm,points=0,0/9mm,0/0,9mm", "prism has no parameter 'holes'"),
+        ("mesh", "mesh needs path; write for example mesh:path=part.stl,unit=mm"),
+        ("mesh:path=", "mesh.path: names no file"),
+        ("mesh:path=gone.stl", "gone.stl: No such file or directory"),
+        ("mesh:path=gone.stl,unit=kg", "'kg' in '1 kg' is not a unit of length"),
+        ("mesh:path=gone.stl,axis=1mm", "mesh.axis: '1mm' is not 2 values"),
+        ("sphere:radius=5mm,radius=6mm", "sphere.radius stands there twice"),
+        ("sphere:radius=1km", "2e+06 mm is no width for an indenter; accepted: 0.02..1000 mm"),
+        ("box:size=1nmx1nmx1mm", "1e-06 mm is no width"),
+    ],
+)
+def test_faults_of_shapes_are_one_line(text, part):
+    with pytest.raises(InputError) as caught:
+        read_indenter(text)
+    assert len(caught.value.faults) == 1
+    assert part in caught.value.faults[0]
+    assert caught.value.faults[0].startswith("--indenter: ")
+
+
+@pytest.fixture
+def part(tmp_path):
+    path = tmp_path / "a, b.stl"
+    trimesh.creation.icosphere(2, 5.0).apply_translation([3, 4, 5]).export(path)
+    return path
+
+
+def test_a_body_from_a_file(part):
+    assert read_indenter(f"mesh:path={part}") == read_stl(part)
+    assert read_indenter(f"mesh:path={part},unit=inch") == read_stl(part, unit=25.4e-3)
+    assert read_indenter(f"mesh:unit=0.5mm,axis=1mm,2mm,path={part}") == read_stl(part, unit=5e-4, axis=(1e-3, 2e-3))
+
+
+def test_an_open_body_leaves_with_2(part, softcover):
+    mesh = trimesh.load(part)
+    mesh.update_faces(range(1, len(mesh.faces)))
+    mesh.export(part)
+    for command in ("view", "press"):
+        status, out, err = softcover(command, "wts-0614-34", "--indenter", f"mesh:path={part}", "--load", "5N")
+        assert (status, out) == (2, "")
+        assert "is not closed: it has 3 open edges" in err
+
+
+def test_lengths_are_si():
+    assert read_indenter("sphere:radius=5mm") == Sphere(radius=5e-3)
+    assert read_indenter("box:size=10mmx8mmx5mm") == Box(size=(10e-3, 8e-3, 5e-3))
+    assert read_indenter("tip") == RoundedTip(radius=1e-3)
+
+
+def test_pose():
+    assert read_position("0.7mm,-1.1mm") == pytest.approx((0.7e-3, -1.1e-3))
+    assert read_yaw("-31deg") == pytest.approx(math.radians(-31))
+
+
+def test_all_faults_of_one_indenter_at_once():
+    with pytest.raises(InputError) as caught:
+        read_indenter("box:sise=1mm,size=3mm")
+    assert len(caught.value.faults) == 2
+    assert "did you mean 'size'" in caught.value.faults[0]
+    assert "write for example '2mmx2mmx2mm'" in caught.value.faults[1]

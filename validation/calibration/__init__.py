@@ -1,0 +1,1 @@
+"""What a real sensor does with force, from recordings under known loads."""

@@ -1,0 +1,118 @@
+"""What a cover of any thickness does, from one finite-element solve per Poisson ratio.
+
+Scaling a linear cover scales its response, and Young's modulus does not enter: the solve is made for 1 mm and
+everything else is measured in multiples of that.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel import fit_gaussian
+from fem_reference import PointSpread, point_spread
+from fem_reference.linear_response.surface_compliance import surface_compliance
+from fem_reference.small_strain_contact.frictionless import touch
+from meshes import Box, Cover, Layer, Material, TexelArray
+from validation.recordings.series import STAMP_EDGE
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Poisson ratios that are tried, foam and rubber: the recordings hardly tell even these apart.
+POISSON_RATIOS = (0.0, 0.49)
+#: Range of thickness that is fitted [m].
+THICKNESS = (0.5e-3, 12e-3)
+_UNIT = 1e-3
+_CELLS, _BIN = 36, 4
+
+
+def unit_cover(poisson_ratio: float, thickness: float = _UNIT) -> Cover:
+    """One linear layer; its modulus (1 MPa) affects no result of this module."""
+    material = Material(
+        name="stamp cover",
+        model="linear-elastic",
+        parameters={"youngs_modulus": 1e6},
+        poisson_ratio=poisson_ratio,
+        source="a unit modulus: texel forces under a given load do not depend on it",
+    )
+    return Cover(layers=(Layer(thickness=thickness, material=material),))
+
+
+def influence(array: TexelArray, poisson_ratio: float, thickness: float, positions: FloatArray) -> FloatArray:
+    """Force on each texel per unit point load at each position, shape (k, n) [-].
+
+    Args:
+        array: A flat grid of texels.
+        poisson_ratio: One of `POISSON_RATIOS` (each costs a solve) [-].
+        thickness: Thickness of the cover [m].
+        positions: Positions on top, shape (k, 2) [m].
+    """
+    scale = thickness / _UNIT
+    return _spread(poisson_ratio).texel_influence(_scaled(array, scale), positions / scale)
+
+
+@cache
+def punch_pressure(poisson_ratio: float, thickness: float) -> tuple[FloatArray, FloatArray]:
+    """How the stamp's load is shared over its face on one bonded layer, frictionless.
+
+    Returns:
+        Centroids in the stamp's frame, shape (k, 2) [m], and shares of the load, shape (k,) [-].
+    """
+    cover = unit_cover(poisson_ratio, thickness)
+    surface = surface_compliance(cover, max(2.2 * STAMP_EDGE, 4 * thickness))
+    face = Box(size=(STAMP_EDGE, STAMP_EDGE, STAMP_EDGE))
+    patch = touch(surface, face, cells=_CELLS, load=1.0)
+    bins = np.floor((np.column_stack([patch.x, patch.y]) / STAMP_EDGE + 0.5) * (_CELLS // _BIN)).astype(int)
+    flat = bins[:, 0] * (_CELLS // _BIN) + bins[:, 1]
+    share = np.bincount(flat, patch.force)
+    centre = np.column_stack([np.bincount(flat, patch.force * place) for place in (patch.x, patch.y)])
+    return centre / share[:, None], share / share.sum()
+
+
+def thickness_of_sigma(array: TexelArray, sigma: float) -> dict[float, float]:
+    """Thickness whose fitted Gaussian has this sigma, for each Poisson ratio [m]; NaN beyond `THICKNESS`.
+
+    Args:
+        array: A flat grid of texels.
+        sigma: Width of the fast model's kernel [pitches].
+    """
+    out = {}
+    for poisson_ratio in POISSON_RATIOS:
+        thickness, sigmas = _sigma_table(poisson_ratio, array.pitch, array.texel_size)
+        inside = sigmas[0] <= sigma <= sigmas[-1]
+        out[poisson_ratio] = float(np.interp(sigma, sigmas, thickness)) if inside else float("nan")
+    return out
+
+
+@cache
+def _sigma_table(
+    poisson_ratio: float, pitch: tuple[float, float], size: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    thickness = np.geomspace(*THICKNESS, 8)
+    array = TexelArray.grid(13, 13, pitch, texel_size=size)
+    sigmas = [_sigma(_scaled(array, each / _UNIT), poisson_ratio) for each in thickness]
+    return thickness, np.maximum.accumulate(sigmas)
+
+
+def _sigma(array: TexelArray, poisson_ratio: float) -> float:
+    response = array.image(_spread(poisson_ratio).texel_response(array, load="uniform"))
+    loaded = (array.rows // 2, array.columns // 2)
+    return fit_gaussian(np.asarray(response, dtype=np.float64), loaded).gaussian.sigma_x
+
+
+@cache
+def _spread(poisson_ratio: float) -> PointSpread:
+    return point_spread(unit_cover(poisson_ratio))
+
+
+def _scaled(array: TexelArray, scale: float) -> TexelArray:
+    return TexelArray.grid(
+        array.rows,
+        array.columns,
+        (array.pitch[0] / scale, array.pitch[1] / scale),
+        texel_size=(array.texel_size[0] / scale, array.texel_size[1] / scale),
+        active=array.active,
+        name=array.name,
+    )

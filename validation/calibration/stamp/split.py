@@ -1,0 +1,69 @@
+"""Which recordings are fitted and which are scored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from validation.calibration.stamp.case import StampCase
+from validation.recordings import RecordingError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Split:
+    """One way to divide a weight series.
+
+    Attributes:
+        name: Short name.
+        about: What it tests.
+        fitted: Condition and letters that are fitted.
+        scored: Condition and letters that are scored.
+    """
+
+    name: str
+    about: str
+    fitted: tuple[str, str]
+    scored: tuple[str, str]
+
+    def __post_init__(self) -> None:
+        """Refuse to score what was fitted.
+
+        Raises:
+            ValueError: If a weight is on both sides.
+        """
+        both = set(self.fitted[1]) & set(self.scored[1]) if self.fitted[0] == self.scored[0] else set()
+        if both:
+            raise ValueError(f"split {self.name!r} scores fitted weights: {self.fitted[0]} {sorted(both)}")
+
+    def divide(self, cases: Sequence[StampCase]) -> tuple[list[StampCase], list[StampCase]]:
+        """Cases to fit and cases to score; both empty where a condition was not recorded.
+
+        Raises:
+            RecordingError: If a condition was recorded and weights of it are missing.
+        """
+        sides = [[case for case in cases if _on(case, side)] for side in (self.fitted, self.scored)]
+        if not all(sides):
+            return [], []
+        for side, found in zip((self.fitted, self.scored), sides, strict=True):
+            missing = set(side[1]) - {case.file.letter for case in found}
+            if missing:
+                names = ", ".join(f"{letter}1.dsa" for letter in sorted(missing))
+                raise RecordingError(f"{found[0].file.path.parent}: {names} missing; the series needs all weights")
+        return sides[0], sides[1]
+
+
+def _on(case: StampCase, side: tuple[str, str]) -> bool:
+    return case.file.condition == side[0] and case.file.letter in side[1]
+
+
+#: The three tests; tables pass the first easily, the others tell a model from a table.
+SPLITS = (
+    Split(name="between", about="every other weight", fitted=("room", "ACEG"), scored=("room", "BDFH")),
+    Split(name="heavier", about="light weights to heavy ones", fitted=("room", "ABCD"), scored=("room", "EFGH")),
+    Split(
+        name="warmer",
+        about="room to operating temperature",
+        fitted=("room", "ABCDEFGH"),
+        scored=("operating", "ABCDEFGH"),
+    ),
+)

@@ -1,0 +1,1 @@
+"""Sensor files: one TOML file describes array, cover and electronics."""

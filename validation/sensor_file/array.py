@@ -1,0 +1,148 @@
+"""From the `[array]` table to texels."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes import TexelArray
+from validation.errors import InputError
+from validation.sensor_file.tables import ArrayTable
+
+_COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
+_OR_POSITIONS = 'give rows, columns and pitch, or positions = "texels.csv" for any layout'
+_EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
+
+
+def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
+    """Make the texels that the table describes.
+
+    Args:
+        table: The `[array]` table.
+        name: What to call the array where the table does not say.
+        source: The sensor file; `positions` is relative to its folder.
+
+    Raises:
+        InputError: If the mask or the positions do not fit rows x columns, or texels overlap.
+    """
+    try:
+        array = _texels(table, name=table.name or name, folder=source.parent)
+        if array.planar:
+            _refuse_overlap(array)
+    except InputError as error:
+        raise InputError(*(f"{source}: {fault}" for fault in error.faults)) from None
+    except ValueError as error:
+        raise InputError(f"{source}: array: {error}") from None
+    return array
+
+
+#: More texels than this want gigabytes for the cover between their cells.
+_MOST = 10_000
+
+
+def _texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
+    if table.positions is not None:
+        return _anywhere(table, folder / table.positions, name=name)
+    if table.rows is None or table.columns is None or table.pitch is None:
+        raise InputError("array: give rows, columns and pitch")
+    if table.rows * table.columns > _MOST:
+        raise InputError(
+            f"array: {table.rows} rows of {table.columns} texels are too many; at most {_MOST} texels are supported"
+        )
+    active = _mask(table, table.rows, table.columns)
+    return TexelArray.grid(
+        table.rows, table.columns, table.pitch, texel_size=table.texel_size, active=active, name=name
+    )
+
+
+def _anywhere(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
+    """Texels where a table says; without rows and columns their image is one row, in the table's order."""
+    if (table.rows is None) != (table.columns is None):
+        raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
+    centres, normals = _read_positions(path)
+    rows, columns = table.rows or 1, table.columns or len(centres)
+    if rows * columns != len(centres):
+        raise InputError(
+            f"array.positions: {path} holds {len(centres)} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
+        )
+    pitch = table.pitch or _spacing(centres, normals)
+    active = _mask(table, rows, columns)
+    return TexelArray(
+        centres=centres,
+        normals=normals,
+        texel_size=table.texel_size or pitch,
+        pitch=pitch,
+        rows=rows,
+        columns=columns,
+        active=np.ones(len(centres), dtype=bool) if active is None else active.ravel(),
+        name=name,
+    )
+
+
+def _spacing(centres: npt.NDArray[np.float64], normals: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Edge of the largest squares about all texels that do not overlap [m]: the least distance along x or y.
+
+    Between curved neighbours it is taken along the surface by their distance, which is no shorter than either.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(centres) < 2:  # noqa: PLR2004 -- a distance takes two
+        raise InputError('array.pitch: is missing, and one texel has no neighbour; write for example pitch = "3.4 mm"')
+    flat = bool(np.allclose(normals, normals[0]) and np.allclose(normals[0], [0, 0, 1]))
+    places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
+    distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())
+    if not distance > 0:
+        raise InputError("array.positions: two texels have the same place; every texel needs its own")
+    return (distance, distance)
+
+
+def _refuse_overlap(array: TexelArray) -> None:
+    """Refuse texels that share a place: what presses there would be counted twice."""
+    from scipy.spatial import cKDTree
+
+    places = array.centres[array.active, :2] / np.array(array.texel_size)
+    pairs = cKDTree(places).query_pairs(1 - 1e-6, p=np.inf)
+    if pairs:
+        first, second = (int(np.flatnonzero(array.active)[k]) for k in min(pairs))
+        x, y = (f"{1e3 * edge:.4g} mm" for edge in array.texel_size)
+        raise InputError(
+            f"array: texels {first} and {second} overlap, each {x} by {y}; "
+            "write a smaller array.texel_size, or put them further apart"
+        )
+
+
+def _mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.bool_] | None:
+    if table.mask is None:
+        return None
+    lines = [[str(entry) for entry in line] for line in table.mask]
+    if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
+        example = "0" + "1" * (columns - 1)
+        raise InputError(
+            f"array.mask: must have {rows} rows of {columns} entries 0 or 1, "
+            f"row 0 (smallest y) first; write for example '{example}' for one row"
+        )
+    return np.array([[entry == "1" for entry in line] for line in lines])
+
+
+def _read_positions(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    if not path.is_file():
+        raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
+    with path.open(newline="", encoding="utf-8") as stream:
+        lines = [line for line in csv.reader(stream) if line]
+    header = [entry.strip() for entry in lines[0]] if lines else []
+    if tuple(header) not in (_COLUMNS[:3], _COLUMNS):
+        raise InputError(f"array.positions: {path} begins with {','.join(header)!r}; {_EXAMPLE}")
+    try:
+        numbers = np.array([[float(entry) for entry in line] for line in lines[1:]]).reshape(-1, len(header))
+    except ValueError as error:
+        raise InputError(f"array.positions: {path}: {error}; {_EXAMPLE}") from None
+    if not 1 <= len(numbers) <= _MOST or not np.isfinite(numbers).all():
+        raise InputError(
+            f"array.positions: {path} holds {len(numbers)} texels or a number that is not finite; "
+            f"1..{_MOST} texels are supported; {_EXAMPLE}"
+        )
+    normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (len(numbers), 1))  # noqa: PLR2004 -- x, y, z
+    return numbers[:, :3].copy(), normals.copy()

@@ -1,0 +1,265 @@
+"""The tables of a sensor file as pydantic reads them: units become SI, every fault keeps its path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, WrapValidator
+from pydantic.dataclasses import dataclass
+
+from meshes.catalogue import MATERIALS
+from meshes.material import MODELS, SERIES, Material
+from validation.errors import nearest
+from validation.text.hardness import material_of_hardness, read_hardness
+from validation.text.quantity import Kind, read
+
+_CONFIG = ConfigDict(extra="forbid")
+
+#: The parameters of all models.
+_PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
+
+
+def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
+    def convert(value: object) -> float:
+        number = read(value, kind)
+        if positive and number <= 0:
+            raise ValueError(f"must be positive, not {value!r}")
+        return number
+
+    return BeforeValidator(convert)
+
+
+def _terms(read_one: Callable[[object], float]) -> BeforeValidator:
+    """One number, or a list with one for each term of a series."""
+
+    def convert(value: object) -> tuple[float, ...]:
+        return tuple(read_one(part) for part in (value if isinstance(value, list) else [value]))
+
+    return BeforeValidator(convert)
+
+
+def _exponent(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -100 <= value <= 100 or not value:  # noqa: PLR2004 -- any sensible one
+        raise ValueError(f"must be a number other than 0, or a list of them, not {value!r}")
+    return float(value)
+
+
+def _choice(*names: str) -> BeforeValidator:
+    def check(value: object) -> object:
+        if value not in names:
+            raise ValueError(f"{value!r} is unknown; {nearest(str(value), names)}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
+    def check(value: float) -> float:
+        if not lowest <= value <= highest:
+            raise ValueError(f"must lie in {lowest:g}..{highest:g}{note}, not {value:g}")
+        return value
+
+    return AfterValidator(check)
+
+
+def _later(what: str) -> BeforeValidator:
+    def refuse(value: object) -> object:
+        raise ValueError(f"{what}; remove the key ({value!r} was given)")
+
+    return BeforeValidator(refuse)
+
+
+def _with_positions(value: object) -> object:
+    """Let a grid's keys be left out, which the table would else miss, where positions stand in for them."""
+    if isinstance(value, Mapping) and "positions" in value:
+        return dict.fromkeys(("rows", "columns", "pitch")) | dict(value)
+    return value
+
+
+def _lengths(value: object) -> tuple[float, float]:
+    """One length for both directions, or [x, y]."""
+    pair = value if isinstance(value, list) else [value, value]
+    if len(pair) != 2:  # noqa: PLR2004 -- x and y
+        raise ValueError(f"must be one length or [x, y], not {value!r}")
+    numbers = (read(pair[0], "length"), read(pair[1], "length"))
+    if min(numbers) <= 0:
+        raise ValueError(f"must be positive, not {value!r}")
+    if max(numbers) > _LONGEST:
+        raise ValueError(f"must be at most {_LONGEST:g} m, not {value!r}")
+    return numbers
+
+
+#: Pitch of texels or edge of a cover at most: beyond, the unit is wrong [m].
+_LONGEST = 1.0
+
+
+def _material(value: object, read_table: Callable[[object], Any]) -> Material:
+    """A name of the library, or a table of parameters."""
+    if isinstance(value, Material):
+        return value
+    if isinstance(value, str):
+        if value not in MATERIALS:
+            raise ValueError(f"unknown material {value!r}; {nearest(value, MATERIALS)}")
+        return MATERIALS[value]
+    table: MaterialTable = read_table(value)
+    return table.material()
+
+
+Length = Annotated[float, _quantity("length")]
+Pressure = Annotated[float, _quantity("pressure")]
+Count = Annotated[int, Strict(), _bounded(1, 2**32)]
+Number = Annotated[float, Strict(), _bounded(-1e12, 1e12)]
+Ratio = Annotated[float, Strict(), _bounded(0, 0.5, " (0.5 is incompressible)")]
+Share = Annotated[float, Strict(), _bounded(0, 10)]
+Lengths = Annotated[tuple[float, float], BeforeValidator(_lengths)]
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class ArrayTable:
+    """`[array]`; a table of positions says how many texels there are, and how far apart, where these keys do not."""
+
+    rows: Count | None
+    columns: Count | None
+    pitch: Lengths | None
+    positions: str | None = None
+    texel_size: Lengths | None = None
+    mask: list[str] | list[list[Annotated[int, _bounded(0, 1)]]] | None = None
+    name: str | None = None
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class MaterialTable:
+    """`material = { ... }`: the parameters of every model; `material` keeps those of the one that is named."""
+
+    model: Annotated[str, _choice(*MODELS)]
+    poisson_ratio: Ratio | None = None
+    youngs_modulus: Pressure | None = None
+    shear_modulus: Pressure | None = None
+    c10: Pressure | None = None
+    c01: Annotated[float, _quantity("pressure", positive=False)] | None = None
+    c1: Pressure | None = None
+    c2: Annotated[float, _quantity("pressure", positive=False)] | None = None
+    c3: Annotated[float, _quantity("pressure", positive=False)] | None = None
+    mu: Annotated[tuple[float, ...], _terms(lambda value: read(value, "pressure"))] | None = None
+    alpha: Annotated[tuple[float, ...], _terms(_exponent)] | None = None
+    hardness: Annotated[Any, BeforeValidator(read_hardness)] = None
+    name: str = ""
+    source: str | None = None
+    spread: Share | None = None
+    poisson_spread: Ratio = 0.0
+
+    def material(self) -> Material:
+        """Make the material.
+
+        Raises:
+            ValueError: If a parameter of the model is missing or one of another model is given.
+        """
+        given = {name: value for name in _PARAMETERS if (value := getattr(self, name)) is not None}
+        if self.poisson_ratio is None and self.model == "linear-elastic":
+            raise ValueError("poisson_ratio is missing; write for example poisson_ratio = 0.49")
+        made = self._of_parameters(given) if self.hardness is None else self._of_hardness(given)
+        return replace(
+            made,
+            source=made.source if self.source is None else self.source,
+            spread=made.spread if self.spread is None else self.spread,
+            poisson_spread=self.poisson_spread,
+        )
+
+    def _of_parameters(self, given: Mapping[str, Any]) -> Material:
+        wanted = MODELS[self.model]
+        if set(given) != set(wanted):
+            listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
+            terms = " (one number, or a list with one for each term)" if self.model in SERIES else ""
+            names = ", ".join(sorted(given)) or "nothing"
+            raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
+        return Material(
+            name=self.name or self.model,
+            model=self.model,
+            parameters=given,
+            poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
+        )
+
+    def _of_hardness(self, given: Mapping[str, Any]) -> Material:
+        if given:
+            raise ValueError(f"hardness stands for the modulus; give it or {', '.join(sorted(given))}, not both")
+        return material_of_hardness(self.hardness, self.model, poisson_ratio=self.poisson_ratio, name=self.name)
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class LayerTable:
+    """`[[cover.layer]]`."""
+
+    thickness: Length
+    material: Annotated[MaterialTable, WrapValidator(_material)]
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class CoverTable:
+    """`[cover]`."""
+
+    layer: Annotated[list[LayerTable], Field(min_length=1)]
+    base: Annotated[Literal["bonded", "sliding"], _choice("bonded", "sliding")] = "bonded"
+    size: Lengths | None = None
+    free_edges: Annotated[object, _later("a cover with a size has free side edges, one without is wide")] = None
+
+
+def _frictionless(value: object) -> float:
+    if isinstance(value, bool) or value != 0:
+        raise ValueError(f"friction is not yet supported; write 0 (frictionless), not {value!r}")
+    return 0.0
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class ContactTable:
+    """`[contact]`."""
+
+    friction: Annotated[float, BeforeValidator(_frictionless)] = 0.0
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class FilterTable:
+    """`[filter]`."""
+
+    cutoff: Annotated[float, _quantity("frequency")]
+    order: Annotated[int, Strict(), _bounded(1, 20)] = 2
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class SpreadTable:
+    """`[spread]`: a kernel that replaces the fitted one [pitches]."""
+
+    sigma_x: Annotated[float, Strict(), _bounded(1e-3, 100)]
+    sigma_y: Annotated[float, Strict(), _bounded(1e-3, 100)]
+    ksize_x: Count
+    ksize_y: Count
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class ElectronicsTable:
+    """`[electronics]`."""
+
+    rate: Annotated[float, _quantity("frequency")]
+    sensitivity: Annotated[float, _quantity("per force")] | None = None
+    offset: Number = 0.0
+    output_max: Count | None = None
+    bits: Annotated[int, Strict(), _bounded(1, 32)] = 12
+    noise: Annotated[float, _quantity("force", positive=False)] = 0.0
+    threshold: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
+    saturation_band: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
+    characteristic: list[Number] | None = None
+    gains: list[Number] | None = None
+
+
+@dataclass(config=_CONFIG, kw_only=True)
+class SensorTables:
+    """A whole sensor file."""
+
+    array: Annotated[ArrayTable, BeforeValidator(_with_positions)]
+    cover: CoverTable
+    electronics: ElectronicsTable
+    contact: ContactTable = Field(default_factory=ContactTable)
+    filter: FilterTable | None = None
+    spread: SpreadTable | None = None
+    name: str | None = None

@@ -1,0 +1,204 @@
+"""Indenters and poses as text: `sphere:radius=5mm`, `box:size=10mmx10mmx5mm`, `--at=0.7mm,-1.1mm`.
+
+The shapes and their parameters are those of `meshes.indenters.by_name.SHAPES`, and two more:
+`prism`, whose corners are joined by `/`, and `mesh`, which is read from an STL file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from meshes import Indenter, Prism, read_stl
+from meshes.indenters.by_name import SHAPES
+from meshes.surfaces.stl import SIZES
+from validation.errors import InputError, nearest
+from validation.text.quantity import QuantityError, read, read_vector
+
+#: Numbers that a parameter takes, where it is not one.
+_SIZES = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
+_EXAMPLES = {
+    "sphere": "sphere:radius=5mm",
+    "cylinder": "cylinder:radius=4mm",
+    "box": "box:size=10mmx10mmx5mm",
+    "tip": "tip:radius=1mm",
+    "roller": "roller:radius=4mm,length=12mm",
+    "cone": "cone:angle=120deg,radius=4mm",
+    "nut": "nut:across=13mm,bore=8mm",
+    "h": "h:size=12mmx16mm,bar=4mm",
+    "prism": "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm",
+    "mesh": "mesh:path=part.stl,unit=mm",
+}
+#: What makes each shape.
+_MAKERS: Mapping[str, Any] = {**SHAPES, "prism": Prism, "mesh": read_stl}
+#: A comma in front of the next parameter's name; values may hold commas too.
+_NEXT = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Parameter:
+    """What a parameter's text holds, and whether it must be there."""
+
+    kind: Literal["length", "angle", "points", "path", "unit"]
+    needed: bool
+
+
+#: Parameters of `read_stl` as text.
+_OF_MESH = {
+    "path": _Parameter(kind="path", needed=True),
+    "unit": _Parameter(kind="unit", needed=False),
+    "axis": _Parameter(kind="length", needed=False),
+}
+
+
+def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
+    """Make an indenter from `shape:parameter=value,...`.
+
+    Args:
+        text: The description.
+        place: What to call it in a fault.
+
+    Raises:
+        InputError: With one line per fault: an unknown shape or parameter, a missing one or one given twice, a bad
+            quantity, an unlikely size, a file that cannot be read.
+    """
+    shape, _, rest = text.strip().partition(":")
+    if shape not in _MAKERS:
+        example = _EXAMPLES["sphere"]
+        raise InputError(f"{place}: unknown indenter {shape!r}; {nearest(shape, _MAKERS)}; for example {example}")
+    known = _parameters(shape)
+    faults: list[str] = []
+    values: dict[str, Any] = {}
+    given: set[str] = set()
+    for part in filter(None, _NEXT.split(rest)):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if name in given:
+            faults.append(f"{place}: {shape}.{name} stands there twice; write for example {_example(shape)}")
+        given.add(name)
+        if name not in known or not equals:
+            hint = nearest(name, known)
+            faults.append(f"{place}: {shape} has no parameter {name!r}; {hint}; for example {_example(shape)}")
+            continue
+        try:
+            values[name] = _value(shape, name, known[name], value, place)
+        except QuantityError as error:
+            faults.append(str(error))
+    faults.extend(
+        f"{place}: {shape} needs {name}; write for example {_example(shape)}"
+        for name, parameter in known.items()
+        if parameter.needed and name not in given
+    )
+    if faults:
+        raise InputError(*faults)
+    try:
+        made: Indenter = _MAKERS[shape](**values)
+    except ValueError as error:
+        remedy = "" if shape == "mesh" else f"; write for example {_example(shape)}"
+        raise InputError(f"{place}: {error}{remedy}") from None
+    width = 2 * max(made.footprint)
+    if shape != "mesh" and not SIZES[0] <= width <= SIZES[1]:
+        low, high = (f"{1e3 * size:g}" for size in SIZES)
+        raise InputError(f"{place}: {1e3 * width:.3g} mm is no width for an indenter; accepted: {low}..{high} mm")
+    return made
+
+
+def _parameters(shape: str) -> dict[str, _Parameter]:
+    """Parameters by name: fields that say what they measure."""
+    if shape == "mesh":
+        return _OF_MESH
+    return {
+        field.name: _Parameter(kind=field.metadata["quantity"], needed=field.default is dataclasses.MISSING)
+        for field in dataclasses.fields(_MAKERS[shape])
+        if "quantity" in field.metadata
+    }
+
+
+def read_load(text: str, *, place: str = "--load") -> float:
+    """Read a load in N, or as the weight of a mass in g [N].
+
+    Raises:
+        InputError: If it is not a positive force.
+    """
+    return _positive(text, "force", place)
+
+
+def read_depth(text: str, *, place: str = "--depth") -> float:
+    """Read an approach from first touch [m].
+
+    Raises:
+        InputError: If it is not a positive length.
+    """
+    return _positive(text, "length", place)
+
+
+def read_position(text: str, *, place: str = "--at") -> tuple[float, float]:
+    """Read `x,y` in the array's frame [m].
+
+    Raises:
+        InputError: If it is not two lengths.
+    """
+    try:
+        x, y = read_vector(text, "length", 2, place=place)
+    except QuantityError as error:
+        raise InputError(str(error)) from None
+    return (x, y)
+
+
+def read_yaw(text: str, *, place: str = "--yaw") -> float:
+    """Read an angle [rad].
+
+    Raises:
+        InputError: If it is not an angle.
+    """
+    try:
+        return read(text, "angle", place=place)
+    except QuantityError as error:
+        raise InputError(str(error)) from None
+
+
+def _positive(text: str, kind: Any, place: str) -> float:  # noqa: ANN401 -- a literal that read checks
+    try:
+        number = read(text, kind, place=place)
+    except QuantityError as error:
+        raise InputError(str(error)) from None
+    if number <= 0:
+        raise InputError(f"{place}: must be positive, not {text!r}")
+    return number
+
+
+def _value(shape: str, name: str, parameter: _Parameter, text: str, place: str) -> Any:  # noqa: ANN401 -- by kind
+    where, count = f"{place}: {shape}.{name}", _SIZES.get((shape, name), 1)
+    match parameter.kind:
+        case "path":
+            if not text:
+                raise QuantityError(f"{where}: names no file; write for example {_example(shape)}")
+            return text
+        case "unit":
+            # "mm" as well as "0.5mm"
+            return read(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
+        case "points":
+            return _points(text, where)
+        case "length" | "angle" as kind:
+            if count == 1:
+                return read(text, kind, place=where)
+            return read_vector(text, kind, count, place=where, joint="," if shape == "mesh" else "x")
+    raise AssertionError(f"{shape}.{name} measures {parameter.kind}")
+
+
+def _points(text: str, where: str) -> tuple[tuple[float, float], ...]:
+    """Corners `x,y/x,y/...`; a plain 0 needs no unit [m]."""
+    corners: list[tuple[float, float]] = []
+    for corner in text.split("/"):
+        parts = [f"{part} m" if re.fullmatch(r"[-+]?0+\.?0*", part.strip()) else part for part in corner.split(",")]
+        if len(parts) != 2:  # noqa: PLR2004 -- x and y
+            number, example = len(corners) + 1, _example("prism")
+            raise QuantityError(f"{where}: corner {number}, {corner!r}, is not 2 values; write for example {example}")
+        x, y = (read(part, "length", place=where) for part in parts)
+        corners.append((x, y))
+    return tuple(corners)
+
+
+def _example(shape: str) -> str:
+    return _EXAMPLES.get(shape, f"{shape}:...")
