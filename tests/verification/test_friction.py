@@ -126,7 +126,7 @@ def test_a_wrong_sign_of_friction_is_seen(monkeypatch):
         traction, *rest = right(self, place, normal, pressure)
         return -traction, *rest
 
-    monkeypatch.setattr(contact.SurfaceContact, "_drag", wrong)
+    monkeypatch.setattr(SurfaceContact, "_drag", wrong)
     with pytest.raises(AssertionError, match="hold back"):
         test_no_traction_leaves_the_cone_and_sliding_points_lie_on_it(0.4)
 
