@@ -10,15 +10,11 @@ from __future__ import annotations
 import heapq
 import logging
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from meshes.surfaces.gap import Underside
-
-if TYPE_CHECKING:
-    from meshes.surfaces.triangle_mesh import TriangleMesh
+from meshes.surfaces.gap import Underside, facing_down
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,19 +34,23 @@ _TURNS = tuple(np.arange(4) * np.pi / 4)
 _UPRIGHT = 1e-6
 
 
-def convex_hulls(body: TriangleMesh) -> list[FloatArray]:
-    """Corners of convex hulls that make up the underside, shape (k, 3) each [m].
+def convex_hulls(triangles: FloatArray) -> list[FloatArray]:
+    """Corners of convex hulls that make up the underside of a body, shape (k, 3) each [m].
 
     A hull of more than `MOST_CORNERS` is left with those that are outermost in as many directions, most of them
     downwards: of a ball about a thousandth of its radius is lost between them.
 
+    Args:
+        triangles: Closed surface, each triangle counterclockwise as seen from outside, shape (n, 3, 3) [m].
+
     Raises:
         ModuleNotFoundError: If trimesh is not installed.
     """
-    seen = _Seen.of(body)
-    pieces = [(-whole.volume, 0, whole) for whole in [_Piece.of(body.lower, seen)] if whole is not None]
+    lower = facing_down(triangles)
+    seen = _Seen.of(lower, top=1.01 * float(triangles[..., 2].max()))
+    pieces = [(-whole.volume, 0, whole) for whole in [_Piece.of(lower, seen)] if whole is not None]
     if pieces[0][2].fault <= seen.tolerance:
-        return [_thinned(np.unique(body.triangles.reshape(-1, 3), axis=0))]
+        return [_thinned(np.unique(triangles.reshape(-1, 3), axis=0))]
     made = 1
     done: list[_Piece] = []
     while pieces and len(pieces) + len(done) < MOST_HULLS:
@@ -100,17 +100,16 @@ class _Seen:
     tolerance: float
 
     @classmethod
-    def of(cls, body: TriangleMesh) -> _Seen:
-        flat = body.lower[..., :2].reshape(-1, 2)
+    def of(cls, lower: FloatArray, *, top: float) -> _Seen:
+        flat = lower[..., :2].reshape(-1, 2)
         low, span = flat.min(axis=0), np.ptp(flat, axis=0)
         count = np.maximum(5, np.round(_POINTS * span / span.max())).astype(int)
         # off the round numbers at which edges stand
         axes = [low[i] + (np.arange(count[i]) + 0.517) / (count[i] + 0.034) * span[i] for i in range(2)]
         x, y = np.meshgrid(*axes)
-        gap = body.gap(x, y)
+        gap = Underside(lower).height(x.ravel(), y.ravel()).reshape(x.shape)
         levels = np.linspace(0, gap[np.isfinite(gap)].max(), _LEVELS)
         beside = np.array([_distance(gap <= level, *axes) for level in levels])
-        top = 1.01 * float(body.triangles[..., 2].max())
         return cls(
             x=x.ravel(),
             y=y.ravel(),

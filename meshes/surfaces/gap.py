@@ -14,6 +14,13 @@ _NOTHING = 1e-12
 _PAIRS, _CELLS = 2_000_000, 256
 
 
+def facing_down(triangles: FloatArray) -> FloatArray:
+    """Triangles of a closed surface (n, 3, 3) whose outer side faces down; upright ones are left out [m]."""
+    (ax, ay), (bx, by) = (triangles[:, k, :2].T - triangles[:, 0, :2].T for k in (1, 2))
+    size = float(np.ptp(triangles, axis=(0, 1)).max())
+    return np.asarray(triangles[ax * by - ay * bx < -_NOTHING * size**2])
+
+
 class Underside:
     """Triangles seen from below, sorted into the cells of a grid so that a point meets only those near it."""
 

@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from meshes.indenters.indenter import Primitive
 from meshes.indenters.prism import require_axis
-from meshes.surfaces.gap import Underside
+from meshes.surfaces.convex_hulls import convex_hulls
+from meshes.surfaces.gap import Underside, facing_down
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Length that counts as none, over the size of the body [-].
-_NOTHING = 1e-12
+#: Volume and height that count as none, over powers of the size [-].
+_FLAT = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,9 +77,7 @@ class TriangleMesh:
     @cached_property
     def lower(self) -> FloatArray:
         """Triangles that face down, shape (m, 3, 3) [m]."""
-        corners = self.triangles
-        size = float(np.ptp(corners, axis=(0, 1)).max())
-        return np.asarray(corners[_twice_area(corners) < -_NOTHING * size**2])
+        return facing_down(self.triangles)
 
     @cached_property
     def _underside(self) -> Underside:
@@ -86,23 +85,11 @@ class TriangleMesh:
 
     @cached_property
     def _parts(self) -> tuple[Primitive, ...]:
-        from meshes.surfaces.convex_hulls import convex_hulls
-
         return tuple(
             Primitive(kind="hull", vertices=tuple((float(x), float(y), float(z)) for x, y, z in hull))
-            for hull in convex_hulls(self)
+            for hull in convex_hulls(self.triangles)
         )
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One hull where the underside is convex; else hulls that make it up within a small share of its width."""
         return self._parts
-
-
-#: Volume and height that count as none, over powers of the size [-].
-_FLAT = 1e-9
-
-
-def _twice_area(corners: FloatArray) -> FloatArray:
-    """Twice the area of triangles seen from above, negative where they face down, shape (n,) [m2]."""
-    (ax, ay), (bx, by) = (corners[:, k, :2].T - corners[:, 0, :2].T for k in (1, 2))
-    return np.asarray(ax * by - ay * bx)
