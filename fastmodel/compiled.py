@@ -33,6 +33,15 @@ def called_by_kernels(loops: Kernel | None = None) -> Callable[[_F], _F]:
     return mark
 
 
+def compile_kernel(loops: _F) -> _F:
+    """Compile a function with numba; the compiled code is kept on disk for later processes.
+
+    Args:
+        loops: Explicit loops over arrays, in the part of Python that numba understands.
+    """
+    return _compile(loops)  # type: ignore[return-value]  # numba's dispatcher takes the same arguments
+
+
 def choose_kernel(loops: Kernel, plain: Kernel, *, native: bool | None) -> Kernel:
     """The compiled loops or the numpy function that does the same.
 
@@ -66,11 +75,9 @@ def find_kernel(loops: Kernel, *, native: bool | None) -> Kernel | None:
 
 
 @cache
-def _compiled(loops: Kernel) -> Kernel | None:
-    try:
-        import numba
-    except ImportError:
-        return None
+def _compile(loops: Kernel) -> Kernel:
+    import numba
+
     while _CALLED:
         function, compiled = _CALLED.pop()
         # the way of numba.extending.register_jitable, which takes no other function
@@ -80,3 +87,10 @@ def _compiled(loops: Kernel) -> Kernel | None:
     except RuntimeError:  # no folder to cache in: compile in every process
         kernel = numba.njit(**_OPTIONS)(loops)
     return kernel
+
+
+def _compiled(loops: Kernel) -> Kernel | None:
+    try:
+        return _compile(loops)
+    except ImportError:
+        return None

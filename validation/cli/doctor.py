@@ -19,10 +19,10 @@ from validation.cli.output import print_json
 #: Distributions of each part of the installation.
 _PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "": ("numpy", "scipy", "mujoco", "cyclopts", "rich", "pydantic", "pint", "tomli-w"),
+        "": ("numpy", "scipy", "mujoco", "numba", "cyclopts", "rich", "pydantic", "pint", "tomli-w"),
         "fem": ("scikit-fem", "pymetis", "pytetwild", "trimesh", "manifold3d", "xarray", "h5netcdf", "h5py"),
         "report": ("jinja2", "plotly", "matplotlib"),
-        "fast": ("numba", "pypardiso"),
+        "fast": ("pypardiso",),
         "view": ("pyvista",),
         "device": ("pyserial", "mcap", "mcap-ros2-support", "rosbags"),
         "gym": ("gymnasium",),
@@ -34,7 +34,7 @@ _WHAT_FOR: Mapping[str, str] = MappingProxyType(
         "": "fast model, export",
         "fem": "derive, press",
         "report": "demo, validate",
-        "fast": "native kernels, faster factorisation (optional)",
+        "fast": "faster factorisation (optional)",
         "view": "3-D pictures",
         "device": "the real sensor and its files",
         "gym": "reinforcement-learning wrapper",
