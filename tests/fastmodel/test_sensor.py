@@ -1,5 +1,4 @@
 import dataclasses
-import sys
 import warnings
 
 import mujoco
@@ -283,19 +282,6 @@ def test_any_linear_operator_serves_at_run_time():
     tabulated = dataclasses.replace(PARAMETERS, spread=fastmodel.Tabulated(matrix=matrix.copy()))
     one, other = run(*ball_on_array(), 100)[-1], run(*ball_on_array(tabulated), 100)[-1]
     assert np.array_equal(one.counts, other.counts)
-
-
-def test_numba_is_optional(monkeypatch):
-    from fastmodel import compiled
-
-    monkeypatch.setitem(sys.modules, "numba", None)
-    compiled._compiled.cache_clear()
-    try:
-        assert len(run(*ball_on_array(), 20)) == 5
-        with pytest.raises(FastModelError, match=r"pip install 'softcover\[fast\]'"):
-            ball_on_array(native=True)
-    finally:
-        compiled._compiled.cache_clear()
 
 
 def test_native_and_numpy_paths_agree():
