@@ -12,30 +12,16 @@ from types import MappingProxyType
 from typing import Annotated
 
 from cyclopts import Parameter
+from packaging.requirements import Requirement
 
 from validation.cli.failures import CHECK_FAILED, DONE
 from validation.cli.output import print_json
 
-#: Distributions of each part of the installation.
-_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "": ("numpy", "scipy", "mujoco", "numba", "cyclopts", "rich", "pydantic", "pint", "tomli-w"),
-        "fem": ("scikit-fem", "pymetis", "pytetwild", "trimesh", "manifold3d", "xarray", "h5netcdf", "h5py"),
-        "report": ("jinja2", "plotly", "matplotlib"),
-        "fast": ("pypardiso",),
-        "view": ("pyvista",),
-        "device": ("pyserial", "mcap", "mcap-ros2-support", "rosbags"),
-        "gym": ("gymnasium",),
-        "hand": ("gymnasium-robotics",),
-    }
-)
 _WHAT_FOR: Mapping[str, str] = MappingProxyType(
     {
-        "": "fast model, export",
+        "": "fast model, export, terminal view",
         "fem": "derive, press",
         "report": "demo, validate",
-        "fast": "faster factorisation (optional)",
-        "view": "3-D pictures",
         "device": "the real sensor and its files",
         "gym": "reinforcement-learning wrapper",
         "hand": "Shadow hand example",
@@ -58,7 +44,7 @@ def doctor(
     """
     if port is not None:
         return _ask_sensor(port, as_json=as_json)
-    parts = {part: {name: _version(name) for name in names} for part, names in _PARTS.items()}
+    parts = {part: {name: _version(name) for name in _find_distributions(part)} for part in _WHAT_FOR}
     status = DONE if all(parts[""].values()) else CHECK_FAILED
     if as_json:
         named = {part or "base": versions for part, versions in parts.items()}
@@ -66,6 +52,18 @@ def doctor(
         return status
     _print_tables(parts)
     return status
+
+
+def _find_distributions(extra: str) -> list[str]:
+    """Distributions that the base installation (`extra` empty) or an extra requires on this platform, as declared."""
+    wanted = []
+    for line in metadata.requires("softcover") or []:
+        requirement = Requirement(line)
+        conditional = requirement.marker is not None and "extra" in str(requirement.marker)
+        applies = requirement.marker is None or requirement.marker.evaluate({"extra": extra})
+        if requirement.name != "softcover" and conditional == bool(extra) and applies:
+            wanted.append(requirement.name)
+    return wanted
 
 
 def _ask_sensor(port: str, *, as_json: bool) -> int:

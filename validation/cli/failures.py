@@ -14,18 +14,16 @@ DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
 _EXTRAS = {
     "skfem": "fem",
     "pymetis": "fem",
-    "pytetwild": "fem",
     "trimesh": "fem",
-    "xarray": "fem",
-    "h5netcdf": "fem",
-    "h5py": "fem",
+    "manifold3d": "fem",
     "jinja2": "report",
     "plotly": "report",
     "matplotlib": "report",
     "serial": "device",
     "mcap": "device",
+    "mcap_ros2": "device",
     "rosbags": "device",
-    "pyvista": "view",
+    "gymnasium": "gym",
     "gymnasium_robotics": "hand",
 }
 

@@ -1,0 +1,79 @@
+"""What is installed is used, and what is used is declared."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[1]
+PRODUCT = ("meshes", "fem_reference", "fastmodel", "validation")
+OWN = {*PRODUCT, "tests", "examples", "peers"}
+#: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest.
+TOOLS = {"ruff", "mypy", "scipy-stubs", "pytest-xdist", "pytest-cov"}
+#: Packages that benchmarks compare with; each benchmark installs its own.
+BENCHMARKS_ONLY = {"felupe", "netgen", "ngsolve"}
+
+
+#: Calls whose first argument names a module: its files are used without an import statement.
+NAMING = {"files", "find_spec", "import_module", "importorskip"}
+
+
+def named_in(call):
+    """The module that a call such as `resources.files("plotly")` names."""
+    name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    if name in NAMING and call.args and isinstance(call.args[0], ast.Constant):
+        return {str(call.args[0].value).split(".")[0]}
+    return set()
+
+
+def imported_in(*folders):
+    """Top-level modules of other projects that sources under these folders use, also inside functions."""
+    names = set()
+    for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                names.add(str(node.module).split(".")[0])
+            elif isinstance(node, ast.Call):
+                names |= named_in(node)
+    return names - set(sys.stdlib_module_names) - OWN
+
+
+def declared():
+    """Distributions by the extra that brings them, "" for the base installation."""
+    found = {}
+    for line in metadata.requires("softcover"):
+        requirement = Requirement(line)
+        extra = str(requirement.marker).split("extra == ")[-1].strip("\"'") if "extra" in line else ""
+        if requirement.name != "softcover":
+            found.setdefault(extra, set()).add(requirement.name.lower())
+    return found
+
+
+def distributions_of(module):
+    return {name.lower().replace("_", "-") for name in metadata.packages_distributions().get(module, [module])}
+
+
+def test_every_distribution_of_an_extra_is_imported():
+    used = set().union(*map(distributions_of, imported_in(*PRODUCT, "tests", "examples", "docs")))
+    for extra, names in declared().items():
+        assert names - used - TOOLS == set(), f"extra {extra!r}"
+
+
+@pytest.mark.parametrize("module", sorted(imported_in(*PRODUCT, "tests", "examples", "docs", "benchmarks")))
+def test_every_import_is_declared(module):
+    known = set().union(*declared().values())
+    assert module in BENCHMARKS_ONLY or distributions_of(module) & known
+
+
+def test_the_product_runs_without_what_only_tests_install():
+    names = declared()
+    known = set().union(*(names[extra] for extra in names if extra != "test"))
+    for module in imported_in(*PRODUCT):
+        assert distributions_of(module) & known, module
