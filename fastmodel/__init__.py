@@ -31,6 +31,8 @@ Every error about input is a `FastModelError`, itself a `ValueError`.  Needs num
 installed, speeds contact reading, sampling and filter up.
 """
 
+from importlib.metadata import version
+
 from fastmodel.adapters.batch import Batch
 from fastmodel.bench import FastIndentation, Placement, add_geoms, indent, indent_together
 from fastmodel.contact.area import AreaTexels
@@ -58,6 +60,8 @@ from fastmodel.signal.butterworth import Butterworth, FilterBank
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
+
+__version__ = version("softcover")
 
 __all__ = [
     "METHODS",

@@ -5,6 +5,8 @@ a shape serves both.  Array frame: x along columns, y along rows, z out of the c
 centre.  Texel order is row-major, x fastest; images are `[row, column]` with row 0 at the smallest y.
 """
 
+from importlib.metadata import version
+
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
 from meshes.indenters.flat_faces import LetterH, Nut
@@ -13,6 +15,8 @@ from meshes.indenters.prism import Prism
 from meshes.material import Material
 from meshes.surfaces.stl import read_stl
 from meshes.surfaces.triangle_mesh import TriangleMesh
+
+__version__ = version("softcover")
 
 __all__ = [
     "Box",

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -63,3 +65,8 @@ def test_importing_a_package_loads_no_heavy_stranger(package, absent):
     code = f"import sys, {package}; print(*sorted(set(sys.modules) & set({sorted(absent)!r})))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 -- ours
     assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_packages_tell_their_version(package):
+    assert importlib.import_module(package).__version__ == metadata.version("softcover")
