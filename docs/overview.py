@@ -16,7 +16,7 @@ import fem_reference
 from fem_reference import closed_form
 from meshes import Box
 from validation.derivation.derive import Derivation, derive
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 
 LOAD = 4.903325  # 500 g [N]
 PLACE = (1.0e-3, 0.6e-3)

@@ -56,7 +56,7 @@ def bonded() -> Callable[..., Cover]:
 def wts_derivation() -> Derivation:
     """The catalogue's sensor under its assumed cover, derived once for all that only read it."""
     from validation.derivation.derive import derive
-    from validation.sensor_file.description import load
+    from validation.sensor_file import load
 
     return derive(load("wts-0614-34"))
 

@@ -15,12 +15,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from validation.campaign.campaign import CampaignResult
+from validation.campaign.run import CampaignResult
 from validation.derivation.derive import describe_cover
 from validation.errors import InputError
+from validation.json_values import to_json_values
 from validation.output_folder import write_text
-from validation.plain import plain
-from validation.sensor_file.description import SensorDescription
+from validation.sensor_file import SensorDescription
 
 #: Version of the file's format.
 FORMAT = 1
@@ -80,7 +80,7 @@ class Change:
     worse: bool
 
 
-def load(path: Path) -> Baseline:
+def load_baseline(path: Path) -> Baseline:
     """Read a baseline.
 
     Raises:
@@ -97,10 +97,10 @@ def load(path: Path) -> Baseline:
         raise InputError(f"--baseline: {path}: not a baseline ({error}); write one with --update") from None
 
 
-def measure(sensor: SensorDescription, campaign: CampaignResult) -> Baseline:
+def make_baseline(sensor: SensorDescription, campaign: CampaignResult) -> Baseline:
     """The fast model's scores of a campaign as a baseline."""
     scores = {result.case.name: _chosen(result.predictions["fast"].score.as_json()) for result in campaign.cases}
-    means = {name: plain(value.mean) for name, value in campaign.pooled["fast"].items()}
+    means = {name: to_json_values(value.mean) for name, value in campaign.pooled["fast"].items()}
     return Baseline(
         sensor=sensor.name,
         fingerprint=_fingerprint(sensor, campaign),
@@ -108,7 +108,7 @@ def measure(sensor: SensorDescription, campaign: CampaignResult) -> Baseline:
     )
 
 
-def compare(baseline: Baseline, now: Baseline) -> list[Change]:
+def compare_baselines(baseline: Baseline, now: Baseline) -> list[Change]:
     """Every score that moved by more than its tolerance, the worst first.
 
     A score that existed and no longer does counts as worse.
@@ -161,4 +161,4 @@ def _fingerprint(sensor: SensorDescription, campaign: CampaignResult) -> str:
         "cover": describe_cover(sensor.cover),
         "cases": sorted([case.name, case.shape, round(case.load, 9), *case.at, case.yaw] for case in cases),
     }
-    return hashlib.sha256(json.dumps(plain(described), sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(to_json_values(described), sort_keys=True).encode()).hexdigest()

@@ -3,13 +3,13 @@ import json
 
 import pytest
 
-from validation.campaign.campaign import run
 from validation.campaign.case import Case
+from validation.campaign.run import run_campaign
 from validation.cli import main
 from validation.derivation.derive import derive
 from validation.errors import InputError
-from validation.regress import MEAN, TOLERANCES, compare, load, measure
-from validation.sensor_file.description import load as load_sensor
+from validation.regress import MEAN, TOLERANCES, compare_baselines, load_baseline, make_baseline
+from validation.sensor_file import load
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -28,22 +28,22 @@ def baseline(derivation):
 
 
 def measured(derivation, parameters, cases=CASES):
-    return measure(derivation.sensor, run(derivation.sensor.cover, parameters, cases))
+    return make_baseline(derivation.sensor, run_campaign(derivation.sensor.cover, parameters, cases))
 
 
 def test_same_model_passes(derivation, baseline):
-    assert compare(baseline, measured(derivation, derivation.parameters)) == []
+    assert compare_baselines(baseline, measured(derivation, derivation.parameters)) == []
 
 
 def test_baseline_survives_its_file(baseline, tmp_path):
     baseline.save(tmp_path / "baseline.json")
-    assert load(tmp_path / "baseline.json") == baseline
+    assert load_baseline(tmp_path / "baseline.json") == baseline
 
 
 @pytest.mark.parametrize("thickness", [pytest.param("1.8mm", marks=pytest.mark.slow), "2.2mm"])
 def test_planted_defect_in_the_cover_is_caught(derivation, baseline, thickness):
-    spoilt = derive(load_sensor("wts-0614-34", thickness=thickness)).parameters
-    changes = compare(baseline, measured(derivation, spoilt))
+    spoilt = derive(load("wts-0614-34", thickness=thickness)).parameters
+    changes = compare_baselines(baseline, measured(derivation, spoilt))
     worse = {(change.case, change.metric) for change in changes if change.worse}
     assert (MEAN, "misplaced_force") in worse
 
@@ -58,21 +58,21 @@ def moved(baseline, case, metric, by):
 @pytest.mark.parametrize("case", ["sphere", "box", MEAN])
 def test_gate_stands_at_the_tolerance(baseline, case, metric):
     tolerance = TOLERANCES[metric]
-    assert compare(baseline, moved(baseline, case, metric, 0.9 * tolerance)) == []
-    (change,) = compare(baseline, moved(baseline, case, metric, 1.1 * tolerance))
+    assert compare_baselines(baseline, moved(baseline, case, metric, 0.9 * tolerance)) == []
+    (change,) = compare_baselines(baseline, moved(baseline, case, metric, 1.1 * tolerance))
     assert (change.case, change.metric, change.worse) == (case, metric, True)
-    (change,) = compare(baseline, moved(baseline, case, metric, -1.1 * tolerance))
+    (change,) = compare_baselines(baseline, moved(baseline, case, metric, -1.1 * tolerance))
     assert not change.worse
 
 
 def test_case_that_vanished_counts_as_worse(baseline):
     gone = dataclasses.replace(baseline, scores={MEAN: baseline.scores[MEAN]})
-    assert {change.case for change in compare(baseline, gone) if change.worse} == {"sphere", "box"}
+    assert {change.case for change in compare_baselines(baseline, gone) if change.worse} == {"sphere", "box"}
 
 
 def test_baseline_of_something_else_is_refused(derivation, baseline):
     with pytest.raises(InputError, match="another array, cover or list of cases"):
-        compare(baseline, measured(derivation, derivation.parameters, CASES[:1]))
+        compare_baselines(baseline, measured(derivation, derivation.parameters, CASES[:1]))
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 99}', '{"format": 1}'])
@@ -80,7 +80,7 @@ def test_bad_file_is_bad_input(tmp_path, text):
     path = tmp_path / "baseline.json"
     path.write_text(text)
     with pytest.raises(InputError, match="--baseline"):
-        load(path)
+        load_baseline(path)
 
 
 @pytest.mark.slow

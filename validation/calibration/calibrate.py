@@ -20,8 +20,8 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import WTS_0614_34
 from fastmodel.signal.point_spread import Gaussian
 from meshes import Indenter, TexelArray
-from validation.calibration.behaviour import Estimate, behaviour, estimate, load_on
-from validation.calibration.fit import FittedCurve, Form, Observations, fit_curve
+from validation.calibration.curve_fit import FittedCurve, Form, Observations, fit_curve
+from validation.calibration.noise_and_drift import Estimate, behaviour, estimate, load_on
 from validation.recordings.labels import LabelledRecording
 from validation.recordings.recording import RecordingError
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from validation.campaign.case import Case
 from validation.derivation.derive import derive, describe_cover
 from validation.metrics import Score, score
-from validation.sensor_file.description import SensorDescription
+from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel import FastIndentation
@@ -86,7 +86,7 @@ class Comparison:
         }
 
 
-def compare(
+def compare_models(
     sensor: SensorDescription,
     case: Case,
     *,

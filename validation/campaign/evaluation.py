@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from validation.campaign.campaign import CampaignResult, default_cases, run
 from validation.campaign.case import Case
+from validation.campaign.run import CampaignResult, default_cases, run_campaign
 from validation.derivation.derive import Derivation, derive
 from validation.errors import InputError
-from validation.sensor_file.description import SensorDescription
+from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from validation.calibration.stamp import StampScores
@@ -112,7 +112,7 @@ def evaluate(
     clock.append(time.perf_counter())
     verification = verify(derivation)
     chosen = default_cases(sensor.array) if cases is None else cases
-    campaign = run(sensor.cover, derivation.parameters, chosen, progress=progress.step if progress else None)
+    campaign = run_campaign(sensor.cover, derivation.parameters, chosen, progress=progress.step if progress else None)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,

@@ -45,7 +45,7 @@ def calibrate(
     """Characteristic, gains, saturation, noise, drift and hysteresis from recordings under known loads."""
     from validation.calibration.calibrate import calibrate as fit
     from validation.calibration.calibrate import flat_shares, middle
-    from validation.calibration.file import as_json, write_sensor
+    from validation.calibration.write_sensor import as_json, write_sensor
     from validation.recordings.importing import open_recording
 
     if (sensor is None) != (out is None):

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from validation.cli.evaluate import evaluate_into
 from validation.cli.options import Json, Recordings
 from validation.recordings.series import recordings_folder
-from validation.sensor_file.description import BUILT_IN
+from validation.sensor_file import BUILT_IN
 
 #: The sensor that the recordings were made with.
 _RECORDED = "sdh2-distal"

@@ -10,7 +10,7 @@ from validation.cli.progress import Progress
 from validation.derivation.derive import Derivation
 from validation.derivation.derive import derive as derive_parameters
 from validation.output_folder import new_folder
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 
 
 def derive(

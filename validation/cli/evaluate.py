@@ -11,7 +11,7 @@ from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.output_folder import new_folder
 from validation.report import require, write_report
-from validation.sensor_file.description import SensorDescription
+from validation.sensor_file import SensorDescription
 
 
 def evaluate_into(

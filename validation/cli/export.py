@@ -12,7 +12,7 @@ from validation.cli.options import Json, MaterialName, Sensor, Thickness, collec
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
-from validation.sensor_file.description import SensorDescription, load
+from validation.sensor_file import SensorDescription, load
 
 if TYPE_CHECKING:
     from fastmodel import Parameters

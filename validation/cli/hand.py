@@ -35,7 +35,7 @@ def hand(*, out: _Out = Path("softcover-hand"), method: _Method = "default", jso
     from validation.hand import Hand, find_assets
     from validation.hand_picture import draw, record
     from validation.output_folder import new_folder
-    from validation.sensor_file.description import load
+    from validation.sensor_file import load
 
     if method not in METHODS:
         raise InputError(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")

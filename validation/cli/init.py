@@ -16,9 +16,9 @@ def init(path: Path = Path("sensor.toml"), *, force: bool = False) -> None:
         force: Replace a file that is already there.
     """
     from validation.output_folder import write_text
-    from validation.sensor_file.description import template
+    from validation.sensor_file import read_template
 
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; name another file, or replace it with --force")
-    write_text(path, template())
+    write_text(path, read_template())
     say(f"wrote {path}; next: softcover derive {path}")

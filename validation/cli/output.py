@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping
 from typing import Any
 
-from validation.plain import plain
+from validation.json_values import json_text
 
 
 def say(message: str) -> None:
@@ -22,5 +21,4 @@ def show(line: str) -> None:
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Write one JSON object to standard output."""
-    sys.stdout.write(json.dumps(plain(result), indent=1, allow_nan=False))
-    sys.stdout.write("\n")
+    sys.stdout.write(f"{json_text(result)}\n")

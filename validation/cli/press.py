@@ -10,12 +10,12 @@ from cyclopts import Parameter
 
 from meshes import TexelArray
 from validation.campaign.case import Case
-from validation.campaign.comparison import METHODS, MODELS, Comparison, compare
+from validation.campaign.comparison import METHODS, MODELS, Comparison, compare_models
 from validation.cli.options import Json, MaterialName, Sensor, Thickness, collect
 from validation.cli.output import print_json
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
-from validation.sensor_file.description import load as load_sensor
+from validation.sensor_file import load as load_sensor
 from validation.text.indenter import read_depth, read_indenter, read_load, read_position, read_yaw
 
 _Shape = Annotated[str, Parameter(help="Shape, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
@@ -78,7 +78,7 @@ def press(
         yaw=angle,
     )
     with Progress() as progress:
-        comparison = compare(
+        comparison = compare_models(
             description,
             case,
             depth=approach,

@@ -10,13 +10,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from validation import regress as gate
-from validation.campaign.campaign import default_cases, run
+from validation.campaign.run import default_cases, run_campaign
 from validation.cli.failures import CHECK_FAILED, DONE
 from validation.cli.options import Json, Sensor
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.derivation.derive import derive
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 
 
 def regress(
@@ -29,16 +29,16 @@ def regress(
     """Compare the fast model's accuracy with a stored baseline; leave with 1 when it dropped."""
     description = load(sensor)
     # A bad baseline is found before the long work.
-    stored = None if update else gate.load(baseline)
+    stored = None if update else gate.load_baseline(baseline)
     with Progress() as progress:
         parameters = derive(description, progress=progress).parameters
-        campaign = run(description.cover, parameters, default_cases(description.array), progress=progress.step)
-    now = gate.measure(description, campaign)
+        campaign = run_campaign(description.cover, parameters, default_cases(description.array), progress=progress.step)
+    now = gate.make_baseline(description, campaign)
     if stored is None:
         now.save(baseline)
         say(f"wrote {baseline}: {len(now.scores) - 1} cases")
         return DONE
-    changes = gate.compare(stored, now)
+    changes = gate.compare_baselines(stored, now)
     worse = sum(change.worse for change in changes)
     if json:
         print_json({"worse": worse, "changes": [asdict(change) for change in changes], "scores": now.scores})

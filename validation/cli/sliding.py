@@ -16,7 +16,7 @@ import numpy as np
 from fastmodel import Parameters, Sensor, add_geoms, attach, recommend_options
 from fastmodel.contact.boxes import TexelContact
 from meshes import Indenter, TexelArray
-from validation.text.quantity import G0
+from validation.text.quantity import STANDARD_GRAVITY
 
 _TIMESTEP = 1e-3
 #: Gap above the array at the start [m], and speed of coming down [m/s].
@@ -53,7 +53,7 @@ class Sliding:
         spec = mujoco.MjSpec()
         recommend_options(spec)
         spec.option.timestep = _TIMESTEP
-        spec.option.gravity = [0, 0, -G0]
+        spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
         spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
         sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT}
         spec.add_texture(name="sky", **sky, rgb1=[0.9, 0.93, 0.96], rgb2=[0.6, 0.65, 0.7], width=64, height=64)
@@ -116,7 +116,7 @@ def _hang(spec: Any, indenter: Indenter, load: float, *, height: float) -> None:
     # The last slide is the upright one: its damper lets the weight down at a steady speed.
     # (Newer versions of MuJoCo take a polynomial of the speed for it.)
     joint.damping = [load / _SPEED, 0.0, 0.0] if np.ndim(joint.damping) else load / _SPEED
-    mass = load / G0
+    mass = load / STANDARD_GRAVITY
     body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
     add_geoms(spec, body, indenter)
     for geom in body.geoms:

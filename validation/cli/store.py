@@ -118,11 +118,11 @@ def prune_entries(
 
 
 def _age_limit(older_than: str | None) -> float:
-    from validation.text.quantity import read
+    from validation.text.quantity import read_quantity
 
     if older_than is None:
         return 0.0
-    limit = read(older_than, "time", place="--older-than")
+    limit = read_quantity(older_than, "time", place="--older-than")
     if limit < 0:
         raise InputError(f"--older-than: must not be negative, not {older_than!r}; write for example '30 d'")
     return limit

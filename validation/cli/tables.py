@@ -12,9 +12,9 @@ from rich.text import Text
 
 from meshes import Cover, TexelArray
 from validation.calibration.stamp import StampScores
-from validation.campaign.campaign import CampaignResult
 from validation.campaign.comparison import Comparison
 from validation.campaign.pooling import Pooled
+from validation.campaign.run import CampaignResult
 from validation.derivation.derive import Derivation
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from validation.cli.evaluate import evaluate_into
 from validation.cli.options import Json, MaterialName, Recordings, Sensor, Thickness
 from validation.recordings.series import recordings_folder
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 
 
 def validate(

@@ -19,7 +19,7 @@ from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.cli.window import Window, why_no_window
 from validation.errors import InputError, nearest
-from validation.sensor_file.description import load as load_sensor
+from validation.sensor_file import load as load_sensor
 from validation.text.indenter import read_indenter, read_load
 
 if TYPE_CHECKING:

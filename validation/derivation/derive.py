@@ -19,10 +19,10 @@ import numpy.typing as npt
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.signal.point_spread import Spread, Tabulated
 from meshes import Cover, TexelArray
-from validation.derivation.contact_stiffness import DepthFits, fit_depth, not_determined
+from validation.derivation.depth_fits import DepthFits, fit_depth, not_determined
 from validation.derivation.resolution import texel_separation, two_point_separation
 from validation.errors import InputError
-from validation.sensor_file.description import SensorDescription
+from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.parameters import Parameters

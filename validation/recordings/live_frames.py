@@ -16,7 +16,7 @@ import numpy.typing as npt
 from fastmodel.signal.frame import Frame
 from meshes import Indenter
 from validation.recordings.recording import Recording
-from validation.text.quantity import G0
+from validation.text.quantity import STANDARD_GRAVITY
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
 from validation.weiss.sensor import Reading, Sensor
@@ -111,7 +111,7 @@ def _indenter(mujoco: Any, spec: Any, indenter: Indenter, load: float) -> str:  
 
     body = spec.worldbody.add_body(name="indenter", pos=[0, 0, 0])
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    mass = load / G0
+    mass = load / STANDARD_GRAVITY
     body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
     add_geoms(spec, body, indenter)
     return "indenter"

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from validation.recordings.recording import RecordingError
+from validation.text.quantity import STANDARD_GRAVITY
 
 #: Where the recordings come from; they are not part of this distribution.
 SOURCE = (
     "github.com/peter-kiechle/tactile-sensors @7bbb341b2db445653477b82b908e2ef0175cf926 "
     "(P. Kiechle, University of Innsbruck, 2015)"
 )
-#: Standard gravity [m/s2].
-STANDARD_GRAVITY = 9.80665
 #: Edge of the square stamp of the weight series [m].
 STAMP_EDGE = 10.5e-3
 #: Counts that the firmware subtracted in the weight series, from the author's notes [-].

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -12,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from validation.calibration.stamp import StampScores
-from validation.campaign.campaign import MODELS, POOLED_METRICS, CampaignResult, CaseResult
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
+from validation.campaign.run import MODELS, POOLED_METRICS, CampaignResult, CaseResult
 from validation.derivation.derive import Derivation
-from validation.plain import plain
+from validation.json_values import json_text
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.recordings import best_null, recordings_contents
 from validation.report.tactile_image import Outline, Scale, colour_bar, tactile_image
@@ -114,7 +113,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         "cases": [_case(evaluation, result) for result in campaign.cases],
         "percent": lambda value, digits=2: f"{100 * value:.{digits}g}",
         # Inside a script element only "</" could end the data early.
-        "figures": json.dumps(plain(figures), allow_nan=False).replace("</", "<\\/"),
+        "figures": json_text(figures, indent=None).replace("</", "<\\/"),
     }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.derivation.derive import Derivation
-from validation.plain import plain
+from validation.json_values import json_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,8 +33,7 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
         OSError: If the folder cannot be written.
     """
     derivation.parameters.save(folder)
-    numbers = json.dumps(plain(derivation.as_json()), indent=1, allow_nan=False)
-    (folder / "derive.json").write_text(numbers, encoding="utf-8")
+    (folder / "derive.json").write_text(json_text(derivation.as_json()), encoding="utf-8")
     files = ("parameters.toml", "cover.npz", "derive.json")
     try:
         _plot(derivation, folder / "psf.svg")

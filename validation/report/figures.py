@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from validation.campaign.campaign import MODELS, CampaignResult
+from validation.campaign.run import MODELS, CampaignResult
 from validation.derivation.derive import Derivation
 
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}

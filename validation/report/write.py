@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from importlib import resources
 from pathlib import Path
 
 from validation.campaign.evaluation import Evaluation
 from validation.errors import MissingExtraError
-from validation.plain import plain
+from validation.json_values import json_text
 from validation.report.contents import contents
 
 #: The page's own files, copied beside it.
@@ -56,6 +55,5 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
     plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")
     (folder / "plotly.min.js").write_bytes(plotly.read_bytes())
-    scores = json.dumps(plain(evaluation.as_json()), indent=1, allow_nan=False)
-    (folder / "scores.json").write_text(scores, encoding="utf-8")
+    (folder / "scores.json").write_text(json_text(evaluation.as_json()), encoding="utf-8")
     evaluation.derivation.parameters.save(folder)

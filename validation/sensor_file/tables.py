@@ -13,7 +13,7 @@ from meshes.catalogue import MATERIALS
 from meshes.material import MODELS, SERIES, Material
 from validation.errors import nearest
 from validation.text.hardness import material_of_hardness, read_hardness
-from validation.text.quantity import Kind, read
+from validation.text.quantity import Kind, read_quantity
 
 _CONFIG = ConfigDict(extra="forbid")
 
@@ -23,7 +23,7 @@ _PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for nam
 
 def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
     def convert(value: object) -> float:
-        number = read(value, kind)
+        number = read_quantity(value, kind)
         if positive and number <= 0:
             raise ValueError(f"must be positive, not {value!r}")
         return number
@@ -83,7 +83,7 @@ def _lengths(value: object) -> tuple[float, float]:
     pair = value if isinstance(value, list) else [value, value]
     if len(pair) != 2:  # noqa: PLR2004 -- x and y
         raise ValueError(f"must be one length or [x, y], not {value!r}")
-    numbers = (read(pair[0], "length"), read(pair[1], "length"))
+    numbers = (read_quantity(pair[0], "length"), read_quantity(pair[1], "length"))
     if min(numbers) <= 0:
         raise ValueError(f"must be positive, not {value!r}")
     if max(numbers) > _LONGEST:
@@ -142,7 +142,7 @@ class MaterialTable:
     c1: Pressure | None = None
     c2: Annotated[float, _quantity("pressure", positive=False)] | None = None
     c3: Annotated[float, _quantity("pressure", positive=False)] | None = None
-    mu: Annotated[tuple[float, ...], _terms(lambda value: read(value, "pressure"))] | None = None
+    mu: Annotated[tuple[float, ...], _terms(lambda value: read_quantity(value, "pressure"))] | None = None
     alpha: Annotated[tuple[float, ...], _terms(_exponent)] | None = None
     hardness: Annotated[Any, BeforeValidator(read_hardness)] = None
     name: str = ""

@@ -15,7 +15,7 @@ from meshes import Indenter, Prism, read_stl
 from meshes.indenters.by_name import SHAPES
 from meshes.surfaces.stl import SIZES
 from validation.errors import InputError, nearest
-from validation.text.quantity import QuantityError, read, read_vector
+from validation.text.quantity import QuantityError, read_quantities, read_quantity
 
 #: Numbers that a parameter takes, where it is not one.
 _SIZES = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
@@ -140,7 +140,7 @@ def read_position(text: str, *, place: str = "--at") -> tuple[float, float]:
         InputError: If it is not two lengths.
     """
     try:
-        x, y = read_vector(text, "length", 2, place=place)
+        x, y = read_quantities(text, "length", 2, place=place)
     except QuantityError as error:
         raise InputError(str(error)) from None
     return (x, y)
@@ -153,14 +153,14 @@ def read_yaw(text: str, *, place: str = "--yaw") -> float:
         InputError: If it is not an angle.
     """
     try:
-        return read(text, "angle", place=place)
+        return read_quantity(text, "angle", place=place)
     except QuantityError as error:
         raise InputError(str(error)) from None
 
 
 def _positive(text: str, kind: Any, place: str) -> float:  # noqa: ANN401 -- a literal that read checks
     try:
-        number = read(text, kind, place=place)
+        number = read_quantity(text, kind, place=place)
     except QuantityError as error:
         raise InputError(str(error)) from None
     if number <= 0:
@@ -177,13 +177,13 @@ def _value(shape: str, name: str, parameter: _Parameter, text: str, place: str) 
             return text
         case "unit":
             # "mm" as well as "0.5mm"
-            return read(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
+            return read_quantity(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
         case "points":
             return _points(text, where)
         case "length" | "angle" as kind:
             if count == 1:
-                return read(text, kind, place=where)
-            return read_vector(text, kind, count, place=where, joint="," if shape == "mesh" else "x")
+                return read_quantity(text, kind, place=where)
+            return read_quantities(text, kind, count, place=where, joint="," if shape == "mesh" else "x")
     raise AssertionError(f"{shape}.{name} measures {parameter.kind}")
 
 
@@ -195,7 +195,7 @@ def _points(text: str, where: str) -> tuple[tuple[float, float], ...]:
         if len(parts) != 2:  # noqa: PLR2004 -- x and y
             number, example = len(corners) + 1, _example("prism")
             raise QuantityError(f"{where}: corner {number}, {corner!r}, is not 2 values; write for example {example}")
-        x, y = (read(part, "length", place=where) for part in parts)
+        x, y = (read_quantity(part, "length", place=where) for part in parts)
         corners.append((x, y))
     return tuple(corners)
 

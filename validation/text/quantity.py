@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pint
 
 #: Standard gravity: turns a weight given as a mass into a force [m/s2].
-G0 = 9.80665
+STANDARD_GRAVITY = 9.80665
 
 Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
 
@@ -42,7 +42,7 @@ class QuantityError(ValueError):
     """A text is not a quantity of the wanted kind."""
 
 
-def read(value: object, kind: Kind, *, place: str = "") -> float:
+def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
     """Read one quantity.
 
     A force may be given as the weight of a mass, `500 g`.
@@ -74,7 +74,7 @@ def read(value: object, kind: Kind, *, place: str = "") -> float:
     return number
 
 
-def read_vector(value: object, kind: Kind, count: int, *, place: str = "", joint: str = ",") -> tuple[float, ...]:
+def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", joint: str = ",") -> tuple[float, ...]:
     """Read `count` quantities joined by `x` or `,`, such as `10mmx10mmx5mm` or `0.7mm,-1.1mm`.
 
     Args:
@@ -85,14 +85,14 @@ def read_vector(value: object, kind: Kind, count: int, *, place: str = "", joint
         joint: What joins the values of the example in a fault's message.
 
     Raises:
-        QuantityError: As `read`, or if there are not `count` of them.
+        QuantityError: As `read_quantity`, or if there are not `count` of them.
     """
     parts = _SEPARATOR.split(value.strip()) if isinstance(value, str) else [value]
     if len(parts) != count:
         where = f"{place}: " if place else ""
         example = joint.join([_EXAMPLES[kind][1].replace(" ", "")] * count)
         raise QuantityError(f"{where}{value!r} is not {count} values; write for example '{example}'")
-    return tuple(read(part, kind, place=place) for part in parts)
+    return tuple(read_quantity(part, kind, place=place) for part in parts)
 
 
 @functools.cache
@@ -117,5 +117,5 @@ def _factor(unit: str, kind: Kind) -> float | None:
         # Angles and plain numbers share pint's dimension; only radians are an angle here.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
-        return float(quantity.magnitude) * G0
+        return float(quantity.magnitude) * STANDARD_GRAVITY
     return None

@@ -11,8 +11,8 @@ import pytest
 from fastmodel import Electronics
 from meshes import Box, Sphere, TexelArray
 from validation.calibration.calibrate import calibrate, flat_shares
-from validation.calibration.file import as_json, write_sensor
-from validation.calibration.fit import Form, Observations, fit_curve
+from validation.calibration.curve_fit import Form, Observations, fit_curve
+from validation.calibration.write_sensor import as_json, write_sensor
 from validation.cli.entry import main
 from validation.errors import InputError
 from validation.recordings import tables
@@ -20,7 +20,7 @@ from validation.recordings.importing import open_recording, relabel
 from validation.recordings.labels import LabelledRecording, Setup, plain_array
 from validation.recordings.recording import RecordingError
 from validation.recordings.series import STAMP_EDGE, THRESHOLD, recordings_folder, stamp_series
-from validation.sensor_file import description
+from validation.sensor_file import load as load_sensor
 
 SHARES = np.array([0.3, 0.25, 0.2, 0.25])
 GAINS = np.array([1.1, 0.95, 1.03, 0.92])
@@ -156,12 +156,12 @@ def test_from_recordings_to_a_sensor_file(tmp_path):
         '[array]\nrows = 2\ncolumns = 2\npitch = "3.4 mm"\n[[cover.layer]]\nthickness = "2 mm"\n'
         'material = "dragon-skin-30"\n[electronics]\nrate = "271 Hz"\nsensitivity = "1 1/N"\n'
     )
-    written = description.load(write_sensor(found, source, target)).electronics
+    written = load_sensor(write_sensor(found, source, target)).electronics
     assert written.sensitivity == pytest.approx(2600, rel=0.01)
     assert written.output_max == pytest.approx(3700, abs=20)
     assert written.gains == pytest.approx(GAINS, abs=0.01)
     assert "from 11 recordings" in target.read_text()
-    assert description.load(write_sensor(found, source, target, polynomial=True)).electronics.characteristic is not None
+    assert load_sensor(write_sensor(found, source, target, polynomial=True)).electronics.characteristic is not None
     with pytest.raises(InputError, match="softcover init"):
         write_sensor(found, tmp_path / "none.toml", target)
     other, unwritten = tmp_path / "other.toml", tmp_path / "unwritten.toml"

@@ -8,12 +8,12 @@ import fastmodel
 from fem_reference import point_spread, press
 from fem_reference.closed_form import point_response
 from meshes import Cover, Cylinder, Layer, Material, Sphere
-from validation.derivation.contact_stiffness import not_determined
+from validation.derivation.depth_fits import not_determined
 from validation.derivation.derive import _sensitivity, _sigma, derive
 from validation.derivation.resolution import two_point_separation
 from validation.errors import InputError
-from validation.plain import plain
-from validation.sensor_file.description import load
+from validation.json_values import json_text
+from validation.sensor_file import load
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_kernel_is_fitted_to_the_uniform_response(derivation):
 
 
 def test_json_has_the_keys_that_others_rely_on(derivation):
-    result = json.loads(json.dumps(plain(derivation.as_json()), allow_nan=False))
+    result = json.loads(json_text(derivation.as_json()))
     assert result["psf"].keys() >= {
         "sigma_x",
         "sigma_y",

@@ -15,8 +15,8 @@ from fastmodel.pressure.cell_grid import CellGrid
 from meshes import Sphere, TexelArray
 from validation.cli import main
 from validation.derivation.derive import derive
-from validation.plain import plain
-from validation.sensor_file.description import load
+from validation.json_values import json_text
+from validation.sensor_file import load
 
 SENSOR = """
 [array]
@@ -103,7 +103,7 @@ def test_table_of_another_array_is_refused(derivation):
 
 
 def test_what_only_a_wide_cover_has_is_left_out_plainly(derivation, path, capsys):
-    result = json.loads(json.dumps(plain(derivation.as_json()), allow_nan=False))
+    result = json.loads(json_text(derivation.as_json()))
     assert result["cover"]["size_m"] == pytest.approx([7.6e-3, 7.6e-3])
     assert result["point_response"] is None
     assert result["resolution"] is None

@@ -8,7 +8,7 @@ import pytest
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
 from validation.report import write_report
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 
 pytestmark = [
     pytest.mark.browser,

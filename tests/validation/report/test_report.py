@@ -13,7 +13,7 @@ from validation.campaign.evaluation import evaluate
 from validation.cli.tables import heat_maps
 from validation.report import write_report
 from validation.report.tactile_image import Outline, Scale, tactile_image
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),

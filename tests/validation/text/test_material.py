@@ -8,7 +8,7 @@ from meshes.catalogue import MATERIALS
 from meshes.hardness import modulus_from_hardness
 from validation.cli import main
 from validation.errors import InputError
-from validation.sensor_file.description import load
+from validation.sensor_file import load
 from validation.text.hardness import read_hardness
 
 SENSOR = """

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from validation.text.quantity import G0, QuantityError, read, read_vector
+from validation.text.quantity import STANDARD_GRAVITY, QuantityError, read_quantities, read_quantity
 
 
 @pytest.mark.parametrize(
@@ -17,13 +17,13 @@ from validation.text.quantity import G0, QuantityError, read, read_vector
         ("45deg", "angle", math.pi / 4),
         ("0.5 rad", "angle", 0.5),
         ("4.9 N", "force", 4.9),
-        ("500 g", "force", 0.5 * G0),
-        ("0.5 kg", "force", 0.5 * G0),
+        ("500 g", "force", 0.5 * STANDARD_GRAVITY),
+        ("0.5 kg", "force", 0.5 * STANDARD_GRAVITY),
         ("1.5e1 kPa", "pressure", 15e3),
     ],
 )
 def test_units_become_si(text, kind, expected):
-    assert read(text, kind) == pytest.approx(expected, rel=1e-14)
+    assert read_quantity(text, kind) == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -45,23 +45,23 @@ def test_units_become_si(text, kind, expected):
 )
 def test_fault_names_place_and_an_accepted_example(value, kind, fragment):
     with pytest.raises(QuantityError) as caught:
-        read(value, kind, place="cover.layer[0].thickness")
+        read_quantity(value, kind, place="cover.layer[0].thickness")
     message = str(caught.value)
     assert message.startswith("cover.layer[0].thickness: ")
     assert fragment in message
     example = message.rsplit("write for example ", 1)[1].strip("'")
-    assert math.isfinite(read(example, kind))
+    assert math.isfinite(read_quantity(example, kind))
 
 
 @pytest.mark.parametrize("text", ["10mmx10mmx5mm", "10 mm x 10 mm x 5 mm", "10mm,10mm,5mm"])
 def test_sizes_are_joined_by_x_or_comma(text):
-    assert read_vector(text, "length", 3) == pytest.approx((0.01, 0.01, 0.005))
+    assert read_quantities(text, "length", 3) == pytest.approx((0.01, 0.01, 0.005))
 
 
 def test_negative_positions():
-    assert read_vector("0.7mm,-1.1mm", "length", 2) == pytest.approx((0.7e-3, -1.1e-3))
+    assert read_quantities("0.7mm,-1.1mm", "length", 2) == pytest.approx((0.7e-3, -1.1e-3))
 
 
 def test_wrong_count_shows_how_many_are_wanted():
     with pytest.raises(QuantityError, match=r"--at: '1mm' is not 2 values; write for example '2mm,2mm'"):
-        read_vector("1mm", "length", 2, place="--at")
+        read_quantities("1mm", "length", 2, place="--at")

@@ -9,7 +9,6 @@ What counts are: the firmware has subtracted a threshold of 100, they bend softl
 a constant weight; so every recording is read at the same age.
 """
 
-from validation.calibration.stamp.document import as_document
 from validation.calibration.stamp.score import (
     CountScore,
     StampExample,
@@ -19,4 +18,4 @@ from validation.calibration.stamp.score import (
     score_recordings,
 )
 
-__all__ = ["CountScore", "StampExample", "StampRow", "StampScores", "as_document", "score_counts", "score_recordings"]
+__all__ = ["CountScore", "StampExample", "StampRow", "StampScores", "score_counts", "score_recordings"]

@@ -10,10 +10,9 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from meshes import TexelArray
-from validation.calibration.stamp import curve
 from validation.calibration.stamp.case import StampCase
-from validation.calibration.stamp.curve import LoadCurve
-from validation.calibration.stamp.models import Candidate, StampModel, uniform
+from validation.calibration.stamp.forward_models import Candidate, StampModel, uniform
+from validation.calibration.stamp.load_curve import LOWER, START, UPPER, LoadCurve
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -127,8 +126,8 @@ def _fit(candidate: Candidate, data: _Data) -> StampFit:
 
     solution = least_squares(
         residual,
-        np.r_[candidate.start, curve.START],
-        bounds=(np.r_[candidate.lower, curve.LOWER], np.r_[candidate.upper, curve.UPPER]),
+        np.r_[candidate.start, START],
+        bounds=(np.r_[candidate.lower, LOWER], np.r_[candidate.upper, UPPER]),
         x_scale=_scale(candidate),
         ftol=1e-4,
         xtol=1e-4,
@@ -160,7 +159,7 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
     """
     forces = np.outer(data.loads, plain.candidate.texel_forces(plain.shape))
     places = np.flatnonzero(data.active & (data.counts.max(axis=0) > 0))
-    shared = len(curve.START)
+    shared = len(START)
 
     def gains_of(vector: FloatArray) -> FloatArray:
         gains = np.ones(len(data.active))
@@ -189,12 +188,12 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
         return np.vstack([np.column_stack(columns), held])
 
     free = np.full(len(places), np.inf)
-    start = np.clip(_vector(plain.load_curve), curve.LOWER + 1e-6, curve.UPPER - 1e-6)
+    start = np.clip(_vector(plain.load_curve), LOWER + 1e-6, UPPER - 1e-6)
     solution = least_squares(
         residual,
         np.r_[start, np.zeros(len(places))],
         jac=jacobian,
-        bounds=(np.r_[curve.LOWER, -free], np.r_[curve.UPPER, free]),
+        bounds=(np.r_[LOWER, -free], np.r_[UPPER, free]),
         ftol=1e-3,
         xtol=1e-3,
         max_nfev=30,

@@ -14,12 +14,12 @@ from meshes import TexelArray
 from validation import metrics
 from validation.calibration.stamp.case import WINDOW, StampCase, read_case
 from validation.calibration.stamp.fit import StampFit, fit
-from validation.calibration.stamp.models import models
-from validation.calibration.stamp.nulls import NULLS, Predictor
+from validation.calibration.stamp.forward_models import models
+from validation.calibration.stamp.null_models import NULLS, Predictor
 from validation.calibration.stamp.split import SPLITS, Split
 from validation.campaign.pooling import Pooled, pool, skill
 from validation.recordings.series import SOURCE, stamp_series
-from validation.sensor_file.description import BUILT_IN, SensorDescription
+from validation.sensor_file import BUILT_IN, SensorDescription
 
 FloatArray = npt.NDArray[np.float64]
 

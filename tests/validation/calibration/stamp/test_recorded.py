@@ -1,5 +1,6 @@
 """The real weight series: known figures of tables, and the whole scoring."""
 
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -8,13 +9,14 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
-from validation.calibration.stamp import as_document, score_counts, score_recordings
+from validation.calibration.stamp import score_counts, score_recordings
 from validation.calibration.stamp.case import read_case
-from validation.calibration.stamp.nulls import NULLS
+from validation.calibration.stamp.null_models import NULLS
 from validation.calibration.stamp.split import SPLITS
+from validation.json_values import json_text
 from validation.recordings import RecordingError
 from validation.recordings.series import stamp_series
-from validation.sensor_file.description import BUILT_IN
+from validation.sensor_file import BUILT_IN
 
 REAL = Path(os.environ.get("SOFTCOVER_RECORDINGS", Path(__file__).parents[5] / "shared" / "recordings"))
 ARRAY = ARRAYS["sdh2-distal"]
@@ -85,7 +87,7 @@ def test_the_whole_table():
     assert set(example.predicted) >= {"fast model", "fast model, texel gains", "reference", "zeros"}
     with pytest.raises(KeyError, match="no row"):
         scores.row("between", "none")
-    document = json.loads(json.dumps(as_document(scores), allow_nan=False))
+    document = json.loads(json_text(dataclasses.asdict(scores)))
     assert len(document["rows"]) == len(scores.rows)
     zeros = next(row for row in document["rows"] if row["model"] == "zeros")
     assert zeros["pooled"]["centre_of_pressure_m"]["mean"] is None

@@ -11,10 +11,10 @@ from meshes.catalogue import ARRAYS
 from validation.calibration.stamp import case as case_module
 from validation.calibration.stamp import score_counts
 from validation.calibration.stamp.case import StampCase, read_case
-from validation.calibration.stamp.curve import LoadCurve
 from validation.calibration.stamp.fit import fit
-from validation.calibration.stamp.models import StampModel, models, overlap, uniform
-from validation.calibration.stamp.nulls import NULLS
+from validation.calibration.stamp.forward_models import StampModel, models, overlap, uniform
+from validation.calibration.stamp.load_curve import LoadCurve
+from validation.calibration.stamp.null_models import NULLS
 from validation.calibration.stamp.split import SPLITS, Split
 from validation.recordings import RecordedArray, Recording, RecordingError
 from validation.recordings.series import STAMP_EDGE, StampFile

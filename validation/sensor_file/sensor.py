@@ -22,7 +22,7 @@ from meshes import Cover, Layer, Material, TexelArray
 from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
 from validation.errors import InputError, nearest
 from validation.sensor_file.tables import ElectronicsTable, FilterTable, SensorTables, SpreadTable
-from validation.text.quantity import QuantityError, read
+from validation.text.quantity import QuantityError, read_quantity
 
 #: Coefficients of the report's 5th-degree characteristic.
 _COEFFICIENTS = 6
@@ -88,7 +88,7 @@ def load(sensor: str | Path, *, material: str | None = None, thickness: str | No
     return dataclasses.replace(description, cover=_replaced_cover(description.cover, material, thickness))
 
 
-def template() -> str:
+def read_template() -> str:
     """A commented sensor file that describes a WTS 0614-34 under 2 mm of rubber."""
     return resources.files("validation.sensor_file").joinpath("template.toml").read_text(encoding="utf-8")
 
@@ -226,7 +226,7 @@ def _replaced_cover(cover: Cover, material: str | None, thickness: str | None) -
     chosen = cover.layers[0].material if material is None else _named_material(material, faults)
     height = cover.layers[0].thickness
     try:
-        height = height if thickness is None else read(thickness, "length", place="--thickness")
+        height = height if thickness is None else read_quantity(thickness, "length", place="--thickness")
     except QuantityError as error:
         faults.append(str(error))
     if height <= 0:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from validation.errors import InputError
-from validation.sensor_file.description import BUILT_IN, load, template
+from validation.sensor_file import BUILT_IN, load, read_template
 
 GOOD = """
 [array]
@@ -191,8 +191,8 @@ def test_mask_switches_texels_off(sensor):
 
 
 def test_template_describes_the_default_array(sensor):
-    description = load(sensor(template()))
-    assert tomllib.loads(template())["array"]["rows"] == 14
+    description = load(sensor(read_template()))
+    assert tomllib.loads(read_template())["array"]["rows"] == 14
     np.testing.assert_allclose(description.array.centres, BUILT_IN["wts-0614-34"].array.centres)
     assert description.electronics == BUILT_IN["wts-0614-34"].electronics
 

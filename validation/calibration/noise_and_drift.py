@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from validation.calibration.fit import FittedCurve, Observations
+from validation.calibration.curve_fit import FittedCurve, Observations
 from validation.recordings.labels import LabelledRecording
 
 FloatArray = npt.NDArray[np.float64]

@@ -10,9 +10,9 @@ import numpy as np
 import tomli_w
 
 from validation.calibration.calibrate import Calibration
-from validation.calibration.fit import FittedCurve
+from validation.calibration.curve_fit import FittedCurve
 from validation.errors import InputError
-from validation.sensor_file import description
+from validation.sensor_file import parse
 
 #: Keys of a sensor file's electronics of which one form replaces the other.
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
@@ -68,7 +68,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}
     tables["electronics"] = {**kept, **_electronics(calibration, polynomial=polynomial)}
     # a file for another array, or with other faults, is refused before anything is written
-    description.parse(tables, source=source)
+    parse(tables, source=source)
     notes = "".join(
         f"# {name} {found.value:.5g} [{found.low:.5g}, {found.high:.5g}] {found.unit}, from {found.fitted_on}\n"
         for name, found in calibration.estimates.items()

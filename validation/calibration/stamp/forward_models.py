@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from fastmodel import WTS_0614_34, Gaussian, Parameters, indent
 from meshes import Box, TexelArray
-from validation.calibration.stamp import cover
+from validation.calibration.stamp import layer_response
 from validation.recordings.series import STAMP_EDGE
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,13 +81,13 @@ def models(array: TexelArray) -> tuple[StampModel, ...]:
         StampModel(
             name="reference",
             about="frictionless rigid punch on one bonded linear layer, finite elements throughout",
-            candidates=lambda guess: [_layer(array, guess, nu, _punch) for nu in cover.POISSON_RATIOS],
+            candidates=lambda guess: [_layer(array, guess, nu, _punch) for nu in layer_response.POISSON_RATIOS],
         ),
         StampModel(
             name="edge-loaded punch",
             about="pressure 1 / sqrt((a2 - x2)(a2 - y2)), as on a cover much deeper than the stamp is wide; "
             "finite-element spread",
-            candidates=lambda guess: [_layer(array, guess, nu, _arcsine) for nu in cover.POISSON_RATIOS],
+            candidates=lambda guess: [_layer(array, guess, nu, _arcsine) for nu in layer_response.POISSON_RATIOS],
         ),
     )
 
@@ -210,12 +210,12 @@ def _layer(array: TexelArray, guess: tuple[float, float], poisson_ratio: float, 
         places, shares = face(poisson_ratio, thickness)
         c, s = np.cos(shape[2]), np.sin(shape[2])
         turned = places @ np.array([[c, s], [-s, c]]) + shape[:2]
-        return np.asarray(shares @ cover.influence(array, poisson_ratio, thickness, turned))
+        return np.asarray(shares @ layer_response.influence(array, poisson_ratio, thickness, turned))
 
     return Candidate(
         start=np.array([*np.clip(guess, low, high), 0.0, np.log(4e-3)]),
-        lower=np.array([*low, -_YAW, np.log(cover.THICKNESS[0])]),
-        upper=np.array([*high, _YAW, np.log(cover.THICKNESS[1])]),
+        lower=np.array([*low, -_YAW, np.log(layer_response.THICKNESS[0])]),
+        upper=np.array([*high, _YAW, np.log(layer_response.THICKNESS[1])]),
         texel_forces=texel_forces,
         describe=lambda shape: {
             **_pose(shape),
@@ -227,10 +227,10 @@ def _layer(array: TexelArray, guess: tuple[float, float], poisson_ratio: float, 
 
 def _punch(poisson_ratio: float, thickness: float) -> tuple[FloatArray, FloatArray]:
     """Between the solved thicknesses around, linear in the logarithm, so that the fit sees a smooth function."""
-    table = np.geomspace(*cover.THICKNESS, 9)
+    table = np.geomspace(*layer_response.THICKNESS, 9)
     upper = int(np.clip(np.searchsorted(table, thickness), 1, len(table) - 1))
     part = np.log(thickness / table[upper - 1]) / np.log(table[upper] / table[upper - 1])
-    (a, wa), (b, wb) = (cover.punch_pressure(poisson_ratio, float(table[i])) for i in (upper - 1, upper))
+    (a, wa), (b, wb) = (layer_response.punch_pressure(poisson_ratio, float(table[i])) for i in (upper - 1, upper))
     return (1 - part) * a + part * b, (1 - part) * wa + part * wb
 
 
@@ -254,5 +254,5 @@ def _pose(shape: FloatArray) -> dict[str, float]:
 def _sigma(array: TexelArray, log_sigma: float) -> Mapping[str, float]:
     """Sigma and the covers that have it: thickness and Poisson ratio are not told apart by a Gaussian."""
     sigma = float(np.exp(log_sigma))
-    same = cover.thickness_of_sigma(array, sigma)
+    same = layer_response.thickness_of_sigma(array, sigma)
     return {"sigma_pitches": sigma} | {f"thickness_m_at_nu_{nu:g}": h for nu, h in same.items()}

@@ -13,7 +13,7 @@ from meshes import Cover, Sphere
 if TYPE_CHECKING:
     from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit
     from fastmodel.fitting.gaussian import Fit
-    from validation.sensor_file.description import SensorDescription
+    from validation.sensor_file import SensorDescription
 
 FloatArray = npt.NDArray[np.float64]
 

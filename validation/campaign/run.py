@@ -193,7 +193,7 @@ def _places(array: TexelArray) -> dict[str, tuple[float, float]]:
     }
 
 
-def run(
+def run_campaign(
     cover: Cover, parameters: Parameters, cases: Sequence[Case], *, progress: Progress | None = None
 ) -> CampaignResult:
     """Press every case by both models and score the fast one.

@@ -1,0 +1,29 @@
+"""Results as JSON: only dicts, lists, numbers, text and null."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+def to_json_values(value: Any) -> Any:  # noqa: ANN401 -- JSON is untyped
+    """Turn arrays and numpy numbers into lists and numbers; NaN and infinity become None."""
+    if isinstance(value, Mapping):
+        return {str(key): to_json_values(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        return to_json_values(value.tolist())
+    if isinstance(value, list | tuple):
+        return [to_json_values(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return to_json_values(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def json_text(value: Any, *, indent: int | None = 1) -> str:  # noqa: ANN401 -- JSON is untyped
+    """The value as JSON text; NaN and infinity become null."""
+    return json.dumps(to_json_values(value), indent=indent, allow_nan=False)
