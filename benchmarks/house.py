@@ -3,15 +3,19 @@
 Prints the lines of product code (without docstrings, comments and blank lines) of each folder, and for three walks
 the files whose functions receive an object: a cover from `fem_reference.press` to the factorisation, a sensor
 description through `derive`, and a contact force through `Sensor.step`.  `--lines` prints the sizes only.
+`--sample SEED` prints thirty docstrings and comments drawn at random, to be read without the code.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import io
 import os
+import random
 import sys
 import tempfile
+import tokenize
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -76,6 +80,35 @@ def list_receivers(title: str, is_wanted: Callable[[object], bool]) -> Iterator[
         print(f"  {path}: {', '.join(functions)}")
 
 
+def find_texts(source: str) -> Iterator[str]:
+    """Docstrings and blocks of comments of a source."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and (
+            text := ast.get_docstring(node)
+        ):
+            yield f"{getattr(node, 'name', '(module)')}: {text}"
+    block: list[str] = []
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    for token in tokens:
+        if token.type == tokenize.COMMENT and not token.string.startswith(("# noqa", "# type:", "# pragma")):
+            block.append(f"{token.string}    <- {token.line.split('#')[0].strip()}".removesuffix("    <- "))
+        elif block and token.type not in {tokenize.NL, tokenize.COMMENT}:
+            yield "\n".join([*block, token.line.strip()])
+            block = []
+
+
+def print_sample(seed: int) -> None:
+    """Thirty docstrings and comments of the product, drawn at random."""
+    texts = [
+        f"{path.relative_to(ROOT)}\n{text}"
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for text in find_texts(path.read_text())
+    ]
+    for text in random.Random(seed).sample(texts, 30):  # noqa: S311 -- a sample for readers
+        print(text, end="\n\n")
+
+
 def walk_cover() -> None:
     """The covers of `press`: wide and of limited size at small strain, wide at finite strain."""
     from dataclasses import replace
@@ -138,7 +171,11 @@ def main() -> None:
     """Parse the options and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lines", action="store_true", help="print sizes only")
+    parser.add_argument("--sample", type=int, metavar="SEED", help="print thirty docstrings and comments")
     options = parser.parse_args()
+    if options.sample is not None:
+        print_sample(options.sample)
+        return
     print_sizes()
     if not options.lines:
         with tempfile.TemporaryDirectory() as store:
