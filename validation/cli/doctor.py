@@ -24,7 +24,6 @@ _WHAT_FOR: Mapping[str, str] = MappingProxyType(
         "report": "demo, validate",
         "device": "the real sensor and its files",
         "gym": "reinforcement-learning wrapper",
-        "hand": "Shadow hand example",
     }
 )
 

@@ -140,14 +140,6 @@ _COMMANDS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
                 "softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm",
             ),
         ),
-        "hand": (
-            (
-                "A Shadow hand with nine tactile arrays (132 texels) grasps a grip and turns over.\n\n"
-                "Every frame is recorded as MCAP and four moments are drawn; how much faster than real time it ran is "
-                "printed.  `validation/hand.py` is the whole scene, to start your own from."
-            ),
-            ("softcover hand", "softcover hand --out grasp --method boxes --json"),
-        ),
         "doctor": (
             "Say what is installed, what is missing and the command that brings it.",
             ("softcover doctor", "softcover doctor --json", "softcover doctor --port /dev/ttyACM0"),

@@ -24,7 +24,6 @@ _EXTRAS = {
     "mcap_ros2": "device",
     "rosbags": "device",
     "gymnasium": "gym",
-    "gymnasium_robotics": "hand",
 }
 
 
