@@ -23,12 +23,12 @@ import numpy.typing as npt
 import tomli_w
 
 from fastmodel.errors import ParametersError, ShapeError
-from fastmodel.files import kept_path, pack, replace_pair
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import Electronics
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated
-from meshes import TexelArray
+from meshes import TexelArray, atomic_file
+from meshes.npz import pack_npz
 
 FloatArray = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -104,9 +104,9 @@ class Parameters:
         if self.cells is not None:
             tables |= {_COMPLIANCE: self.cells.compliance, _INFLUENCE: self.cells.influence}
             tables |= {} if self.cells.table is None else {_TABLE: self.cells.table}
-        packed = pack({name: np.asarray(table) for name, table in tables.items()})
+        packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
-        replace_pair(target / NPZ_NAME, packed, target / TOML_NAME, text.encode())
+        _replace_pair(target, packed, text.encode())
         return target / TOML_NAME
 
 
@@ -289,13 +289,36 @@ def _tables(reader: _Reader, path: Path) -> dict[str, FloatArray]:
     return _read_tables(path.parent / NPZ_NAME, sha256)
 
 
+def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
+    """Replace both files so that a reader finds a pair that belongs together at every moment.
+
+    Until the TOML file is replaced too, a copy of the old tables serves those who read the old one.
+
+    Raises:
+        OSError: If the folder cannot be written; the old pair can still be read then.
+    """
+    tables = folder / NPZ_NAME
+    if tables.exists() and (old := tables.read_bytes()) != packed:
+        atomic_file.replace(_path_of_copy(tables, hashlib.sha256(old).hexdigest()), [old])
+    atomic_file.replace(tables, [packed])
+    atomic_file.replace(folder / TOML_NAME, [text])
+    for copy in tables.parent.glob(f"{tables.stem}.????????????????{tables.suffix}"):
+        copy.unlink(missing_ok=True)
+    atomic_file.sweep(folder)
+
+
+def _path_of_copy(tables: Path, sha256: str) -> Path:
+    """Where a copy of tables of this hash stands while the pair is being replaced."""
+    return tables.with_name(f"{tables.stem}.{sha256[:16]}{tables.suffix}")
+
+
 def _read_tables(path: Path, sha256: str) -> dict[str, FloatArray]:
     packed = _read(path)
     if hashlib.sha256(packed).hexdigest() != sha256:
-        kept = kept_path(path, sha256)
-        if not kept.exists():
+        copy = _path_of_copy(path, sha256)
+        if not copy.exists():
             raise ParametersError(f"{path}: does not belong to {TOML_NAME} (sha256 differs); write both anew")
-        packed = _read(kept)
+        packed = _read(copy)
     try:
         with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}

@@ -18,7 +18,6 @@ import platform
 import re
 import sys
 import time
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -29,7 +28,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes.atomic_file import leftovers, replace, sweep
+from meshes.atomic_file import replace, sweep, temporary_files
+from meshes.npz import pack_npz
 
 _LOG = logging.getLogger(__name__)
 
@@ -145,7 +145,7 @@ def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None
         OSError: If the folder cannot be written.
         ValueError: If an array holds Python objects.
     """
-    blob = _pack(arrays)
+    blob = pack_npz(arrays)
     surroundings = {"created": time.time(), "python": platform.python_version(), "machine": platform.machine()}
     manifest = json.dumps({"key": key, **about, **surroundings, "arrays": sorted(arrays)}).encode() + b"\n"
     digest = hashlib.sha256(manifest)
@@ -176,7 +176,7 @@ def remove(entry: Entry) -> None:
 
 def partial_files() -> int:
     """How many temporary files lie in the store: leftovers of killed writers, and what is being written now."""
-    return len(leftovers(folder()))
+    return len(temporary_files(folder()))
 
 
 def sweep_leftovers() -> int:
@@ -247,17 +247,6 @@ def _version(library: str) -> str:
         return metadata.version(library)
     except metadata.PackageNotFoundError:
         return "absent"
-
-
-def _pack(arrays: Mapping[str, Any]) -> bytes:
-    """The arrays as an npz; equal arrays give equal bytes."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        for name, values in arrays.items():
-            part = io.BytesIO()
-            np.lib.format.write_array(part, np.asanyarray(values), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), part.getbuffer(), zipfile.ZIP_DEFLATED, compresslevel=1)
-    return buffer.getvalue()
 
 
 def _checked(path: Path) -> tuple[dict[str, Any], Arrays]:

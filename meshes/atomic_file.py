@@ -1,8 +1,8 @@
-"""Files that appear whole or not at all, whatever happens to their writer.
+"""Files that are replaced as a whole: a reader finds the old content or the new one, never a part.
 
-A file is written under a temporary name, flushed to the disk and renamed.  While it is being written its writer holds a
-lock on it, which the kernel gives back however the writer ends: so a later start can tell what a killed writer left
-behind, which it sweeps, from what another process is writing at this moment, which it leaves alone.
+A file is written under a temporary name, flushed to the disk and renamed.  The writer holds a lock on the temporary
+file until it is renamed, and the operating system releases the lock when the writer ends, in whatever way.  A later
+`sweep` therefore removes the temporary files of writers that were killed and keeps those that are still being written.
 """
 
 from __future__ import annotations
@@ -15,116 +15,129 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-_PREFIX = ".partial-"
-#: Windows has no such locks; there an open file can be neither swept nor renamed.
-_POSIX = sys.platform != "win32"
-#: Where a file system knows no locks, a temporary file this old has no writer any more [s].
-_ABANDONED = 86_400.0
+#: Start of the names of temporary files.
+PREFIX = ".softcover-partial-"
+#: Age from which `sweep` removes a temporary file on a file system without locks, where no writer can be seen [s].
+_ABANDONED_AFTER = 86_400.0
+#: Whether files can be locked; Windows cannot, but there an open file can be neither removed nor renamed.
+_HAS_LOCKS = sys.platform != "win32"
 
 
 def replace(path: Path, parts: Iterable[bytes]) -> None:
-    """Write a file so that it is whole, or as it was before.
+    """Write a file at once; if that fails, the file stays as it was.
 
     Args:
         path: The file; its folder must exist.
-        parts: Its content, one after the other.
+        parts: Its content, in pieces that follow one another.
 
     Raises:
         OSError: If it cannot be written.
     """
-    handle, temporary = _create(path.parent)
-    try:
-        try:
+    with contextlib.ExitStack() as cleanup:
+        handle, temporary = _create(path.parent)
+        cleanup.callback(_remove, temporary)
+        with contextlib.ExitStack() as closing:
+            closing.callback(os.close, handle)
             for part in parts:
                 _write(handle, part)
             os.fsync(handle)
-            if _POSIX:  # still locked: between an unlock and the rename another process could sweep it
-                os.replace(temporary, path)  # noqa: PTH105 -- tests let each call of `os` fail in turn
+            if not _HAS_LOCKS:
+                closing.close()
+            # Renamed while still locked: between an unlock and the rename another process could sweep the file.
+            os.replace(temporary, path)  # noqa: PTH105 -- tests let each call of `os` fail in turn
+    flush(path.parent)
+
+
+def flush(path: Path) -> None:
+    """Have the system write a file, or the names in a folder, from its memory to the disk; no effect on Windows.
+
+    Raises:
+        OSError: If that fails.
+    """
+    if _HAS_LOCKS:
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
         finally:
             os.close(handle)
-        if not _POSIX:
-            os.replace(temporary, path)  # noqa: PTH105
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
-    _sync(path.parent)
 
 
-def leftovers(folder: Path) -> list[Path]:
-    """Temporary files in a folder, whether their writers live or not."""
+def temporary_files(folder: Path) -> list[Path]:
+    """List the temporary files in a folder, both abandoned ones and those that are being written."""
     try:
         with os.scandir(folder) as found:
-            return [Path(entry.path) for entry in found if entry.name.startswith(_PREFIX)]
+            return [Path(entry.path) for entry in found if entry.name.startswith(PREFIX)]
     except OSError:
         return []
 
 
 def sweep(folder: Path) -> int:
-    """Remove what killed writers left in a folder; what is being written stays.
+    """Remove the temporary files of killed writers from a folder; those that are being written stay.
 
     Returns:
-        How many files were removed.
+        Number of files removed.
     """
-    return sum(_swept(path) for path in leftovers(folder))
+    return sum(_remove_abandoned(path) for path in temporary_files(folder))
 
 
 def _create(folder: Path) -> tuple[int, Path]:
-    """A new temporary file, locked."""
+    """Create a temporary file and lock it: its handle and path."""
     while True:
-        path = folder / f"{_PREFIX}{secrets.token_hex(8)}"
+        path = folder / f"{PREFIX}{secrets.token_hex(8)}"
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         with contextlib.suppress(OSError):  # a file system without locks
             _lock(handle, wait=True)
         if path.exists():
             return handle, path
-        os.close(handle)  # a sweep came between the creation and the lock
+        os.close(handle)  # another process swept the file before it was locked
 
 
 def _write(handle: int, content: bytes) -> None:
+    """Write all of the content; one call of the system may write less."""
     rest = memoryview(content)
     while rest:
         rest = rest[os.write(handle, rest) :]
 
 
-def _sync(folder: Path) -> None:
-    """Flush the renaming itself: without it a power cut may bring back the old name."""
-    if _POSIX:
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
-def _swept(path: Path) -> bool:
-    """Remove one temporary file unless it is being written."""
+def _remove(path: Path) -> None:
     with contextlib.suppress(OSError):
-        if not _POSIX:
+        path.unlink(missing_ok=True)
+
+
+def _remove_abandoned(path: Path) -> bool:
+    """Remove a temporary file unless it is being written; whether it was removed."""
+    with contextlib.suppress(OSError):
+        if not _HAS_LOCKS:
             path.unlink()
             return True
         handle = os.open(path, os.O_RDONLY)
         try:
-            if _abandoned(handle):
-                path.unlink()  # under the lock: its writer may be about to take it
+            if _is_abandoned(handle):
+                path.unlink()  # while locked, so that its writer, about to lock it, then finds it gone
                 return True
         finally:
             os.close(handle)
     return False
 
 
-def _abandoned(handle: int) -> bool:
-    """Whether nobody else holds the lock on a temporary file; this process then does."""
+def _is_abandoned(handle: int) -> bool:
+    """Try to lock a temporary file: whether no other process holds the lock."""
     try:
         _lock(handle, wait=False)
     except BlockingIOError:
         return False
-    except OSError:
-        return time.time() - os.fstat(handle).st_mtime > _ABANDONED
+    except OSError:  # a file system without locks
+        return time.time() - os.fstat(handle).st_mtime > _ABANDONED_AFTER
     return True
 
 
 def _lock(handle: int, *, wait: bool) -> None:
+    """Lock a file for this process alone.
+
+    Raises:
+        BlockingIOError: If another process holds the lock and `wait` is false.
+        OSError: If the file system knows no locks.
+    """
     if sys.platform != "win32":
         import fcntl
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import glob
-import os
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from meshes import atomic_file
 from validation.errors import InputError
 
 #: Marks a folder that this program wrote and may therefore replace.
@@ -44,10 +44,12 @@ def new_folder(target: Path) -> Iterator[Path]:
         fresh.mkdir()
         (fresh / _MARKER).touch()
         yield fresh
-        _sync(fresh)
+        for path in (*fresh.rglob("*"), fresh):
+            atomic_file.flush(path)
         if target.exists():
             target.rename(work / "before")
         fresh.rename(target)
+        atomic_file.flush(target.parent)
 
 
 def _work_folder(target: Path) -> Path:
@@ -74,17 +76,11 @@ def write_text(path: Path, text: str) -> None:
         OSError: If the place cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.parent / f".{path.name}-{os.getpid()}"
     try:
-        with temporary.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        atomic_file.replace(path, [text.encode()])
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    atomic_file.sweep(path.parent)
 
 
 def _check_replaceable(target: Path) -> None:
@@ -93,10 +89,3 @@ def _check_replaceable(target: Path) -> None:
             raise InputError(f"--out: {target} holds files that softcover did not write; name a new or an empty folder")
     elif target.exists():
         raise InputError(f"--out: {target} is a file; name a folder")
-
-
-def _sync(folder: Path) -> None:
-    for path in folder.rglob("*"):
-        if path.is_file():
-            with path.open("rb") as file:
-                os.fsync(file.fileno())

@@ -175,7 +175,7 @@ def test_folder_without_the_right_to_write_is_read(monkeypatch):
     try:
         monkeypatch.setenv("SOFTCOVER_STORE", str(place))
         result_store.fetch("test", {"x": 1.0}, lambda: {"a": np.arange(5)})
-        (place / ".partial-left").touch()
+        (place / ".softcover-partial-left").touch()
         place.chmod(0o555)
 
         def fail():

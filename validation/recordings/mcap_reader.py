@@ -7,7 +7,7 @@ checked.  A file without its end, left by a killed recorder, is read up to its l
 from __future__ import annotations
 
 import hashlib
-import os
+import io
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -17,6 +17,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from meshes import atomic_file
 from validation.errors import MissingExtraError
 from validation.recordings import labels, ros_messages
 from validation.recordings.labels import LabelledRecording
@@ -106,26 +107,24 @@ def recover(path: str | Path) -> bool:
     place = Path(path)
     if is_complete(place):
         return False
-    partial = place.with_name(place.name + ".recovering")
-    with partial.open("wb") as output:
-        writer: Any = Writer(output, enable_data_crcs=True)
-        writer.start(profile="ros2", library="softcover")
-        schemas, channels = {0: 0}, {}
-        for record in _records(place):
-            if isinstance(record, Schema):
-                schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-            elif isinstance(record, Channel):
-                schema = schemas[record.schema_id]
-                channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
-            elif isinstance(record, Metadata):
-                writer.add_metadata(record.name, dict(record.metadata))
-            elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
-        writer.finish()
-        output.flush()
-        os.fsync(output.fileno())
-    partial.replace(place)
+    output = io.BytesIO()
+    writer: Any = Writer(output, enable_data_crcs=True)
+    writer.start(profile="ros2", library="softcover")
+    schemas, channels = {0: 0}, {}
+    for record in _records(place):
+        if isinstance(record, Schema):
+            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+        elif isinstance(record, Channel):
+            schema = schemas[record.schema_id]
+            channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, dict(record.metadata))
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
+    writer.finish()
+    atomic_file.replace(place, [output.getvalue()])
+    atomic_file.sweep(place.parent)
     return True
 
 

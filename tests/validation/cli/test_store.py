@@ -127,7 +127,7 @@ def test_prune_removes_what_the_options_choose_and_says_so(filled, options, left
 
 def test_prune_takes_damaged_entries_and_leftovers_always(filled):
     damage(0)
-    (result_store.folder() / ".partial-left").touch()
+    (result_store.folder() / ".softcover-partial-left").touch()
     (result_store.folder() / "notes.txt").write_text("mine")
     out = filled("store", "prune", "--older-than", "30d")[1]
     assert stored() == [1, 2, 3, 4]
