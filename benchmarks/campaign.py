@@ -22,9 +22,10 @@ import numpy as np
 from fem_reference.indentation.press import Indentation, press, press_path
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, TexelArray
+from meshes.constants import STANDARD_GRAVITY
 
 NU, E = 0.49, 1e6
-LOADS = (0.1 * 9.80665, 0.5 * 9.80665)
+LOADS = (0.1 * STANDARD_GRAVITY, 0.5 * STANDARD_GRAVITY)
 #: Shape and the turns that tell it from itself, in degrees.
 SHAPES = {
     "small square": (Box(size=(6e-3, 6e-3, 10e-3)), (0, 45)),

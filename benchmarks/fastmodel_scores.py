@@ -22,6 +22,7 @@ from fem_reference import point_spread, press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, TexelArray
 from meshes.catalogue import ARRAYS
+from meshes.constants import STANDARD_GRAVITY
 from validation.derivation.cover_kernels import cover_cells
 
 ARRAY: TexelArray = ARRAYS["wts-0614-34"]
@@ -35,8 +36,7 @@ SHAPES: dict[str, Indenter] = {
     "H": LetterH(size=(12e-3, 16e-3), bar=4e-3),
 }
 BLOCK = Box(size=(10e-3, 10e-3, 10e-3))
-G = 9.80665
-LOADS = (0.1 * G, 0.5 * G)
+LOADS = (0.1 * STANDARD_GRAVITY, 0.5 * STANDARD_GRAVITY)
 YAWS = (0.0, np.pi / 4, np.pi / 2)
 #: Over a texel's centre, edge and corner, and off the grid.
 PLACES = ((1.7e-3, 1.7e-3), (1.7e-3, 0.0), (0.0, 0.0), (0.7e-3, -1.1e-3))

@@ -23,11 +23,10 @@ from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose, about_z
 from fastmodel.sensor import recommend_options
 from meshes import Indenter
+from meshes.constants import STANDARD_GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Standard gravity [m/s2].
-STANDARD_GRAVITY = 9.80665
 #: Step of the rig's own model [s].
 TIMESTEP = 1e-3
 #: Time that is given to come to rest [s].

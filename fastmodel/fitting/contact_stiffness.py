@@ -20,6 +20,7 @@ from fastmodel.contact.plate import Plate
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.pose import Pose
 from meshes import Indenter, Sphere, TexelArray
+from meshes.constants import STANDARD_GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,8 +28,6 @@ FloatArray = npt.NDArray[np.float64]
 ESTIMATOR = "least-squares-force"
 #: Points along each edge of the square in which the displaced volume is summed.
 _POINTS = 200
-#: Standard gravity [m/s2].
-_GRAVITY = 9.80665
 #: Time constants of a contact in physics steps: MuJoCo takes no less than two, and these are well clear of it [-].
 _LEAST_STEPS = 2.5
 #: Impedance where the depth allows it; stiffer contacts come closer to 1 [-].
@@ -137,14 +136,14 @@ def fit_contact(
     chosen = len(force) // 2 if matched is None else int(np.abs(force - matched).argmin())
     if matched is not None and not np.isclose(force[chosen], matched, rtol=1e-6):
         raise FastModelError(f"matched must be one of the loads {force.tolist()} N, not {matched}")
-    aim, mass = float(deep[chosen]), float(force[chosen] / _GRAVITY)
+    aim, mass = float(deep[chosen]), float(force[chosen] / STANDARD_GRAVITY)
     least = _LEAST_STEPS * timestep
-    constant = max(least, float(np.sqrt(aim / ((1 - _IMPEDANCE) * _GRAVITY))))
-    impedance = 1 - aim / (_GRAVITY * constant**2)
+    constant = max(least, float(np.sqrt(aim / ((1 - _IMPEDANCE) * STANDARD_GRAVITY))))
+    impedance = 1 - aim / (STANDARD_GRAVITY * constant**2)
     found = _sink(mass, constant, impedance, timestep)
     # the law is exact for one contact point; what remains is the engine's own rounding of the constants
     impedance = 1 - (1 - impedance) * aim / found
-    sinks = np.array([_sink(each / _GRAVITY, constant, impedance, timestep) for each in force])
+    sinks = np.array([_sink(each / STANDARD_GRAVITY, constant, impedance, timestep) for each in force])
     return ContactFit(
         solref=(constant, 1.0),
         solimp=(impedance, impedance, 1e-3, 0.5, 2.0),
@@ -186,7 +185,7 @@ def _sink(mass: float, constant: float, impedance: float, timestep: float) -> fl
     """How deep a free ball of a mass rests in the plate [m]."""
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
-    spec.option.gravity = [0, 0, -_GRAVITY]
+    spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = 1e-12
     plate = Plate(solref=(constant, 1.0), solimp=(impedance, impedance, 1e-3, 0.5, 2.0))
     plate.attach(spec.worldbody, TexelArray.grid(4, 4, 10e-3), Pose.of((0, 0, 0), (1, 0, 0, 0)), "fit")

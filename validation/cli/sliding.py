@@ -16,7 +16,7 @@ import numpy as np
 from fastmodel import Parameters, Sensor, add_geoms, attach, recommend_options
 from fastmodel.contact.boxes import TexelContact
 from meshes import Indenter, TexelArray
-from validation.text.quantity import STANDARD_GRAVITY
+from meshes.constants import STANDARD_GRAVITY
 
 _TIMESTEP = 1e-3
 #: Gap above the array at the start [m], and speed of coming down [m/s].

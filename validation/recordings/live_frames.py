@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from fastmodel.signal.frame import Frame
 from meshes import Indenter
+from meshes.constants import STANDARD_GRAVITY
 from validation.recordings.recording import Recording
-from validation.text.quantity import STANDARD_GRAVITY
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
 from validation.weiss.sensor import Reading, Sensor

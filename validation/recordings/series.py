@@ -11,8 +11,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from meshes.constants import STANDARD_GRAVITY
 from validation.recordings.recording import RecordingError
-from validation.text.quantity import STANDARD_GRAVITY
 
 #: Where the recordings come from; they are not part of this distribution.
 SOURCE = (

@@ -13,11 +13,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
+from meshes.constants import STANDARD_GRAVITY
+
 if TYPE_CHECKING:
     import pint
-
-#: Standard gravity: turns a weight given as a mass into a force [m/s2].
-STANDARD_GRAVITY = 9.80665
 
 Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
 
@@ -117,5 +116,5 @@ def _factor(unit: str, kind: Kind) -> float | None:
         # Angles and plain numbers share pint's dimension; only radians are an angle here.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
-        return float(quantity.magnitude) * STANDARD_GRAVITY
+        return float(quantity.magnitude) * STANDARD_GRAVITY  # a weight given as a mass
     return None
