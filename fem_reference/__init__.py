@@ -7,7 +7,6 @@ and `closed_form` holds exact solutions that verify both.  Every result carries 
 
 from importlib.metadata import version
 
-from fem_reference.cells import CellData, cell_data
 from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
 from fem_reference.indentation.press import Indentation, press, press_path
 from fem_reference.linear_response.point_spread import PointSpread, point_spread
@@ -16,12 +15,10 @@ from fem_reference.small_strain_contact.frictionless import ConvergenceError
 __version__ = version("softcover")
 
 __all__ = [
-    "CellData",
     "ConvergenceError",
     "Indentation",
     "PointSpread",
     "Squeezed",
-    "cell_data",
     "compress_disk",
     "point_spread",
     "press",

@@ -10,6 +10,7 @@ coordinates (r, z), the nine of a 3 x 3 matrix, row by row, in three dimensions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -130,6 +131,23 @@ class MixedElements:
                 out[:, :, i, :, k] = block
                 out[:, :, k, :, i] = block.transpose(0, 2, 1)
         return out.reshape(e, a * d, a * d)
+
+
+def mesh_layers(across: Sequence[FloatArray], heights: FloatArray, layer: IntArray) -> tuple[skfem.Mesh, IntArray]:
+    """Tensor mesh of a layered block.
+
+    Args:
+        across: Element edges along the radius, or along x and along y [m].
+        heights: Element edges along z [m].
+        layer: Layer of each element along z.
+
+    Returns:
+        Quadrilaterals or hexahedra, and the layer of each.
+    """
+    kind = skfem.MeshQuad if len(across) == 1 else skfem.MeshHex
+    mesh = kind.init_tensor(*across, heights)
+    row = np.searchsorted(heights, mesh.p[-1][mesh.t].mean(axis=0)) - 1
+    return mesh, layer[row]
 
 
 def mixed_elements(

@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from fem_reference.elements.line import Line, line_matrix
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 #: A product of three line matrices times a number.
@@ -22,85 +24,6 @@ Term = tuple[float, Any, Any, Any]
 
 _PRESSURE = 3
 _LIFT = 2
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Line:
-    """Lagrange elements along one direction.
-
-    Attributes:
-        edges: Element edges, ascending, shape (e + 1,).
-        order: Polynomial order [-].
-        jumps: Elements before which functions may jump.
-    """
-
-    edges: FloatArray
-    order: int
-    jumps: tuple[int, ...] = ()
-
-    @cached_property
-    def index(self) -> IntArray:
-        """Nodes of each element, shape (e, order + 1)."""
-        element = np.arange(len(self.edges) - 1)
-        extra = np.isin(element, self.jumps).cumsum()
-        return np.asarray((element * self.order + extra)[:, None] + np.arange(self.order + 1), dtype=np.int64)
-
-    @property
-    def count(self) -> int:
-        """Number of nodes [-]."""
-        return int(self.index[-1, -1]) + 1
-
-    @cached_property
-    def reference(self) -> FloatArray:
-        """Nodes of the element on -1..1: ends and extrema of the Legendre polynomial, shape (order + 1,)."""
-        inner = np.polynomial.legendre.Legendre.basis(self.order).deriv().roots()
-        return np.concatenate([[-1.0], np.asarray(inner.real, dtype=float), [1.0]])
-
-    def shape(self, points: FloatArray, derivative: int = 0) -> FloatArray:
-        """Shape functions, or their first derivatives, on -1..1, shape (points, order + 1)."""
-        coefficients = np.linalg.inv(np.vander(self.reference, increasing=True))
-        powers = np.vander(points, self.order + 1, increasing=True)
-        if derivative:
-            powers = np.column_stack([np.zeros(len(points)), powers[:, :-1] * np.arange(1, self.order + 1)])
-        return np.asarray(powers @ coefficients)
-
-    def at(self, places: FloatArray) -> FloatArray:
-        """Values of every node's function at places, shape (k, count)."""
-        element = np.clip(np.searchsorted(self.edges, places, side="right") - 1, 0, len(self.edges) - 2)
-        start, length = self.edges[element], np.diff(self.edges)[element]
-        out = np.zeros((len(places), self.count))
-        np.put_along_axis(out, self.index[element], self.shape(2 * (places - start) / length - 1), axis=1)
-        return out
-
-    def integral(self, low: float, high: float) -> FloatArray:
-        """Integral of every node's function from `low` to `high`, shape (count,)."""
-        start, end = np.clip(low, self.edges[:-1], self.edges[1:]), np.clip(high, self.edges[:-1], self.edges[1:])
-        points, weights = np.polynomial.legendre.leggauss(self.order + 1)
-        x = start[:, None] + np.maximum(end - start, 0)[:, None] * (points + 1) / 2
-        local = 2 * (x - self.edges[:-1, None]) / np.diff(self.edges)[:, None] - 1
-        values = self.shape(local.ravel()).reshape(*x.shape, -1)
-        part = np.einsum("eqa,q,e->ea", values, weights / 2, np.maximum(end - start, 0))
-        out = np.zeros(self.count)
-        np.add.at(out, self.index, part)
-        return out
-
-
-def line_matrix(test: Line, trial: Line, derivatives: tuple[int, int], weight: FloatArray) -> sp.csr_matrix:
-    """Integrals of test times trial functions along a line, every neighbour stored.
-
-    Args:
-        test: Functions of the rows.
-        trial: Functions of the columns, on the same edges.
-        derivatives: 1 where the function is differentiated.
-        weight: Factor of each element, shape (e,).
-    """
-    points, weights = np.polynomial.legendre.leggauss(max(test.order, trial.order) + 1)
-    left, right = test.shape(points, derivatives[0]), trial.shape(points, derivatives[1])
-    half = np.diff(test.edges) / 2
-    block = (weight * half ** (1 - sum(derivatives)))[:, None, None] * np.einsum("qa,qb,q->ab", left, right, weights)
-    rows = np.broadcast_to(test.index[:, :, None], block.shape).ravel()
-    columns = np.broadcast_to(trial.index[:, None, :], block.shape).ravel()
-    return sp.coo_matrix((block.ravel(), (rows, columns)), shape=(test.count, trial.count)).tocsr()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

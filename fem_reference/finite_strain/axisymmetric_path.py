@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fem_reference.elements.grading import grade_around_edge, grade_outward
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, mixed_elements
 from fem_reference.finite_strain.contact import SurfaceContact
@@ -16,14 +17,7 @@ from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import Coarse
 from fem_reference.finite_strain.newton import Equilibrium, Problem
-from fem_reference.linear_response.axisymmetric import (
-    BaseResponse,
-    base_response,
-    graded,
-    held,
-    tensor_mesh,
-    toward_edge,
-)
+from fem_reference.linear_response.axisymmetric import BaseResponse, base_response, held, tensor_mesh
 from meshes.indenters.indenter import Flat
 
 FloatArray = npt.NDArray[np.float64]
@@ -88,9 +82,9 @@ def press_axisymmetric(
     top = size
     if isinstance(path.indenter, Flat):
         top = _FINE * fillet
-        radii = toward_edge(top, size, radius, reach, growth)
+        radii = grade_around_edge(top, size, radius, reach, growth)
     else:
-        radii = graded(size, 1.25 * radius, reach, growth)
+        radii = grade_outward(size, 1.25 * radius, reach, growth)
     mesh, region = tensor_mesh(thin, elements_per_thickness, radii, top=top)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
     obstacle = Obstacle(indenter=path.indenter, fillet=fillet, unit=units.length, steepness=path.steepness)
@@ -114,7 +108,7 @@ def _state(elements: MixedElements, units: Units, obstacle: Obstacle, reached: E
     base, top = np.flatnonzero(z < _TOUCH), np.flatnonzero(z > 1 - _TOUCH)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
-    below = base_response(r[base], reached.reaction[2 * base + 1], len(reached.state))
+    below = base_response(r[base], reached.reaction[2 * base + 1])
     return PressedState(
         depth=reached.depth * units.length,
         load=reached.load * units.force,
@@ -124,7 +118,6 @@ def _state(elements: MixedElements, units: Units, obstacle: Obstacle, reached: E
             radius=below.radius * units.length,
             pressure=below.pressure * units.stress,
             reaction=below.reaction * units.force,
-            unknowns=below.unknowns,
         ),
     )
 

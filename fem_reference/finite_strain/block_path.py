@@ -12,16 +12,15 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
-import skfem
 
+from fem_reference.elements.grading import grade_contact, layer_heights
+from fem_reference.elements.line import Line, gauss_points, recover_pressure
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import MixedElements, mixed_elements
+from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, mixed_elements
 from fem_reference.finite_strain.contact import Rigid
 from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import Equilibrium
-from fem_reference.linear_response.axisymmetric import edge_shape, layer_heights
 from meshes import Cover, Indenter
 from meshes.indenters.indenter import Flat
 
@@ -118,8 +117,9 @@ def lay_out(
     most = 1.2 * size
     if isinstance(path.indenter, Flat) and not _rectangular(path.indenter, path.indenter.footprint):
         fine = most = max(min(size, _EVEN * fillet), _finest(halves, mirrored) / elements_per_thickness)
+    sides = [grade_contact(half, reach, fine=fine, most=most) for half in halves]
     return Block(
-        sides=[_side(half, (fine, most), reach, mirror=m) for half, m in zip(halves, mirrored, strict=True)],
+        sides=[x if mirror else np.concatenate([-x[:0:-1], x]) for x, mirror in zip(sides, mirrored, strict=True)],
         mirrored=mirrored,
         size=size,
         obstacle=Obstacle(indenter=path.indenter, fillet=fillet, unit=unit),
@@ -155,27 +155,9 @@ _ON_LINE = 1e-6
 def meshed(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
     """The block's elements, each in the region of its layer; lengths in thicknesses."""
     counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
-    heights, region = layer_heights(cover, counts, top=block.size)
-    mesh = skfem.MeshHex.init_tensor(*block.sides, heights)
-    row = np.searchsorted(heights, mesh.p[2][mesh.t].mean(axis=0)) - 1
-    return mixed_elements(mesh, region=region[row])
-
-
-def _side(half: float, steps: tuple[float, float], reach: float, *, mirror: bool) -> FloatArray:
-    """Nodes along one side: up to `most` apart in the middle of the contact, fine at its edge, growing outside [m]."""
-    fine, most = steps
-    inner, step = [half], fine
-    while inner[-1] > 0.6 * step:
-        inner.append(inner[-1] - step)
-        step = min(step * 1.5, most)
-    inside = np.array(inner[::-1])
-    inside = (inside - inside[0]) / (half - inside[0]) * half  # the last node falls on the axis
-    outer, step = [half], fine
-    while outer[-1] < half + reach:
-        outer.append(outer[-1] + step)
-        step *= 1.5
-    positive = np.concatenate([inside, outer[1:]])
-    return positive if mirror else np.concatenate([-positive[:0:-1], positive])
+    heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=block.size)
+    mesh, region = mesh_layers(block.sides, heights, layer)
+    return mixed_elements(mesh, region=region)
 
 
 def held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np.int64]:
@@ -222,39 +204,12 @@ def solid_state(elements: MixedElements, units: Units, reached: Equilibrium, blo
     )
 
 
-def _pressure(lines: list[FloatArray], forces: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-    """Base pressure at the Gauss points of each face from nodal reactions.
+def _pressure(nodes: list[FloatArray], forces: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Base pressure at the two Gauss points of each edge of a face, from the reactions of its nodes.
 
-    The mass of biquadratic faces on a tensor grid is a product of two line masses, so two small banded solves divide
-    the reactions by it; at the two Gauss points of each edge its oscillation vanishes, as in the axisymmetric solve.
+    The error of the recovered pressure oscillates within an edge and vanishes at these points.
     """
-    value = forces
-    points = []
-    for axis, nodes in enumerate(lines):
-        value = np.moveaxis(scipy.linalg.solve(_line_mass(nodes), np.moveaxis(value, axis, 0), assume_a="pos"), 0, axis)
-        read, place = _gauss_reader(nodes)
-        value = np.moveaxis(np.tensordot(read, value, axes=(1, axis)), 0, axis)
-        points.append(place)
-    return points, value
-
-
-def _line_mass(nodes: FloatArray) -> FloatArray:
-    """Mass of quadratic edges, dense, shape (m, m) [m]."""
-    points, weights = np.polynomial.legendre.leggauss(3)
-    shape = edge_shape((points + 1) / 2)
-    out = np.zeros((len(nodes), len(nodes)))
-    for e in range(0, len(nodes) - 2, 2):
-        out[e : e + 3, e : e + 3] += (shape * weights / 2) @ shape.T * (nodes[e + 2] - nodes[e])
-    return out
-
-
-def _gauss_reader(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Matrix from nodal values to values at two Gauss points per edge, and where they are [m]."""
-    t = (1 + np.array([-1, 1]) / np.sqrt(3)) / 2
-    shape = edge_shape(t)
-    edges = range(0, len(nodes) - 2, 2)
-    out = np.zeros((2 * len(edges), len(nodes)))
-    for row, e in enumerate(edges):
-        out[2 * row : 2 * row + 2, e : e + 3] = shape.T
-    place = np.concatenate([nodes[e] + t * (nodes[e + 2] - nodes[e]) for e in edges])
-    return out, place
+    lines = [Line(edges=each[::2], order=2) for each in nodes]
+    value = recover_pressure(lines, forces)
+    points = [gauss_points(line.edges, 2)[0] for line in lines]
+    return points, lines[0].at(points[0]) @ value @ lines[1].at(points[1]).T

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, Pattern
-from fem_reference.materials import Energy, bulk_compliance, finite_strain_energy
+from fem_reference.materials import Energy, finite_strain_energy
 from fem_reference.materials.energy import Response, Scaled
 from fem_reference.materials.invariants import Invariant, volume_ratio
 from meshes import Cover
@@ -52,7 +52,7 @@ class Solid:
         return cls(
             elements=elements,
             energies=[Scaled(energy=finite_strain_energy(m), factor=1 / units.stress) for m in materials],
-            bulk_compliance=np.array([bulk_compliance(m) * units.stress for m in materials]),
+            bulk_compliance=np.array([units.stress / m.bulk_modulus for m in materials]),
             pattern=Pattern(elements),
         )
 

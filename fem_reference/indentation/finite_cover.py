@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference import result_store
+from fem_reference.elements.grading import fill_by_spacing
+from fem_reference.elements.line import Line, recover_pressure
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.tensor_product import Line, line_matrix
 from fem_reference.finite_strain.block_path import Block
 from fem_reference.finite_strain.indenter_surface import Height, Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath, with_grid
@@ -229,30 +230,23 @@ def _side(span: tuple[float, float], end: float, steps: tuple[float, float], *, 
     low, high = span
     marks = [value for value in (low, high) if abs(value) < end * (1 - 1e-9)]
     edges = [0.0 if mirror else -end, *(m for m in marks if not mirror or m > 0), end]
-    x = np.unique(np.concatenate([np.linspace(a, b, 801) for a, b in pairwise(edges)]))
-    near = np.min([np.abs(x - mark) for mark in marks], axis=0) if marks else np.full_like(x, np.inf)
-    inside = np.maximum(np.maximum(low - x, x - high), 0)
-    most = np.minimum(1.2 * coarse + _GROWTH * inside, 1.5 * coarse + _GROWTH * np.minimum(end - x, end + x))
-    density = 1 / np.minimum(fine + _GROWTH * near, most)
-    out = [np.array(edges[:1])]
-    for a, b in pairwise(edges):
-        part = (x >= a) & (x <= b)
-        count = np.concatenate([[0.0], np.cumsum((density[part][1:] + density[part][:-1]) / 2 * np.diff(x[part]))])
-        number = max(1, round(count[-1]))
-        out.append(np.interp(np.arange(1, number) * count[-1] / number, count, x[part]))
-        out.append(np.array([b]))
-    return np.concatenate(out)
+    parts = [np.array(edges[:1])]
+    for start, stop in pairwise(edges):
+        x = np.linspace(start, stop, 801)
+        near = np.min([np.abs(x - mark) for mark in marks], axis=0) if marks else np.full_like(x, np.inf)
+        inside = np.maximum(np.maximum(low - x, x - high), 0)
+        most = np.minimum(1.2 * coarse + _GROWTH * inside, 1.5 * coarse + _GROWTH * np.minimum(end - x, end + x))
+        parts.append(fill_by_spacing(x, np.minimum(fine + _GROWTH * near, most))[1:])
+    return np.concatenate(parts)
 
 
 def _base_pressure(
     lines: Sequence[FloatArray], forces: FloatArray, even: tuple[bool, bool]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The continuous pressure whose consistent nodal forces the reactions are, mirrored halves included."""
-    value, nodes = forces, list(lines)
+    nodes = list(lines)
+    value = recover_pressure([Line(edges=each[::2], order=2) for each in nodes], forces)
     for axis in (0, 1):
-        line = Line(edges=nodes[axis][::2], order=2)
-        mass = line_matrix(line, line, (0, 0), np.ones(len(line.edges) - 1)).toarray()
-        value = np.moveaxis(np.linalg.solve(mass, np.moveaxis(value, axis, 0)), 0, axis)
         if even[axis]:
             nodes[axis] = np.concatenate([-nodes[axis][:0:-1], nodes[axis]])
             value = np.concatenate([np.flip(value, axis), np.delete(value, 0, axis)], axis)

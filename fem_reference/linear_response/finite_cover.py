@@ -22,7 +22,8 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference import result_store
-from fem_reference.elements.tensor_product import Line, TensorSolid, line_matrix
+from fem_reference.elements.line import Line, line_matrix
+from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.mirror_symmetry import (
     PARITIES,
@@ -277,7 +278,7 @@ def _projected(line: Line, spans: FloatArray, odd: int) -> FloatArray:
     """Nodal values of the L2 projections of the even or odd parts of indicators of spans, shape (m, nodes)."""
     mirror = -1.0 if odd else 1.0
     load = np.array([line.integral(low, high) + mirror * line.integral(-high, -low) for low, high in spans]) / 2
-    mass = line_matrix(line, line, (0, 0), np.ones(len(line.edges) - 1)).toarray()
+    mass = line_matrix(line, line).toarray()
     out = np.zeros_like(load)
     out[:, odd:] = np.linalg.solve(mass[odd:, odd:], load[:, odd:].T).T
     return out

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.linear_response.point_spread import decay_length
-from fem_reference.materials import bulk_compliance
 from meshes import Cover, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -118,7 +118,7 @@ def solid_of(
         edges=edges,
         layer=layer,
         shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / stiff,
-        bulk_compliance=np.array([bulk_compliance(each.material) for each in cover.layers]) * stiff,
+        bulk_compliance=np.array([stiff / each.material.bulk_modulus for each in cover.layers]),
         order=order,
         first=(sideways, sideways, 1),
         breaks=breaks,
@@ -157,14 +157,9 @@ def mirror_held(
 
 def _heights(cover: Cover, through: int) -> tuple[FloatArray, IntArray]:
     """Element edges along z [m] and the layer of each element."""
-    heights, layers, bottom = [np.zeros(1)], [], 0.0
-    for number, layer in enumerate(cover.layers):
-        count = max(1, round(through * layer.thickness / cover.thickness))
-        part = np.arange(1, count + 1) / count
-        heights.append(bottom + layer.thickness * (part**_CROWDING if number == 0 else part))
-        layers += [number] * count
-        bottom += layer.thickness
-    return np.concatenate(heights), np.array(layers)
+    thicknesses = [layer.thickness for layer in cover.layers]
+    counts = [max(1, round(through * each / cover.thickness)) for each in thicknesses]
+    return layer_heights(thicknesses, counts, crowd_base=_CROWDING)
 
 
 def _edges(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatArray:
@@ -190,9 +185,4 @@ def _between(low: float, high: float, across: float, sharp: tuple[bool, bool]) -
     """Element edges in (low, high], 1 / across long near sharp ends and growing away from them."""
     x = np.linspace(low, high, 401)
     away = np.minimum(x - low if sharp[0] else np.inf, high - x if sharp[1] else np.inf)
-    density = across / (1 + _GROWTH * np.maximum(away - _NEAR, 0))
-    elements = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x))])
-    count = max(1, round(elements[-1]))
-    out = np.interp(np.arange(1, count + 1) * elements[-1] / count, elements, x)
-    out[-1] = high
-    return np.asarray(out)
+    return fill_by_spacing(x, (1 + _GROWTH * np.maximum(away - _NEAR, 0)) / across)[1:]

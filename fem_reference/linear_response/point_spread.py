@@ -12,6 +12,8 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from fem_reference import result_store
+from fem_reference.elements.grading import growing_steps
+from fem_reference.elements.line import gauss_points
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import BaseResponse, point_load_response
 from meshes import Cover, TexelArray
@@ -149,12 +151,10 @@ class PointSpread:
 
         Panels are cut in four: the part of a circle on active texels has a kink wherever the circle touches an edge.
         """
-        nodes, weights = np.polynomial.legendre.leggauss(6)
         panels = _panels(self.thickness, self.reach)
         edges = np.interp(np.arange(4 * len(panels) - 3) / 4, np.arange(len(panels)), panels)
-        half = np.diff(edges)[:, None] / 2
-        radius = (edges[:-1, None] + half * (nodes + 1)).ravel()
-        return radius, (half * weights).ravel() * 2 * np.pi * radius * self.pressure(radius)
+        radius, weight = gauss_points(edges, 6)
+        return radius, weight * 2 * np.pi * radius * self.pressure(radius)
 
     def _corner_integral(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Integral of the pressure over the rectangle from the load to (x, y), odd in both [-]."""
@@ -164,11 +164,8 @@ class PointSpread:
 
     @cached_property
     def _cumulative(self) -> RectBivariateSpline:
-        nodes, weights = np.polynomial.legendre.leggauss(4)
         edges = _panels(self.thickness, self.reach)
-        half = np.diff(edges)[:, None] / 2
-        points = (edges[:-1, None] + half * (nodes + 1)).ravel()
-        share = (half * weights).ravel()
+        points, share = gauss_points(edges, 4)
         density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
         cells = density.reshape(len(edges) - 1, 4, len(edges) - 1, 4).sum(axis=(1, 3))
         total = np.zeros((len(edges), len(edges)))
@@ -247,11 +244,10 @@ def closed(response: BaseResponse, reach: float) -> dict[str, Any]:
 def _panels(thickness: float, reach: float) -> FloatArray:
     """Panel edges from 0 to `reach` that resolve the response: even to 4 thicknesses, then growing [m]."""
     step = thickness / 8
-    edges = list(np.arange(33) * step)
-    while edges[-1] < reach:
-        step *= 1.1
-        edges.append(edges[-1] + step)
-    return np.array([*edges[:-1], reach]) if edges[-2] < reach - 1e-12 else np.array(edges)
+    even = np.arange(33) * step
+    edges = np.append(even, even[-1] + np.cumsum(growing_steps(1.1 * step, reach - even[-1], lambda step: 1.1 * step)))
+    edges[-1] = reach
+    return edges
 
 
 def _corners(array: TexelArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
-from fem_reference.linear_response.axisymmetric import edge_shape
-from fem_reference.materials import bulk_compliance
+from fem_reference.elements.grading import layer_heights
+from fem_reference.elements.line import Line, gauss_points, line_matrix
 from meshes import Cover, Layer
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,8 +47,10 @@ def slab_transfer(cover: Cover, wave_number: FloatArray, *, elements_per_layer: 
         wave_number: Wave numbers k > 0, shape (m,) [1/m].
         elements_per_layer: Quadratic elements in each layer [-].
     """
-    constant, linear, square, top, base = _matrices(cover, elements_per_layer)
-    held = base if cover.base == "bonded" else base[1:]  # base lists U, W of the base node
+    constant, linear, square = _matrices(cover, elements_per_layer)
+    nodes = 2 * elements_per_layer * len(cover.layers) + 1
+    base, top = np.array([0, nodes]), 2 * nodes - 1  # U and W at the base, W at the top
+    held = base if cover.base == "bonded" else base[1:]
     free = np.setdiff1d(np.arange(len(constant)), held)
     load = np.zeros((len(free), 1))
     load[np.searchsorted(free, top)] = -1.0
@@ -118,57 +120,30 @@ def _nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
     edges = [0.0]
     while edges[-1] < top:
         edges.append(edges[-1] + min(widest, max(0.25 / cover.thickness, 0.3 * edges[-1])))
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    cut = np.array(edges)
-    half = np.diff(cut)[:, None] / 2
-    return (cut[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
+    return gauss_points(np.array(edges), 8)
 
 
-def _matrices(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatArray, int, npt.NDArray[np.int64]]:
-    """Matrices of k^0, k^1, k^2, the index of W at the top, and the indices of U, W at the base.
+def _matrices(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Matrices of k^0, k^1, k^2 over the nodal values of U, then W, then P, shape (n, n) each.
 
     Energy density per wave: mu (2 exx^2 + 2 ezz^2 + gxz^2 - 2/3 div^2) / 2 - p div - p^2 / 2K with exx = k U,
     ezz = W', gxz = U' - k W, div = k U + W'.
     """
-    nodes = len(cover.layers) * 2 * count + 1
-    pressures = len(cover.layers) * (count + 1)
-    size = 2 * nodes + pressures
-    out = np.zeros((3, size, size))
-    for index, layer in enumerate(cover.layers):
-        local = _element(layer, layer.thickness / count)
-        for e in range(count):
-            node = 2 * (index * count + e) + np.arange(3)
-            pressure = 2 * nodes + index * (count + 1) + e + np.arange(2)
-            place = np.concatenate([2 * node, 2 * node + 1, pressure])
-            out[:, place[:, None], place] += local
-    return out[0], out[1], out[2], 2 * (nodes - 1) + 1, np.array([0, 1])
-
-
-def _element(layer: Layer, length: float) -> FloatArray:
-    """Element matrices of k^0, k^1, k^2 over (U x 3, W x 3, P x 2), shape (3, 8, 8)."""
-    points, weights = np.polynomial.legendre.leggauss(4)
-    t = (points + 1) / 2
-    weight = weights / 2
-    shape = edge_shape(t).T
-    slope = np.stack([4 * t - 3, 4 - 8 * t, 4 * t - 1], axis=1)
-    hat = np.stack([1 - t, t], axis=1)
-    mu = layer.material.shear_modulus
-    n, d = shape, slope / length
-    zero, none = np.zeros_like(n), np.zeros_like(hat)
-    # each strain as (part without k, part with k) over the eight unknowns
-    exx = (np.hstack([zero, zero, none]), np.hstack([n, zero, none]))
-    ezz = (np.hstack([zero, d, none]), np.hstack([zero, zero, none]))
-    gxz = (np.hstack([d, zero, none]), np.hstack([zero, -n, none]))
-    div = (exx[0] + ezz[0], exx[1] + ezz[1])
-    p = (np.hstack([zero, zero, hat]), np.hstack([zero, zero, none]))
-    terms = [(2 * mu, exx, exx), (2 * mu, ezz, ezz), (mu, gxz, gxz), (-2 * mu / 3, div, div)]
-    terms += [(-1.0, p, div), (-1.0, div, p), (-bulk_compliance(layer.material), p, p)]
-    out = np.zeros((3, 8, 8))
-    for factor, left, right in terms:
-        for i in range(2):
-            for j in range(2):
-                out[i + j] += factor * length * np.einsum("qa,qb,q->ab", left[i], right[j], weight)
-    return out
+    layers = cover.layers
+    edges, layer = layer_heights([each.thickness for each in layers], [count] * len(layers))
+    u = Line(edges=edges, order=2)
+    p = Line(edges=edges, order=1, jumps=tuple(range(count, len(layer), count)))
+    mu = np.array([each.material.shear_modulus for each in layers])[layer]
+    compliance = np.array([1 / each.material.bulk_modulus for each in layers])[layer]
+    mass, stiffness, mixed = (line_matrix(u, u, each, mu).toarray() for each in ((0, 0), (1, 1), (1, 0)))
+    value, slope = (line_matrix(u, p, each).toarray() for each in ((0, 0), (1, 0)))
+    none, empty = np.zeros_like(mass), np.zeros_like(value)
+    squeeze = line_matrix(p, p, weight=compliance).toarray()
+    shear = mixed + 2 / 3 * mixed.T
+    constant = [[stiffness, none, empty], [none, 4 / 3 * stiffness, -slope], [empty.T, -slope.T, -squeeze]]
+    linear = [[none, -shear, -value], [-shear.T, none, empty], [-value.T, empty.T, 0 * squeeze]]
+    square = [[4 / 3 * mass, none, empty], [none, mass, empty], [empty.T, empty.T, 0 * squeeze]]
+    return np.block(constant), np.block(linear), np.block(square)
 
 
 def _love(x: FloatArray, y: FloatArray, a: float, b: float) -> FloatArray:

@@ -16,7 +16,6 @@ __all__ = [
     "Ogden",
     "Response",
     "Yeoh",
-    "bulk_compliance",
     "energy",
     "finite_strain_energy",
 ]
@@ -45,9 +44,3 @@ def energy(material: Material) -> Energy:
 def finite_strain_energy(material: Material) -> Energy:
     """`energy`, with a small-strain material taken as neo-Hookean of the same shear modulus."""
     return NeoHookean(shear_modulus=material.shear_modulus) if material.small_strain_only else energy(material)
-
-
-def bulk_compliance(material: Material) -> float:
-    """1 / K = 3 (1 - 2 nu) / 2 mu (1 + nu); 0 when incompressible [1/Pa]."""
-    nu = material.poisson_ratio
-    return 3 * (1 - 2 * nu) / (2 * material.shear_modulus * (1 + nu))

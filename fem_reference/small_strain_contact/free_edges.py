@@ -17,7 +17,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from fem_reference.elements.tensor_product import Line, TensorSolid
+from fem_reference.elements.grading import fill_by_spacing, growing_steps, layer_heights
+from fem_reference.elements.line import Line
+from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.finite_strain.block_path import mirrors
 from fem_reference.linear_response.mirror_symmetry import PARITIES, mirror_held, solid_of
 from fem_reference.linear_response.point_spread import decay_length
@@ -184,35 +186,20 @@ def _graded(low: float, high: float, end: float, size: float) -> FloatArray:
     x = np.linspace(0, end, 2001)
     away = np.maximum(np.maximum(low - x, x - high), 0)
     most = max((high - low) / _LEAST, size) + _GROWTH * away
-    density = 1 / np.minimum(size + _GROWTH * (end - x), most)
-    elements = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x))])
-    count = max(2, int(np.ceil(elements[-1])))
-    edges = np.interp(np.arange(count + 1) * elements[-1] / count, elements, x)
-    edges[-1] = end
-    return np.asarray(edges)
+    return fill_by_spacing(x, np.minimum(size + _GROWTH * (end - x), most), least=2, round_up=True)
 
 
 def _outward(edges: FloatArray, length: float) -> FloatArray:
     """Element edges of the surroundings, growing from the side on."""
-    step, out = edges[-1] - edges[-2], [edges[-1]]
-    while out[-1] < edges[-1] + length:
-        step *= 1 + _OUTWARD
-        out.append(out[-1] + step)
-    return np.array(out[1:])
+    first = (1 + _OUTWARD) * (edges[-1] - edges[-2])
+    return np.asarray(edges[-1] + np.cumsum(growing_steps(first, length, lambda step: (1 + _OUTWARD) * step)))
 
 
 def _heights(cover: Cover, through: int) -> tuple[FloatArray, IntArray]:
     """Element edges along z [m] and the layer of each element."""
-    heights, layers, bottom = [np.zeros(1)], [], 0.0
-    for number, layer in enumerate(cover.layers):
-        count = max(1, round(through * layer.thickness / cover.thickness))
-        part = np.arange(1, count + 1) / count
-        if number == len(cover.layers) - 1:
-            part = 1 - (1 - part) ** _CROWDING
-        heights.append(bottom + layer.thickness * part)
-        layers += [number] * count
-        bottom += layer.thickness
-    return np.concatenate(heights), np.array(layers)
+    thicknesses = [layer.thickness for layer in cover.layers]
+    counts = [max(1, round(through * each / cover.thickness)) for each in thicknesses]
+    return layer_heights(thicknesses, counts, crowd_surface=_CROWDING)
 
 
 def _flexibility(

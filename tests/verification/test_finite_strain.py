@@ -7,6 +7,7 @@ import pytest
 import skfem
 
 from fem_reference import closed_form, press, press_path
+from fem_reference.elements.grading import grade_outward
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import linear_system, mixed_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY, press_axisymmetric
@@ -17,7 +18,7 @@ from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import transferred
 from fem_reference.finite_strain.newton import PathError, Problem
-from fem_reference.linear_response.axisymmetric import graded, held, tensor_mesh
+from fem_reference.linear_response.axisymmetric import held, tensor_mesh
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere
 
 
@@ -160,7 +161,7 @@ def test_mirror_planes_are_found():
 def path_problem(nu=0.45, count=4, penalty=PENALTY):
     cover = rubber(nu)
     units = Units.of(cover)
-    mesh, _ = tensor_mesh(units.thin(cover), count, graded(1 / count, 1.5, 8.0, 1.3))
+    mesh, _ = tensor_mesh(units.thin(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
     elements = mixed_elements(mesh, axisymmetric=True)
     obstacle = Obstacle(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
     return Problem(

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 import skfem
 
 from fem_reference import point_spread
+from fem_reference.elements.line import Line, line_matrix
 from fem_reference.elements.taylor_hood import linear_system, mixed_elements
-from fem_reference.elements.tensor_product import Line, TensorSolid, line_matrix
+from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, texel_lifts
 from fem_reference.linear_response.mirror_symmetry import Resolution, quarter_solid
 from fem_reference.sparse_solver import ConstrainedSystem
