@@ -16,7 +16,6 @@ from types import MappingProxyType
 from typing import Any
 
 from validation.campaign.run import CampaignResult
-from validation.derivation.derive import describe_cover
 from validation.errors import InputError
 from validation.json_values import to_json_values
 from validation.output_folder import write_text
@@ -158,7 +157,7 @@ def _fingerprint(sensor: SensorDescription, campaign: CampaignResult) -> str:
         "centres": array.centres.round(9),
         "texel_size": array.texel_size,
         "active": array.active,
-        "cover": describe_cover(sensor.cover),
+        "cover": sensor.describe_cover(),
         "cases": sorted([case.name, case.shape, round(case.load, 9), *case.at, case.yaw] for case in cases),
     }
     return hashlib.sha256(json.dumps(to_json_values(described), sort_keys=True).encode()).hexdigest()

@@ -1,1 +1,1 @@
-"""Cases pressed by the reference and by the fast model, scored and pooled."""
+"""Campaigns: cases pressed by the reference and by the fast model, their scores, and means over cases."""

@@ -1,4 +1,4 @@
-"""The whole way for one sensor: derive, press the campaign, score recordings where there are any."""
+"""The whole evaluation of a sensor: derive its parameters, press the campaign, score recordings if there are any."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from validation.campaign.case import Case
-from validation.campaign.run import CampaignResult, default_cases, run_campaign
+from validation.campaign.case import Case, default_cases
+from validation.campaign.run import CampaignResult, run_campaign
 from validation.derivation.derive import Derivation, derive
+from validation.derivation.quadrature import gauss_points
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
@@ -23,13 +24,13 @@ if TYPE_CHECKING:
 
 
 class Progress(Protocol):
-    """What a display of progress offers."""
+    """A display of progress."""
 
     def __call__(self, stage: str) -> None:
         """Begin a stage."""
 
     def step(self, done: int, total: int, name: str) -> None:
-        """Report that `done` of `total` are finished and `name` comes next."""
+        """Show that `done` of `total` are finished and `name` comes next."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,13 +39,13 @@ class Evaluation:
 
     Attributes:
         derivation: Point spread function, fit and parameters.
-        verification: Largest differences between elements and exact layer solution: `radial_profile` over its
-            peak, `texel_response` over the load [-].
+        verification: Differences between elements and closed-form layer solution: `radial_profile` over its peak,
+            `texel_response` over the load [-].
         campaign: The fast model scored against the reference.
         recordings: The fast model scored against recordings, or None where there are none.
         recorded: The sensor of the recordings.
         seconds: Wall time by stage [s].
-        versions: What computed it.
+        versions: Versions of the software.
     """
 
     derivation: Derivation
@@ -57,7 +58,7 @@ class Evaluation:
 
     @property
     def sensor(self) -> SensorDescription:
-        """What was evaluated."""
+        """The sensor that was evaluated."""
         return self.derivation.sensor
 
     def as_json(self) -> dict[str, Any]:
@@ -82,17 +83,17 @@ def evaluate(
     cases: Sequence[Case] | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
-    """Derive a sensor's parameters and score the fast model on the default campaign.
+    """Derive a sensor's parameters and score the fast model on a campaign.
 
-    The kernel is fitted to the reference's response to one loaded texel, before any case is pressed, and is not
-    touched again.
+    The kernel is fitted to the reference's response to one loaded texel, before any case is pressed, and does not
+    change afterwards.
 
     Args:
         sensor: Array, cover and electronics.
-        recordings: Folder with a weight series of the stamp, if it is to be scored.
+        recordings: Folder with a weight series of the stamp; nothing is scored against recordings when not given.
         recorded: The sensor of the recordings; `sensor` when not given.
-        cases: What to press; the default campaign when not given.
-        progress: Told what is being done.
+        cases: The indentations; the default campaign when not given.
+        progress: Display of progress.
 
     Raises:
         InputError: If the sensor cannot be evaluated.
@@ -101,12 +102,17 @@ def evaluate(
     """
     if sensor.cover.size is not None:
         raise InputError(
-            f"{sensor.source}: cover.size: reports are made for laterally wide covers only; use derive and press, or "
-            "remove the key"
+            f"{sensor.source}: cover.size: a report takes laterally wide covers only; use `softcover derive` and "
+            "`softcover press`, or remove the key"
         )
     clock = [time.perf_counter()]
-    # Recordings come first: what is wrong with them shows before the long work.
-    scores = _recordings(recordings, recorded or sensor, progress)
+    recorded = recorded or sensor
+    # Recordings come first, so that a fault in them shows before the long work.
+    scores = None
+    if recordings is not None:
+        from validation.calibration.stamp import score_recordings
+
+        scores = score_recordings(recordings, recorded, progress=progress)
     clock.append(time.perf_counter())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
@@ -119,40 +125,33 @@ def evaluate(
         verification=verification,
         campaign=campaign,
         recordings=scores,
-        recorded=recorded or sensor,
+        recorded=recorded,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
         versions=versions(),
     )
 
 
-def _recordings(folder: Path | None, recorded: SensorDescription, progress: Progress | None) -> StampScores | None:
-    if folder is None:
-        return None
-    from validation.calibration.stamp import score_recordings
-
-    return score_recordings(folder, recorded, progress=progress)
-
-
 def verify(derivation: Derivation) -> dict[str, float]:
-    """Compare the elements' point spread function with the exact layer solution."""
+    """Compare the elements' point spread function with the closed-form layer solution.
+
+    Raises:
+        ValueError: If the cover has free side edges: the closed form is that of a laterally wide cover.
+    """
     from fem_reference.closed_form import point_response
 
-    spread, array = derivation.point_spread, derivation.sensor.array
+    spread, sensor = derivation.point_spread, derivation.sensor
     if spread is None:
-        raise ValueError("the exact layer solution is that of a laterally wide cover")
-    radius = np.linspace(0, 6 * derivation.sensor.cover.thickness, 200)
-    exact = point_response(derivation.sensor.cover, radius)
+        raise ValueError("the closed-form layer solution takes a laterally wide cover only")
+    radius = np.linspace(0, 6 * sensor.cover.thickness, 200)
+    exact = point_response(sensor.cover, radius)
     profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    half = np.array(array.texel_size) / 2
-    x, y = np.meshgrid(nodes * half[0], nodes * half[1])
-    share = np.outer(weights, weights) * half[0] * half[1]
-    peak = float((point_response(derivation.sensor.cover, np.hypot(x, y)) * share).sum())
-    middle = float(derivation.texel_response[array.rows // 2, array.columns // 2])
-    return {"radial_profile": float(profile), "texel_response": abs(middle - peak)}
+    points, weights = gauss_points(sensor.array.texel_size, 12)
+    texel_force = weights @ point_response(sensor.cover, np.hypot(*points.T)) * np.prod(sensor.array.texel_size)
+    middle = derivation.texel_response[sensor.array.rows // 2, sensor.array.columns // 2]
+    return {"radial_profile": float(profile), "texel_response": float(abs(middle - texel_force))}
 
 
 def versions() -> dict[str, str]:
-    """Versions of what computes."""
+    """Versions of this package, of Python and of the libraries that compute."""
     names = ("softcover", "numpy", "scipy", "mujoco", "scikit-fem")
     return {name: metadata.version(name) for name in names} | {"python": platform.python_version()}

@@ -1,4 +1,4 @@
-"""From scores of cases to a figure for a table: means with bootstrap intervals over cases, and skill."""
+"""Means over cases with bootstrap intervals, and skill against another model."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Pooled:
         mean: Mean over the cases where the quantity exists.
         low: Lower end of the interval.
         high: Upper end of the interval.
-        level: Coverage that the interval aims at [-].
-        cases: How many cases it rests on [-].
+        level: Nominal coverage of the interval [-].
+        cases: Number of cases in the mean [-].
     """
 
     mean: float
@@ -32,20 +32,20 @@ class Pooled:
 
 
 def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000, seed: int = 0) -> Pooled:
-    """Mean over cases, with a percentile bootstrap over cases (never over pixels).
+    """Mean over cases with a percentile bootstrap interval.  Cases are resampled, never pixels.
 
     Args:
-        values: One number per case; NaN where it does not exist.
-        level: Coverage [-].
-        resamples: Bootstrap resamples [-].
-        seed: Seed, so that a report can be made twice.
+        values: One number per case; NaN where the quantity does not exist.
+        level: Nominal coverage of the interval [-].
+        resamples: Number of bootstrap resamples [-].
+        seed: Seed of the resampling; the same seed gives the same interval [-].
     """
     known = np.asarray(values, dtype=np.float64)
     known = known[~np.isnan(known)]
     if not known.size:
         return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=0)
-    means = known[_draws(known.size, resamples, seed)].mean(axis=1)
-    return _pooled(float(known.mean()), means, level, known.size)
+    means = known[_draw_cases(known.size, resamples, seed)].mean(axis=1)
+    return _with_interval(float(known.mean()), means, level, known.size)
 
 
 def skill(
@@ -56,17 +56,17 @@ def skill(
     resamples: int = 5000,
     seed: int = 0,
 ) -> Pooled:
-    """1 - mean error / mean error of the comparison model, resampling cases in pairs [-].
+    """Skill: 1 - mean error / mean error of the comparison model [-]; cases are resampled in pairs.
 
     Args:
-        errors: One error per case.
+        errors: One error per case; NaN where it does not exist.
         comparison: The comparison model's error in the same cases.
-        level: Coverage [-].
-        resamples: Bootstrap resamples [-].
-        seed: Seed.
+        level: Nominal coverage of the interval [-].
+        resamples: Number of bootstrap resamples [-].
+        seed: Seed of the resampling [-].
 
     Raises:
-        ValueError: If the two do not hold the same cases.
+        ValueError: If the two differ in length or are not one-dimensional.
     """
     e, c = np.asarray(errors, dtype=np.float64), np.asarray(comparison, dtype=np.float64)
     if e.shape != c.shape or e.ndim != 1:
@@ -75,16 +75,17 @@ def skill(
     e, c = e[known], c[known]
     if not e.size or c.mean() <= 0:
         return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=int(e.size))
-    draws = _draws(e.size, resamples, seed)
+    draws = _draw_cases(e.size, resamples, seed)
     below = c[draws].mean(axis=1)
     ratios = 1 - e[draws].mean(axis=1)[below > 0] / below[below > 0]
-    return _pooled(1 - float(e.mean() / c.mean()), ratios, level, e.size)
+    return _with_interval(1 - float(e.mean() / c.mean()), ratios, level, e.size)
 
 
-def _draws(cases: int, resamples: int, seed: int) -> npt.NDArray[np.int64]:
+def _draw_cases(cases: int, resamples: int, seed: int) -> npt.NDArray[np.int64]:
+    """Indices of resampled cases, shape (resamples, cases)."""
     return np.random.default_rng(seed).integers(0, cases, size=(resamples, cases))
 
 
-def _pooled(mean: float, resampled: FloatArray, level: float, cases: int) -> Pooled:
+def _with_interval(mean: float, resampled: FloatArray, level: float, cases: int) -> Pooled:
     low, high = np.quantile(resampled, [(1 - level) / 2, (1 + level) / 2])
     return Pooled(mean=mean, low=float(low), high=float(high), level=level, cases=cases)

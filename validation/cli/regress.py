@@ -10,7 +10,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from validation import regress as gate
-from validation.campaign.run import default_cases, run_campaign
+from validation.campaign.case import default_cases
+from validation.campaign.run import run_campaign
 from validation.cli.failures import CHECK_FAILED, DONE
 from validation.cli.options import Json, Sensor
 from validation.cli.output import print_json, say

@@ -1,8 +1,9 @@
-"""The cover between sub-texel cells, as the fast model's contact method `cover` takes it.
+"""Kernels of the cover between small cells, as the contact method `cover` of the fast model uses them.
 
-A laterally wide cover answers everywhere alike: one kernel says how the top yields around a loaded cell, another what
-of a loaded cell's force arrives on a texel.  Near free side edges the second differs from place to place and becomes a
-table of every cell and texel; the first stays that of the wide cover, which is stiffer than the cover near its sides.
+A laterally wide cover responds in the same way everywhere, so two kernels describe it: the compliance, which is the
+displacement of the top around a loaded cell, and the influence, which is the force on a texel from a loaded cell.
+Near free side edges the influence depends on the position; a table with one entry per cell and texel replaces it.  The
+compliance stays that of the wide cover, which is stiffer than the real cover near its sides.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy.typing as npt
 
 from fastmodel.pressure.cover_kernels import CoverCells
 from meshes import Cover, TexelArray
+from validation.derivation.quadrature import gauss_points
 
 if TYPE_CHECKING:
     from fem_reference.linear_response.finite_cover import SolidInfluence
@@ -24,28 +26,29 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Length of a cell over the thickness that is aimed at, and cells along a pitch at least and at most.
-_CELL = 0.45
-_PER_TEXEL = (4, 8)
-#: Distance over the decay length beyond which the cover's answer is left out.
-_REACH = 8.0
+#: Target edge length of a cell over the thickness of the cover [-].
+_CELL_SIZE = 0.45
+#: Least and greatest number of cells along one pitch [-].
+_CELLS_PER_PITCH = (4, 8)
+#: Radius of the kernels over the decay length of the cover: the response beyond it is negligible [-].
+_KERNEL_RADIUS = 8.0
 
 
 def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_texel: int | None = None) -> CoverCells:
-    """Tabulate compliance and influence of a wide cover for any array of one pitch.
+    """Tabulate compliance and influence of a wide cover.
 
     Args:
         cover: A laterally wide cover, linearised at zero load.
-        array: A flat, even grid; only its pitch and texel size matter, and its size as a bound.
-        spread: The cover's point spread function.
-        per_texel: Cells along each edge of a pitch; by the cover's thickness when not given [-].
+        array: A flat array.  Pitch and texel size define the cells; its size limits the radius of the kernels.
+        spread: The point spread function of the cover.
+        per_texel: Cells along one pitch; from the thickness of the cover when not given [-].
     """
     from fem_reference.linear_response.point_spread import decay_length
     from fem_reference.linear_response.surface_compliance import surface_compliance
 
-    count = per_texel or int(np.clip(math.ceil(min(array.pitch) / (_CELL * cover.thickness)), *_PER_TEXEL))
+    count = per_texel or int(np.clip(math.ceil(min(array.pitch) / (_CELL_SIZE * cover.thickness)), *_CELLS_PER_PITCH))
     cell = (array.pitch[0] / count, array.pitch[1] / count)
-    reach = math.ceil(_REACH * decay_length(cover) / min(cell))
+    reach = math.ceil(_KERNEL_RADIUS * decay_length(cover) / min(cell))
     reach = min(reach, (max(array.rows, array.columns) + 2) * count)
     surface = surface_compliance(cover, 1.5 * reach * max(cell))
     offsets = np.meshgrid(np.arange(reach + 1) * cell[0], np.arange(reach + 1) * cell[1])
@@ -53,20 +56,20 @@ def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_tex
         per_texel=count,
         cell=cell,
         compliance=surface.of_rectangle(offsets[0], offsets[1], *cell),
-        influence=_influence(array, spread, count, reach),
+        influence=_influence_kernel(array, spread, count, reach),
         top_compliance=surface.half_space,
         thickness=cover.thickness,
         source="finite elements",
     )
 
 
-def cells_with_sides(cover: Cover, array: TexelArray, influence: SolidInfluence) -> CoverCells:
-    """The same for a cover with free side edges: the wide cover's compliance, and what each cell puts on each texel.
+def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | SolidInfluence) -> CoverCells:
+    """Tabulate a cover with free side edges: compliance of the wide cover, influence of each cell on each texel.
 
     Args:
         cover: A cover with a size.
-        array: A flat, even grid that lies under it.
-        influence: The cover's answer to loads anywhere on it.
+        array: A flat, regular grid of texels under it.
+        influence: The response of the cover to loads anywhere on it.
     """
     from fem_reference.linear_response.point_spread import point_spread
 
@@ -75,31 +78,32 @@ def cells_with_sides(cover: Cover, array: TexelArray, influence: SolidInfluence)
     rows, columns = array.rows * cells.per_texel, array.columns * cells.per_texel
     low = array.centres[:, :2].min(axis=0) - np.array(array.pitch) / 2
     x, y = np.meshgrid(*(low[i] + (np.arange(n) + 0.5) * cells.cell[i] for i, n in enumerate((columns, rows))))
+    # Gauss points beyond the cover move to its edge.
     half = np.array(cover.size) / 2
-    table = _even(lambda places: influence.texel_influence(array, np.clip(places, -half, half)), x, y, cells.cell)
-    source = "finite elements; influence with free side edges, compliance of the wide cover"
-    return dataclasses.replace(cells, table=table.T.reshape(array.count, rows, columns), source=source)
+    table = _mean_over_cells(
+        lambda points: influence.texel_influence(array, np.clip(points, -half, half)), x, y, cells.cell
+    )
+    return dataclasses.replace(
+        cells,
+        table=table.T.reshape(array.count, rows, columns),
+        source="finite elements; influence with free side edges, compliance of the wide cover",
+    )
 
 
-def _influence(array: TexelArray, spread: PointSpread, count: int, reach: int) -> FloatArray:
-    """Force on one texel per unit force on each cell around [-]."""
-    one = TexelArray.grid(1, 1, array.pitch, texel_size=array.texel_size)
+def _influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach: int) -> FloatArray:
+    """Force on one texel per unit force on each cell around it, spread uniformly over the cell [-]."""
+    texel = TexelArray.grid(1, 1, array.pitch, texel_size=array.texel_size)
     cell = (array.pitch[0] / count, array.pitch[1] / count)
     index = np.arange(-reach, count + reach) + 0.5 - count / 2
     x, y = np.meshgrid(index * cell[0], index * cell[1])
-    return _even(lambda places: spread.texel_influence(one, places), x, y, cell).reshape(len(index), len(index))
+    kernel = _mean_over_cells(lambda points: spread.texel_influence(texel, points), x, y, cell)
+    return kernel.reshape(len(index), len(index))
 
 
-def _even(
+def _mean_over_cells(
     influence: Callable[[FloatArray], FloatArray], x: FloatArray, y: FloatArray, cell: tuple[float, float]
 ) -> FloatArray:
-    """What force spread evenly over cells puts on texels, by 3 x 3 Gauss points on each cell, shape (cells, n) [-]."""
+    """Force on each texel per unit force spread uniformly over each cell, shape (cells, n) [-]."""
     middles = np.column_stack([x.ravel(), y.ravel()])
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    return np.asarray(
-        sum(
-            u * v / 4 * influence(middles + np.array([a, b]) * np.array(cell) / 2)
-            for a, u in zip(nodes, weights, strict=True)
-            for b, v in zip(nodes, weights, strict=True)
-        )
-    )
+    points, weights = gauss_points(cell, 3)
+    return np.asarray(sum(w * influence(middles + point) for point, w in zip(points, weights, strict=True)))

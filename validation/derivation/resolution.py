@@ -1,4 +1,4 @@
-"""Two-point separation: how far apart two equal touches must be to show a dip between them."""
+"""Two-point separation: the smallest distance at which two equal loads can be told from one."""
 
 from __future__ import annotations
 
@@ -14,51 +14,55 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Alignments of the first touch within one pitch, and how many texels the imagined row has on each side.
+#: Positions of the first load within one pitch; loads move in steps of a pitch over this number [-].
 _ALIGNMENTS = 8
+#: Texels of the long row on each side of its middle: enough for twelve pitches between the loads [-].
 _HALF_ROW = 24
+#: Smallest depth of a dip that counts, over the largest value: above rounding and interpolation errors [-].
+_SMALLEST_DIP = 1e-3
 
 
 def two_point_separation(spread: PointSpread) -> float:
     """Smallest separation at which the base pressure midway is below that under either load [m].
 
-    Two loads at distance s give 2 P(s/2) midway and P(0) + P(s) under each, with P the radial profile.
+    Two unit loads at distance s give 2 P(s/2) midway and P(0) + P(s) under each, with P the radial profile.  NaN if no
+    separation up to half the profile's radius has a dip.
     """
     radius, pressure = np.asarray(spread.radius), np.asarray(spread.pressure_per_force)
     separation = np.linspace(0, radius[-1] / 2, 4001)[1:]
-    dip = np.interp(0, radius, pressure) + np.interp(separation, radius, pressure)
-    dip = dip - 2 * np.interp(separation / 2, radius, pressure)
-    resolved = np.flatnonzero(dip > 1e-3 * pressure.max())
+    under_load = np.interp(0, radius, pressure) + np.interp(separation, radius, pressure)
+    dip = under_load - 2 * np.interp(separation / 2, radius, pressure)
+    resolved = np.flatnonzero(dip > _SMALLEST_DIP * pressure.max())
     return float(separation[resolved[0]]) if resolved.size else float("nan")
 
 
 def texel_separation(spread: PointSpread, array: TexelArray) -> float:
-    """Smallest separation along x at which some texel between reads less than both neighbours' peaks [m].
+    """Smallest separation along x at which a texel between the loads reads less than both peaks [m].
 
-    The texels are an imagined long row with the array's pitch and texel size, so that the array's own edges do not
-    count; the touches move in eighths of a pitch, and the worst alignment counts.
+    The texels are those of a long row with the array's pitch and texel size, so that the edges of the array have no
+    effect.  The dip must appear at every alignment of the loads with the texels.  NaN if it never does.
     """
     row = TexelArray.grid(1, 2 * _HALF_ROW + 1, array.pitch, texel_size=array.texel_size)
     step = array.pitch[0] / _ALIGNMENTS
-    shifts = range(_ALIGNMENTS)
-    touches = np.column_stack([np.arange(_ALIGNMENTS) * step, np.zeros(_ALIGNMENTS)])
-    single = np.asarray(spread.texel_influence(row, touches))
+    loads = np.column_stack([np.arange(_ALIGNMENTS) * step, np.zeros(_ALIGNMENTS)])
+    single = np.asarray(spread.texel_influence(row, loads))
     for separation in range(1, _ALIGNMENTS * (_HALF_ROW // 2)):
-        pairs = (single[shift] + _moved(single, shift + separation) for shift in shifts)
+        pairs = (single[shift] + _shifted_response(single, shift + separation) for shift in range(_ALIGNMENTS))
         if all(_has_dip(pair) for pair in pairs):
             return separation * step
     return float("nan")
 
 
-def _moved(single: FloatArray, eighths: int) -> FloatArray:
-    """Response to a touch `eighths` of a pitch to the right of the row's centre."""
-    whole, part = divmod(eighths, _ALIGNMENTS)
-    return np.concatenate([np.zeros(whole), single[part][: single.shape[1] - whole]])
+def _shifted_response(single: FloatArray, steps: int) -> FloatArray:
+    """Response of the row to a load that many steps to the right of its middle."""
+    texels, alignment = divmod(steps, _ALIGNMENTS)
+    return np.concatenate([np.zeros(texels), single[alignment][: single.shape[1] - texels]])
 
 
 def _has_dip(values: FloatArray) -> bool:
+    """Whether a value lies below larger values on both sides."""
     rising = np.maximum.accumulate(values)
     falling = np.maximum.accumulate(values[::-1])[::-1]
-    # Both sides must be touches: the response to a single one has a shallow ring of its own.
-    flanked = np.minimum(rising, falling)
-    return bool(np.any((flanked > values.max() / 2) & (flanked - values > 1e-3 * values.max())))
+    lower_peak = np.minimum(rising, falling)
+    # Both peaks must exceed half the maximum: the response to a single load has a shallow ring around it.
+    return bool(np.any((lower_peak > values.max() / 2) & (lower_peak - values > _SMALLEST_DIP * values.max())))

@@ -54,6 +54,28 @@ class SensorDescription:
     spread: Gaussian | None = None
     source: str = ""
 
+    def describe_cover(self) -> dict[str, Any]:
+        """The cover as JSON values, with its label where it is assumed."""
+        cover = self.cover
+        return {
+            "assumed": cover.assumed,
+            "base": cover.base,
+            "size_m": cover.size,
+            "thickness_m": cover.thickness,
+            "layers": [
+                {
+                    "thickness_m": layer.thickness,
+                    "material": layer.material.name,
+                    "model": layer.material.model,
+                    "youngs_modulus": layer.material.youngs_modulus,
+                    "poisson_ratio": layer.material.poisson_ratio,
+                    "source": layer.material.source,
+                    "spread": layer.material.spread,
+                }
+                for layer in cover.layers
+            ],
+        }
+
 
 #: Sensors that can be named instead of a file.  Both covers are assumed.
 BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(

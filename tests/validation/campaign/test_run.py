@@ -6,8 +6,8 @@ import pytest
 import fastmodel
 import fem_reference
 from meshes.catalogue import ARRAYS
-from validation.campaign.case import Case
-from validation.campaign.run import default_cases, run_campaign
+from validation.campaign.case import Case, default_cases
+from validation.campaign.run import run_campaign
 from validation.errors import InputError
 
 CASES = (
@@ -44,7 +44,7 @@ def test_forces_balance_in_both_models(campaign):
     for result in campaign.cases:
         for forces, outside in (
             (result.reference.texel_forces, result.reference.outside),
-            (result.fast.texel_forces, result.fast.outside),
+            (result.predictions["fast"].texel_forces, result.predictions["fast"].outside),
         ):
             assert forces.sum() + outside == pytest.approx(result.case.load, rel=1e-3)
 

@@ -8,9 +8,11 @@ import fastmodel
 from fem_reference import point_spread, press
 from fem_reference.closed_form import point_response
 from meshes import Cover, Cylinder, Layer, Material, Sphere
-from validation.derivation.depth_fits import not_determined
-from validation.derivation.derive import _sensitivity, _sigma, derive
+from validation.derivation.derive import derive
+from validation.derivation.kernel_fit import uncut_sigma
 from validation.derivation.resolution import two_point_separation
+from validation.derivation.sensitivity import sigma_sensitivities
+from validation.derivation.undetermined import list_undetermined
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.sensor_file import load
@@ -78,7 +80,7 @@ def thicker():
 
 def test_sensitivity_to_thickness_predicts_a_thicker_cover(derivation, thicker):
     own = derivation.fit.estimates["least-squares-uniform-uncut"][0]
-    change = _sigma(thicker, derivation.sensor.array) - own
+    change = uncut_sigma(thicker, derivation.sensor.array) - own
     assert change == pytest.approx(derivation.sensitivity["thickness"] * 1e-4, rel=0.1)
 
 
@@ -99,12 +101,12 @@ def cover(*layers):
 
 def sigma(layers):
     """Of a run of the elements."""
-    return _sigma(point_spread(cover(*layers)), load("wts-0614-34").array)
+    return uncut_sigma(point_spread(cover(*layers)), load("wts-0614-34").array)
 
 
 def sensitivity(layers):
     chosen = cover(*layers)
-    return _sensitivity(dataclasses.replace(load("wts-0614-34"), cover=chosen), point_spread(chosen))
+    return sigma_sensitivities(chosen, load("wts-0614-34").array, point_spread(chosen))
 
 
 @pytest.mark.parametrize("ratio", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
@@ -143,7 +145,7 @@ def test_youngs_modulus_drops_out_of_the_point_spread(derivation):
 
 def test_of_several_layers_the_ratio_of_moduli_counts(derivation):
     """The test above can fail; two layers of one material are the derivation's single one."""
-    alike = _sigma(derivation.point_spread, derivation.sensor.array)
+    alike = uncut_sigma(derivation.point_spread, derivation.sensor.array)
     assert abs(sigma([(1e-3, 1e6, 0.49), (1e-3, 1e7, 0.49)]) - alike) > 0.01
 
 
@@ -218,12 +220,10 @@ def test_depths_are_those_of_the_elements_and_what_they_leave_open_is_said(deriv
     assert lightest != pytest.approx(heaviest, rel=0.1)
     assert abs(depth.contact.misses[2]) < 1e-3 < abs(depth.contact.misses[[0, -1]]).min()
     told = " ".join(derivation.undetermined)
-    for word in ("Young's modulus", "cut-off", "nobody measured", "foundation modulus", "g only", "friction"):
+    for word in ("Young's modulus", "filter", "nobody measured", "foundation modulus", "g only", "friction"):
         assert word in told
     hard = dataclasses.replace(derivation.sensor.cover, assumed=False)
-    assert "nobody measured" not in " ".join(
-        not_determined(dataclasses.replace(derivation.sensor, cover=hard), derivation.fit, None)
-    )
+    assert "nobody measured" not in " ".join(list_undetermined(hard, derivation.fit, None))
 
 
 def test_curved_array_is_refused():

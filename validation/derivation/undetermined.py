@@ -1,0 +1,56 @@
+"""Quantities that cover and reference leave open, as text for tables, JSON and the parameter folder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from meshes import Cover
+
+if TYPE_CHECKING:
+    from fastmodel.fitting.gaussian import Fit
+    from validation.derivation.depth_fits import DepthFits
+
+#: Sigma below which the texel response hardly depends on it [pitches].
+_NARROW_SIGMA = 0.27
+
+
+def list_undetermined(cover: Cover, fit: Fit, depth: DepthFits | None) -> tuple[str, ...]:
+    """Quantities that the derivation cannot determine, one line each.
+
+    Args:
+        cover: The cover.
+        fit: The fitted kernel.
+        depth: The fits to depth; None for a cover with free side edges.
+    """
+    ratio = "" if len(cover.layers) == 1 else "; between layers the ratio of moduli does matter"
+    lines = [
+        f"Young's modulus: no effect on the point spread or on how force is shared, only on depths{ratio}",
+        "filter, noise, hysteresis, temperature gain, characteristic, gains: need a recording (`softcover calibrate`)",
+        "shear, friction, rate and relaxation: the reference is one slow press along the normal",
+    ]
+    if cover.assumed:
+        lines.append("thickness and material of this cover: assumed, nobody measured them")
+    if min(fit.gaussian.sigma_x, fit.gaussian.sigma_y) < _NARROW_SIGMA:
+        lines.append("sigma: the kernel is narrower than the texels resolve; any sigma below 0.26 pitches fits alike")
+    if depth is None:
+        lines.append("foundation modulus and contact parameters: near free side edges depth depends on the position")
+        return tuple(lines)
+    return (*lines, _foundation_line(depth), _mujoco_line(depth))
+
+
+def _foundation_line(depth: DepthFits) -> str:
+    foundation = depth.foundation
+    lightest, heaviest = (foundation.estimates[name] / foundation.modulus for name in ("lightest", "heaviest"))
+    return (
+        f"one foundation modulus for all loads: the lightest load alone gives {lightest:.2g} of the fitted one, the "
+        f"heaviest {heaviest:.2g}"
+    )
+
+
+def _mujoco_line(depth: DepthFits) -> str:
+    contact = depth.contact
+    return (
+        f"MuJoCo's depth under other loads: fitted to a free body of {1e3 * contact.mass:.3g} g only; in MuJoCo bodies "
+        f"of all masses sink equally deep, here {contact.misses.max():+.0%} to {contact.misses.min():+.0%} off over "
+        f"{depth.load.min():.2g}..{depth.load.max():.2g} N"
+    )
