@@ -258,8 +258,8 @@ def record(hand: Hand, path: Path, *, note: str) -> Run:
     """
     from shadow_hand_picture import MOMENTS, Camera, capture_moment
 
-    from validation.recordings.labels import Setup
     from validation.recordings.mcap_writer import Clocks, RecordingWriter
+    from validation.recordings.recording import Setup
 
     camera, begun, setup = Camera(hand), time.time_ns(), Setup(note=note, source="simulation")
     times, forces, moments, seconds = [], [], [], 0.0
@@ -281,12 +281,12 @@ def record(hand: Hand, path: Path, *, note: str) -> Run:
 
 def describe_arrays(hand: Hand) -> list[RecordedArray]:
     """Describe the arrays for the head of the recording."""
-    from validation.recordings.labels import plain_array
+    from validation.recordings.recording import make_array
 
     described = []
     for mount in MOUNTS:
         parameters = hand.sensors[mount.link].parameters
-        array = plain_array(
+        array = make_array(
             mount.rows,
             mount.columns,
             np.empty((0, parameters.array.count), dtype=np.int32),

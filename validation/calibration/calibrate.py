@@ -22,8 +22,7 @@ from fastmodel.signal.point_spread import Gaussian
 from meshes import Indenter, TexelArray
 from validation.calibration.curve_fit import FittedCurve, Form, Observations, fit_curve
 from validation.calibration.noise_and_drift import Estimate, behaviour, estimate, load_on
-from validation.recordings.labels import LabelledRecording
-from validation.recordings.recording import RecordingError
+from validation.recordings.recording import Recording, RecordingError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,7 +67,7 @@ class Calibration:
 
 
 def calibrate(
-    recordings: Sequence[LabelledRecording],
+    recordings: Sequence[Recording],
     *,
     shares: FloatArray,
     array: int = 0,
@@ -144,7 +143,7 @@ def flat_shares(
     return shares if spread is None else np.asarray(spread.operator(array) @ shares)
 
 
-def middle(recordings: Sequence[LabelledRecording], array: int) -> tuple[float, float]:
+def middle(recordings: Sequence[Recording], array: int) -> tuple[float, float]:
     """Centre of pressure of the mean image over the second half of all recordings, in the array's frame [m]."""
     _check_alike(recordings, array)
     texels = recordings[0].arrays[array].texels
@@ -156,7 +155,7 @@ def middle(recordings: Sequence[LabelledRecording], array: int) -> tuple[float, 
     return float(x), float(y)
 
 
-def _check_alike(recordings: Sequence[LabelledRecording], array: int) -> None:
+def _check_alike(recordings: Sequence[Recording], array: int) -> None:
     """Refuse recordings without frames, and those of another array than the first."""
     for each in recordings:
         if not len(each.times):
@@ -168,7 +167,7 @@ def _check_alike(recordings: Sequence[LabelledRecording], array: int) -> None:
             )
 
 
-def _threshold(recordings: Sequence[LabelledRecording]) -> float:
+def _threshold(recordings: Sequence[Recording]) -> float:
     known = {float(each.setup.device["threshold"]) for each in recordings if "threshold" in each.setup.device}
     if len(known) > 1:
         raise RecordingError(f"the recordings have several thresholds: {sorted(known)}; calibrate each on its own")
@@ -176,7 +175,7 @@ def _threshold(recordings: Sequence[LabelledRecording]) -> float:
 
 
 def _observe(
-    recording: LabelledRecording, array: int, shares: FloatArray, window: tuple[float, float], channel: int
+    recording: Recording, array: int, shares: FloatArray, window: tuple[float, float], channel: int
 ) -> Observations:
     """One mean image of a recording with a known load, or many where a force sensor tells the load."""
     counts = recording.arrays[array].counts.astype(np.float64)
@@ -201,7 +200,7 @@ def _observe(
 
 
 def _under_force_sensor(
-    recording: LabelledRecording, counts: FloatArray, shares: FloatArray, temperature: float
+    recording: Recording, counts: FloatArray, shares: FloatArray, temperature: float
 ) -> Observations:
     loads = np.interp(recording.times, recording.force_times, recording.forces)
     pieces = np.array_split(np.arange(len(loads)), max(1, len(loads) // _FRAMES))

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from validation.calibration.curve_fit import FittedCurve, Observations
-from validation.recordings.labels import LabelledRecording
+from validation.recordings.recording import Recording
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Estimate:
 
 
 def behaviour(
-    recordings: Sequence[LabelledRecording],
+    recordings: Sequence[Recording],
     parts: Sequence[Observations],
     line: FittedCurve,
     *,
@@ -93,7 +93,7 @@ def _knee(line: FittedCurve) -> float:
     return float(values["output_max"] - abs(values["saturation_band"]))
 
 
-def _drift(recording: LabelledRecording, array: int, texels: npt.NDArray[np.intp]) -> float:
+def _drift(recording: Recording, array: int, texels: npt.NDArray[np.intp]) -> float:
     counts = recording.arrays[array].counts[:, texels].astype(np.float64)
     age = recording.times - load_on(recording, counts)
     early, late = (counts[np.abs(age - moment) < _HALF_WINDOW].sum(axis=1) for moment in _DRIFT)
@@ -118,7 +118,7 @@ def _repeatability(parts: Sequence[Observations], texels: npt.NDArray[np.intp], 
     )
 
 
-def load_on(recording: LabelledRecording, counts: FloatArray) -> float:
+def load_on(recording: Recording, counts: FloatArray) -> float:
     """When the load came on, after the first frame; counts of shape (frames, n) [s]."""
     total = counts.sum(axis=1)
     final = float(np.median(total[recording.times >= recording.times[-1] - _LAST]))

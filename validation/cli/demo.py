@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from validation.cli.evaluate import evaluate_into
 from validation.cli.options import Json, Recordings
-from validation.recordings.series import recordings_folder
+from validation.recordings.series import find_recordings_folder
 from validation.sensor_file import BUILT_IN
 
 #: The sensor that the recordings were made with.
@@ -28,7 +28,7 @@ def demo(
     return evaluate_into(
         out,
         BUILT_IN["wts-0614-34"],
-        recordings=recordings_folder(recordings),
+        recordings=find_recordings_folder(recordings),
         recorded=BUILT_IN[_RECORDED],
         json=json,
     )

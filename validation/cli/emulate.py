@@ -108,10 +108,10 @@ def _shown(show: str, array: int, indenter: str, load: str) -> tuple[Source, Mat
         raise InputError(f"--show: no pattern, recording or folder {show!r}; {nearest(show, _PATTERNS)}")
     if place.name == "parameters.toml" or (place / "parameters.toml").exists():
         import fastmodel
-        from validation.recordings.live_frames import simulated
+        from validation.recordings.live_frames import simulate_frames
 
         parameters = fastmodel.load(place)
-        frames = simulated(parameters, read_indenter(indenter), load=read_load(load))
+        frames = simulate_frames(parameters, read_indenter(indenter), load=read_load(load))
         return from_frames(frames), _matrix(parameters.array, parameters.electronics.output_max)
     from validation.recordings.importing import open_recording
 

@@ -44,16 +44,15 @@ def import_file(
     """
     from validation.cli.replay import describe
     from validation.recordings import mcap_reader
-    from validation.recordings.forces import with_forces
-    from validation.recordings.importing import open_recording, relabel, save
-    from validation.recordings.labels import Setup
+    from validation.recordings.importing import add_forces, open_recording, relabel, save
+    from validation.recordings.recording import Setup
 
     if indenter:
         read_indenter(indenter)
     setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
     recording = relabel(open_recording(file, topic=topic, rows=rows, columns=columns), setup)
     if force is not None:
-        recording = with_forces(recording, force, delay=force_delay)
+        recording = add_forces(recording, force, delay=force_delay)
     if out is None and force is None and not recording.complete:
         mcap_reader.recover(file)
         target = file

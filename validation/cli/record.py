@@ -55,7 +55,7 @@ def record(
 ) -> None:
     """Record a sensor as MCAP: raw bytes, frames, images that ROS 2 tools show, and the set-up."""
     from validation.recordings.capture import record as capture
-    from validation.recordings.labels import Setup
+    from validation.recordings.recording import Setup
     from validation.weiss.sensor import Sensor
 
     if indenter:

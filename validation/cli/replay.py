@@ -15,7 +15,7 @@ from validation.cli.output import print_json, say
 from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from validation.recordings.labels import LabelledRecording
+    from validation.recordings.recording import Recording
 
 _File = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
 _Array = Annotated[int, Parameter(help="Which array, where the recording has several.")]
@@ -52,7 +52,7 @@ def replay(
     _tell(recording)
 
 
-def describe(recording: LabelledRecording) -> dict[str, Any]:
+def describe(recording: Recording) -> dict[str, Any]:
     """What a recording says of itself, for `--json`."""
     return {
         "path": str(recording.path),
@@ -80,7 +80,7 @@ def describe(recording: LabelledRecording) -> dict[str, Any]:
     }
 
 
-def _play(recording: LabelledRecording, array: int, speed: float) -> None:
+def _play(recording: Recording, array: int, speed: float) -> None:
     recorded = recording.arrays[array]
     start = time.monotonic()
     with Monitor(columns=recorded.texels.columns, full_scale=recorded.full_scale) as monitor:
@@ -90,7 +90,7 @@ def _play(recording: LabelledRecording, array: int, speed: float) -> None:
                 monitor.show(counts, f"{moment:6.1f} of {recording.seconds:.1f} s")
 
 
-def _tell(recording: LabelledRecording) -> None:
+def _tell(recording: Recording) -> None:
     setup, seconds = recording.setup, recording.seconds
     load = "" if setup.load is None else f", {setup.load:.4g} N"
     arrays = ", ".join(f"{array.texels.columns} x {array.texels.rows}" for array in recording.arrays)

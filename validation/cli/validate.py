@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from validation.cli.evaluate import evaluate_into
 from validation.cli.options import Json, MaterialName, Recordings, Sensor, Thickness
-from validation.recordings.series import recordings_folder
+from validation.recordings.series import find_recordings_folder
 from validation.sensor_file import load
 
 
@@ -27,5 +27,5 @@ def validate(
     """Score the fast model of a sensor against finite elements, and against recordings where given."""
     description = load(sensor, material=material, thickness=thickness)
     # Recordings belong to one sensor: only those that the user names are taken for this one's.
-    folder = None if recordings is None else recordings_folder(recordings)
+    folder = None if recordings is None else find_recordings_folder(recordings)
     return evaluate_into(out, description, recordings=folder, recorded=description, json=json)

@@ -1,5 +1,5 @@
-"""Frames from real sensors: one result type, one reader per file format, and labelled series of them."""
+"""Recordings of real sensors: the common data types, one reader per file format, and the recorder."""
 
-from validation.recordings.recording import RecordedArray, Recording, RecordingError
+from validation.recordings.recording import RecordedArray, Recording, RecordingError, Setup
 
-__all__ = ["RecordedArray", "Recording", "RecordingError"]
+__all__ = ["RecordedArray", "Recording", "RecordingError", "Setup"]

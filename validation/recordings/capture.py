@@ -1,4 +1,4 @@
-"""Records a sensor into a file."""
+"""Records the frames of a sensor on a port into a file."""
 
 from __future__ import annotations
 
@@ -8,33 +8,30 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from validation.recordings.labels import Setup, plain_array
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
-from validation.recordings.recording import RecordedArray
+from validation.recordings.recording import RecordedArray, Setup, make_array
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
 from validation.weiss.link import Chunk, LinkLostError, PortError
 from validation.weiss.sensor import Reading, Sensor, SensorError
 
-_NANO = 1e-9
+_SECONDS_PER_NANOSECOND = 1e-9
 
 
 class RecordingStoppedError(PortError):
-    """A recording ended before its time; the message says why and what is kept."""
+    """The port went away during a recording; the message says why and how many frames are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Captured:
-    """What was recorded.
+    """Summary of a recording that was just made.
 
     Attributes:
         path: The file.
-        frames: Frames in it.
-        gaps: Places where frames are missing.
-        seconds: From the first frame to the last, by the host's clock [s].
-        ended: Why it ended.
+        frames: Number of frames in it [-].
+        gaps: Number of places where frames are missing [-].
+        seconds: Time from the first frame to the last, by the host's clock [s].
+        ended: Whether the time was over (`done`) or the user pressed Ctrl-C (`interrupted`).
     """
 
     path: Path
@@ -45,7 +42,7 @@ class Captured:
 
     @property
     def rate(self) -> float:
-        """Mean frames per second; NaN for fewer than two frames [Hz]."""
+        """Mean number of frames per second; NaN for fewer than two frames [Hz]."""
         return (self.frames - 1) / self.seconds if self.frames > 1 and self.seconds > 0 else float("nan")
 
 
@@ -60,31 +57,30 @@ def record(
     reconnect: float = 0.0,
     on_event: Callable[[Reading | Gap], None] | None = None,
 ) -> Captured:
-    """Record frames, raw bytes and gaps until the time is over or Ctrl-C.
+    """Record frames, raw bytes and gaps until the time is over or the user presses Ctrl-C.
 
     Args:
         sensor: An open sensor.
         path: The file to write; it must not exist.
-        setup: How the sensor is loaded; what the device says of itself is added.
-        seconds: How long; until Ctrl-C when not given [s].
-        run_length: Whether to ask for run-length encoding.
+        setup: How the sensor is loaded; the properties that the sensor reports are added.
+        seconds: Duration; until Ctrl-C if not given [s].
+        run_length: Whether to ask for run-length encoded frames.
         interval_ms: Time between frames; 0 for as fast as the device can [ms].
         reconnect: How long to try to open the port again after it went away [s].
-        on_event: Called with every reading and gap, to show them.
+        on_event: Called with every reading and gap, e.g. to show them.
 
     Raises:
-        RecordingStoppedError: If the port went away; what came is kept.
-        StorageError: If the disk takes no more; what came is kept.
+        RecordingStoppedError: If the port went away; the frames received before are kept.
+        StorageError: If the file cannot be written; the frames written before are kept.
     """
-    described = _ask(sensor)
+    reported = _ask_properties(sensor)
     setup = setup or Setup()
-    setup = replace(setup, source=setup.source or sensor.port, device={**described, **setup.device})
-    offset = time.time_ns() - time.monotonic_ns()
-    array = live_array(sensor.matrix(), str(described.get("type", "tactile")))
-    session = _Session(offset, on_event)
+    setup = replace(setup, source=setup.source or sensor.port, device={**reported, **setup.device})
+    array = make_device_array(sensor.matrix(), str(reported.get("type", "tactile")))
+    session = _Session(sensor, on_event)
     try:
-        with RecordingWriter(path, arrays=[array], setup=setup, serial=str(described.get("serial", ""))) as writer:
-            session.run(sensor, writer, seconds, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
+        with RecordingWriter(path, arrays=[array], setup=setup, serial=str(reported["serial"])) as writer:
+            session.run(writer, seconds, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
     except LinkLostError as error:
         raise RecordingStoppedError(f"{error}; {session.frames} frames are kept in {path}") from error
     except StorageError as error:
@@ -92,20 +88,15 @@ def record(
             raise
         raise StorageError(f"{error}; {session.frames} frames had come") from error
     return Captured(
-        path=Path(path),
-        frames=session.frames,
-        gaps=session.gaps,
-        seconds=session.seconds,
-        ended=session.ended,
+        path=Path(path), frames=session.frames, gaps=session.gaps, seconds=session.seconds, ended=session.ended
     )
 
 
-def live_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArray:
-    """The array that a device describes, without frames."""
-    return plain_array(
+def make_device_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArray:
+    """Make the array that a device describes, without frames."""
+    return make_array(
         matrix.rows,
         matrix.columns,
-        np.empty((0, matrix.texels), dtype=np.int32),
         pitch=(matrix.cell_width, matrix.cell_height),
         full_scale=matrix.full_scale,
         name=name,
@@ -113,55 +104,50 @@ def live_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArray:
 
 
 class _Session:
-    """One run of a recorder."""
+    """One run of the recorder, with its counts of frames and gaps."""
 
-    def __init__(self, offset: int, on_event: Callable[[Reading | Gap], None] | None) -> None:
+    def __init__(self, sensor: Sensor, on_event: Callable[[Reading | Gap], None] | None) -> None:
         self.frames = self.gaps = 0
         self.ended: Literal["done", "interrupted"] = "done"
-        self._offset = offset
+        self._sensor = sensor
         self._on_event = on_event
+        #: UTC minus the host's monotonic clock, and the monotonic clock at the first and last frame [ns].
+        self._utc_offset = time.time_ns() - time.monotonic_ns()
         self._first = self._last = 0
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last [s]."""
-        return (self._last - self._first) * _NANO
+        """Time from the first frame to the last [s]."""
+        return (self._last - self._first) * _SECONDS_PER_NANOSECOND
 
     def run(
-        self,
-        sensor: Sensor,
-        writer: RecordingWriter,
-        seconds: float | None,
-        *,
-        run_length: bool,
-        interval_ms: int,
-        reconnect: float,
+        self, writer: RecordingWriter, seconds: float | None, *, run_length: bool, interval_ms: int, reconnect: float
     ) -> None:
-        """Write what comes until it is over."""
+        """Write frames, raw bytes and gaps until the time is over or the user presses Ctrl-C."""
 
-        def keep(chunk: Chunk) -> None:
-            writer.add_raw(chunk.host_time + self._offset, chunk.data)
+        def write_raw(chunk: Chunk) -> None:
+            writer.add_raw(chunk.host_time + self._utc_offset, chunk.data)
 
-        stop = None if seconds is None else time.monotonic_ns() + round(seconds / _NANO)
-        self._temperature(sensor, writer)
-        stream = sensor.stream(run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
-        sensor.tap = keep
+        stop = None if seconds is None else time.monotonic_ns() + round(seconds / _SECONDS_PER_NANOSECOND)
+        self._write_temperature(writer)
+        stream = self._sensor.stream(run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
+        self._sensor.tap = write_raw
         try:
             for event in stream:
-                self._write(writer, event)
+                self._write_event(writer, event)
                 if stop is not None and event.host_time >= stop:
                     break
         except KeyboardInterrupt:
             self.ended = "interrupted"
         finally:
-            sensor.tap = None
+            self._sensor.tap = None
             stream.close()
-        for gap in sensor.last_gaps():
-            self._write(writer, gap)
-        self._temperature(sensor, writer)
+        for gap in self._sensor.last_gaps():
+            self._write_event(writer, gap)
+        self._write_temperature(writer)
 
-    def _write(self, writer: RecordingWriter, event: Reading | Gap) -> None:
-        now = event.host_time + self._offset
+    def _write_event(self, writer: RecordingWriter, event: Reading | Gap) -> None:
+        now = event.host_time + self._utc_offset
         if isinstance(event, Gap):
             writer.add_gap(now, str(event))
             self.gaps += 1
@@ -173,17 +159,19 @@ class _Session:
         if self._on_event is not None:
             self._on_event(event)
 
-    @staticmethod
-    def _temperature(sensor: Sensor, writer: RecordingWriter) -> None:
-        """Before and after only: whether a device answers while it streams is not documented."""
+    def _write_temperature(self, writer: RecordingWriter) -> None:
+        """Ask for the temperature and write it, if the sensor tells it.
+
+        Called before and after the stream only: no source says whether a device answers while it streams.
+        """
         try:
-            writer.add_temperatures(time.time_ns(), [sensor.temperature()])
+            writer.add_temperatures(time.time_ns(), [self._sensor.temperature()])
         except SensorError:
             return
 
 
-def _ask(sensor: Sensor) -> dict[str, str | int | float]:
-    """What the device says of itself, as far as it answers."""
+def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
+    """Ask for the properties of the device; those that it refuses are left out."""
     info = sensor.info()
     questions: dict[str, Callable[[], str | int | float]] = {
         "type": sensor.sensor_type,
@@ -192,10 +180,10 @@ def _ask(sensor: Sensor) -> dict[str, str | int | float]:
         "gain": sensor.gain,
         "temperature": sensor.temperature,
     }
-    known: dict[str, str | int | float] = {"serial": info.serial_number, "firmware": info.firmware}
+    properties: dict[str, str | int | float] = {"serial": info.serial_number, "firmware": info.firmware}
     for name, ask in questions.items():
         try:
-            known[name] = ask()
+            properties[name] = ask()
         except SensorError:
             continue
-    return known
+    return properties

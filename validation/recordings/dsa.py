@@ -1,50 +1,59 @@
-"""Reader of `.dsa` files: frames of the Weiss arrays in a SCHUNK SDH-2 hand.
+"""Reads `.dsa` files: frames of the Weiss arrays in a SCHUNK SDH-2 hand.
 
-The format is Peter Kiechle's (tactile-sensors, University of Innsbruck, 2015), not the Weiss DSA-Explorer's:
-bzip2-compressed XML.  A frame is hexadecimal text, eight digits per token, each token one IEEE-754 single
-printed most significant digit first: t >= 0 is one texel's value, t < 0 stands for |t| texels that read zero.
-Texels run x fastest, then y, then array, over all arrays of the hand.
+The format is that of Peter Kiechle (tactile-sensors, University of Innsbruck, 2015), not that of the Weiss
+DSA-Explorer: bzip2-compressed XML.  A frame is hexadecimal text of eight digits per token.  Each token t is one
+IEEE-754 single, most significant digit first: t >= 0 is the count of one texel, t < 0 stands for |t| texels that read
+zero.  Texels run x fastest, then y, then array, over all arrays of the hand.
 
-Nothing is taken on trust.  bzip2's checksums, the schema below, announced against found numbers of elements,
-token sums, value ranges, masks and time stamps all have to agree, or the file is refused with the place of
-the fault.  The file is streamed: memory is bounded by the limits below whatever the file claims, and document
-type declarations, the door to entity attacks, are refused.
+The reader refuses a file, and names the place, unless all of these agree: the checksums of bzip2, the schema below,
+announced and found numbers of elements, sums of tokens, ranges of values, masks and the order of time stamps.  The
+file is read as a stream, and the limits below bound the memory for any content.  Document type declarations are
+refused, because entities in them can expand without bound.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from datetime import UTC, datetime, timedelta
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
 import numpy as np
 
-from validation.recordings.bzip2 import unpacked
-from validation.recordings.dsa_fields import MATRIX_FIELDS, CountArray, Matrix, decode, matrix, number, whole
-from validation.recordings.recording import Recording, RecordingError
+from validation.recordings import bzip2
+from validation.recordings.dsa_fields import (
+    MATRIX_FIELDS,
+    FrameArray,
+    decode_counts,
+    limit_counts,
+    read_array,
+    read_number,
+    read_whole_number,
+)
+from validation.recordings.recording import RecordedArray, Recording, RecordingError, Setup, convert_to_utc
 
-#: Most bytes of XML that a file may unpack to.
+#: Largest number of bytes of XML that a file may unpack to.
 MAX_XML_BYTES = 512 * 2**20
-#: Most texel values of a file, frames times texels: an hour of a hand's 486 texels at 34 frames/s.
+#: Largest number of counts in a file, frames times texels: an hour of the 486 texels of a hand at 34 frames/s.
 MAX_VALUES = 60_000_000
-#: Most temperature channels, and readings of them.
+#: Largest number of temperature channels, and of readings of each.
 MAX_CHANNELS, MAX_READINGS = 64, 100_000
-#: Most bytes of XML without a tag or text, which is what the parser may have to hold back.
+#: Largest number of bytes of XML without a tag or text, which the XML parser may have to keep in memory.
 MAX_MARKUP_BYTES = 2**20
-#: Most characters of one element's text; a frame without a single zero takes 5 000.
+#: Largest number of characters in one element; a frame without a single zero takes 5 000.
 MAX_TEXT = 2**16
-_MAX_MATRICES = 16
-_MILLISECOND = 1e-3
+#: Largest number of arrays; an SDH-2 hand has 6.
+_MAX_ARRAYS = 16
+_SECONDS_PER_MILLISECOND = 1e-3
+_NANOSECONDS_PER_MILLISECOND = 1_000_000
 
-_SENSOR_FIELDS = ("generated_by", "hw_revision", "serial_nr", "num_matrices", "converter_resolution")
-#: What must stand in which element.  Those in `_NUMBERED` come any number of times, the others once.
+#: Elements that must stand in each element.  Those in `_COUNT_OF` occur any number of times, the others once.
 _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
     "root": ("sensor", "data"),
-    "root/sensor": (*_SENSOR_FIELDS, "matrix"),
+    "root/sensor": ("generated_by", "hw_revision", "serial_nr", "num_matrices", "converter_resolution", "matrix"),
     "root/sensor/matrix": MATRIX_FIELDS,
     "root/data": ("frame_count", "frame"),
     "root/data/frame": ("time_stamp", "frame_data"),
@@ -54,8 +63,8 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "root/joint_angles/angle": ("time_stamp", "angle_data"),
 }
 _OPTIONAL: Mapping[str, tuple[str, ...]] = {"root": ("temperatures", "joint_angles")}
-#: Repeated elements, each with a running number, and the element that announces how many there are.
-_NUMBERED: Mapping[str, str] = {
+#: For each repeated element, which carries a running number, the element that announces how many there are.
+_COUNT_OF: Mapping[str, str] = {
     "matrix": "num_matrices",
     "frame": "frame_count",
     "temp": "temp_count",
@@ -64,201 +73,207 @@ _NUMBERED: Mapping[str, str] = {
 
 
 def read(path: str | Path) -> Recording:
-    """Read a whole `.dsa` file.
+    """Read a `.dsa` file.
 
     Args:
         path: The file.
 
     Raises:
-        RecordingError: If the file is missing, damaged, of another format or beyond the limits; of a damaged
-            file nothing is returned.
+        RecordingError: If the file is missing, damaged, of another format or beyond the limits.
     """
-    file = Path(path)
+    path = Path(path)
     digest = hashlib.sha256()
-    contents = _Contents(file)
-    _Parser(contents).parse(unpacked(file, limit=MAX_XML_BYTES, seen=digest.update))
-    return contents.recording(digest.hexdigest())
+    collector = _Collector(path)
+    _XmlReader(collector).read(bzip2.unpack(path, limit=MAX_XML_BYTES, on_packed=digest.update))
+    return collector.make_recording(digest.hexdigest())
 
 
-class _Contents:
-    """Collects what the elements say, in the order in which they end."""
+class _Collector:
+    """Collects the content of the elements, in the order in which they end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.place = "start of the file"
-        self.matrices: list[Matrix] = []
+        self.arrays: list[RecordedArray] = []
         self.serial = ""
-        self.limits: CountArray | None = None
-        self.frames: list[CountArray] = []
+        #: Largest count of each texel of all arrays; None before the end of `<sensor>`.
+        self.limits: FrameArray | None = None
+        self.frames: list[FrameArray] = []
         self.stamps: list[int] = []
         self.temperatures: list[list[float]] = []
         self.temperature_stamps: list[int] = []
 
-    def take(self, place: str, fields: Mapping[str, str]) -> None:
-        """Note one element that ended; its schema has been checked."""
-        match place:
+    def add(self, element: str, fields: Mapping[str, str]) -> None:
+        """Read one element, given by its path, from the texts of the elements in it; the schema is checked before."""
+        match element:
             case "root/sensor/matrix":
-                name = f"array {len(self.matrices)}"
-                if len(self.matrices) == _MAX_MATRICES or self.limits is not None:
-                    self.fail(f"unexpected {name}; expected at most {_MAX_MATRICES}, before the frames")
-                self.matrices.append(matrix(fields, name, self.fail))
+                name = f"array {len(self.arrays)}"
+                if len(self.arrays) == _MAX_ARRAYS or self.limits is not None:
+                    self.fail(f"unexpected {name}; expected at most {_MAX_ARRAYS}, before the frames")
+                self.arrays.append(read_array(fields, name, self.fail))
             case "root/sensor":
                 self.serial = fields["serial_nr"].strip()
-                self.limits = np.concatenate([each.limits for each in self.matrices])
+                self.limits = np.concatenate([limit_counts(array) for array in self.arrays])
             case "root/data/frame":
-                self._frame(fields)
+                self._add_frame(fields)
             case "root/temperatures/temp":
-                self._temperature(fields)
+                self._add_temperature(fields)
 
-    def _frame(self, fields: Mapping[str, str]) -> None:
-        if self.limits is None:
-            self.fail("a frame before the description of the sensor")
-        if (len(self.frames) + 1) * len(self.limits) > MAX_VALUES:
-            self.fail(f"more than the {MAX_VALUES} values accepted, frames times texels")
-        self.stamps.append(self._stamp(fields, self.stamps))
-        self.frames.append(decode(fields["frame_data"], self.limits, self.fail))
-
-    def _temperature(self, fields: Mapping[str, str]) -> None:
-        readings = [number(part, "temp_data", self.fail) for part in fields["temp_data"].split(",")]
-        if self.temperatures and len(readings) != len(self.temperatures[0]):
-            self.fail(f"{len(readings)} temperatures; expected {len(self.temperatures[0])} as before")
-        if len(readings) > MAX_CHANNELS or len(self.temperatures) == MAX_READINGS:
-            self.fail(f"more temperatures than {MAX_READINGS} readings of {MAX_CHANNELS} channels")
-        self.temperature_stamps.append(self._stamp(fields, self.temperature_stamps))
-        self.temperatures.append(readings)
-
-    def _stamp(self, fields: Mapping[str, str], before: list[int]) -> int:
-        stamp = whole(fields["time_stamp"], "time_stamp", self.fail)
-        if before and stamp < before[-1]:
-            self.fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
-        return stamp
-
-    def recording(self, sha256: str) -> Recording:
-        """All that was collected."""
+    def make_recording(self, sha256: str) -> Recording:
+        """Make a recording of everything collected."""
         if not self.frames:
             self.fail("no frames; expected at least one")
         first = self.stamps[0]
-        ends = np.cumsum([each.texels.count for each in self.matrices])
-        frames = np.split(np.stack(self.frames), ends[:-1], axis=1)
+        try:
+            started = convert_to_utc(first * _NANOSECONDS_PER_MILLISECOND)
+        except OverflowError:
+            self.fail(f"time stamp {first} ms; expected milliseconds since 1970")
+        ends = np.cumsum([array.texels.count for array in self.arrays])
+        parts = np.split(np.stack(self.frames), ends[:-1], axis=1)
         return Recording(
             path=self.path,
             sha256=sha256,
             serial=self.serial,
-            started=self._moment(first),
-            times=(np.array(self.stamps) - first) * _MILLISECOND,
-            arrays=tuple(each.with_frames(part) for each, part in zip(self.matrices, frames, strict=True)),
+            started=started,
+            times=(np.array(self.stamps) - first) * _SECONDS_PER_MILLISECOND,
+            arrays=tuple(
+                replace(array, counts=part.astype(np.int32)) for array, part in zip(self.arrays, parts, strict=True)
+            ),
             temperatures=np.array(self.temperatures or np.empty((0, 0)), dtype=float),
-            temperature_times=(np.array(self.temperature_stamps, dtype=float) - first) * _MILLISECOND,
+            temperature_times=(np.array(self.temperature_stamps, dtype=float) - first) * _SECONDS_PER_MILLISECOND,
+            setup=Setup(source=self.path.name, source_sha256=sha256),
         )
 
-    def _moment(self, stamp: int) -> datetime:
-        try:
-            return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=stamp)
-        except OverflowError:
-            self.fail(f"time stamp {stamp} ms; expected milliseconds since 1970")
+    def fail(self, fault: str) -> NoReturn:
+        """Refuse the file with its name, the place and the fault."""
+        raise RecordingError(f"{self.path}: {self.place}: {fault}")
 
-    def fail(self, what: str) -> NoReturn:
-        """Refuse the file."""
-        raise RecordingError(f"{self.path}: {self.place}: {what}")
+    def _add_frame(self, fields: Mapping[str, str]) -> None:
+        if self.limits is None:
+            self.fail("a frame before the description of the sensor; expected <sensor> first")
+        if (len(self.frames) + 1) * len(self.limits) > MAX_VALUES:
+            self.fail(f"more than the {MAX_VALUES} values accepted, frames times texels")
+        self.stamps.append(self._read_stamp(fields, self.stamps))
+        self.frames.append(decode_counts(fields["frame_data"], self.limits, self.fail))
+
+    def _add_temperature(self, fields: Mapping[str, str]) -> None:
+        readings = [read_number(part, "temp_data", self.fail) for part in fields["temp_data"].split(",")]
+        if self.temperatures and len(readings) != len(self.temperatures[0]):
+            self.fail(f"{len(readings)} temperatures; expected {len(self.temperatures[0])} as before")
+        if len(readings) > MAX_CHANNELS or len(self.temperatures) == MAX_READINGS:
+            self.fail(f"more temperatures than the {MAX_READINGS} readings of {MAX_CHANNELS} channels accepted")
+        self.temperature_stamps.append(self._read_stamp(fields, self.temperature_stamps))
+        self.temperatures.append(readings)
+
+    def _read_stamp(self, fields: Mapping[str, str], before: list[int]) -> int:
+        """Read the time stamp of an element [ms]; it must not lie before those of the elements before."""
+        stamp = read_whole_number(fields["time_stamp"], "time_stamp", self.fail)
+        if before and stamp < before[-1]:
+            self.fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
+        return stamp
 
 
-class _Parser:
-    """Walks the XML, holds it against the schema and hands over each element that ends."""
+class _XmlReader:
+    """Reads the XML, compares it with the schema and hands each element that ends to a collector."""
 
-    def __init__(self, contents: _Contents) -> None:
-        self._contents = contents
-        self._places = [""]
+    def __init__(self, collector: _Collector) -> None:
+        self._collector = collector
+        #: For each open element, outermost first: its path, the texts in it, and how often repeated elements occurred.
+        self._paths = [""]
         self._fields: list[dict[str, str]] = [{}]
-        self._numbers: list[dict[str, int]] = [{}]
+        self._counts: list[dict[str, int]] = [{}]
         self._text: list[str] = []
         self._text_length = 0
-        self._silent = 0
+        #: Bytes since the last tag or text.
+        self._markup_bytes = 0
         self._expat = expat.ParserCreate()
         self._expat.buffer_text = True
-        self._expat.StartElementHandler = self._start
-        self._expat.EndElementHandler = self._end
-        self._expat.CharacterDataHandler = self._characters
-        self._expat.StartDoctypeDeclHandler = self._declaration
-        self._expat.ProcessingInstructionHandler = self._declaration
+        self._expat.StartElementHandler = self._start_element
+        self._expat.EndElementHandler = self._end_element
+        self._expat.CharacterDataHandler = self._add_text
+        self._expat.StartDoctypeDeclHandler = self._refuse_declaration
+        self._expat.ProcessingInstructionHandler = self._refuse_declaration
 
-    def parse(self, pieces: Iterable[bytes]) -> None:
-        """Parse a whole document."""
+    def read(self, pieces: Iterable[bytes]) -> None:
+        """Read a complete document."""
         for piece in pieces:
-            self._silent += len(piece)
-            self._feed(piece, final=False)
-            if self._silent > MAX_MARKUP_BYTES:
+            self._markup_bytes += len(piece)
+            self._parse(piece, final=False)
+            if self._markup_bytes > MAX_MARKUP_BYTES:
                 self._fail(f"more than {MAX_MARKUP_BYTES} bytes of XML without a tag or text")
-        self._feed(b"", final=True)
+        self._parse(b"", final=True)
 
-    def _feed(self, piece: bytes, *, final: bool) -> None:
+    def _parse(self, piece: bytes, *, final: bool) -> None:
         try:
             self._expat.Parse(piece, final)
         except expat.ExpatError as error:
             self._fail(f"no well-formed XML: {expat.errors.messages[error.code]}")
 
-    def _declaration(self, *_: object) -> None:
-        self._fail("a declaration or instruction, which .dsa files never hold")
+    def _refuse_declaration(self, *_: object) -> None:
+        self._fail("a declaration or processing instruction; expected none")
 
-    def _characters(self, text: str) -> None:
-        self._silent = 0
+    def _add_text(self, text: str) -> None:
+        self._markup_bytes = 0
         self._text_length += len(text)
         if self._text_length > MAX_TEXT:
             self._fail(f"more than the {MAX_TEXT} characters accepted in one element")
         self._text.append(text)
 
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        self._silent = 0
-        here = self._places[-1]
-        known = (*_SCHEMA.get(here, ()), *_OPTIONAL.get(here, ()))
+    def _start_element(self, tag: str, attributes: dict[str, str]) -> None:
+        self._markup_bytes = 0
+        path = self._paths[-1]
+        known = (*_SCHEMA.get(path, ()), *_OPTIONAL.get(path, ()))
         if tag not in known:
-            inside = here.rpartition("/")[2] or "document"
-            self._fail(f"<{tag}> in <{inside}>; expected {', '.join(known) or 'text only'}")
-        self._blank()
-        if tag in _NUMBERED:
-            self._count(tag, attributes.get("index"))
-        self._places.append(f"{here}/{tag}" if here else tag)
+            parent = path.rpartition("/")[2] or "document"
+            self._fail(f"<{tag}> in <{parent}>; expected {', '.join(known) or 'text only'}")
+        self._check_no_text()
+        if tag in _COUNT_OF:
+            self._check_index(tag, attributes.get("index"))
+        self._paths.append(f"{path}/{tag}" if path else tag)
         self._fields.append({})
-        self._numbers.append({})
+        self._counts.append({})
 
-    def _count(self, tag: str, index: str | None) -> None:
-        running = self._numbers[-1].get(tag, 0)
-        if index != str(running):
-            self._fail(f"<{tag}> has index {index!r}; expected '{running}'")
-        self._numbers[-1][tag] = running + 1
-
-    def _end(self, tag: str) -> None:
-        self._silent = 0
-        here, fields, numbers = self._places.pop(), self._fields.pop(), self._numbers.pop()
-        if here in _SCHEMA:
-            self._blank()
-            self._complete(here, fields, numbers)
-            self._contents.place = f"line {self._expat.CurrentLineNumber}"
-            self._contents.take(here, fields)
-        if tag in _NUMBERED:
+    def _end_element(self, tag: str) -> None:
+        self._markup_bytes = 0
+        path, fields, counts = self._paths.pop(), self._fields.pop(), self._counts.pop()
+        if path in _SCHEMA:
+            self._check_no_text()
+            self._check_complete(path, fields, counts)
+            self._collector.place = f"line {self._expat.CurrentLineNumber}"
+            self._collector.add(path, fields)
+        if tag in _COUNT_OF:
             return
         if tag in self._fields[-1]:
             self._fail(f"<{tag}> for the second time; expected one")
         self._fields[-1][tag] = "".join(self._text)
-        self._forget()
+        self._clear_text()
 
-    def _complete(self, here: str, fields: Mapping[str, str], numbers: Mapping[str, int]) -> None:
-        missing = [name for name in _SCHEMA[here] if name not in fields and name not in _NUMBERED]
+    def _check_index(self, tag: str, index: str | None) -> None:
+        """Check and advance the running number of a repeated element."""
+        expected = self._counts[-1].get(tag, 0)
+        if index != str(expected):
+            self._fail(f"<{tag}> has index {index!r}; expected '{expected}'")
+        self._counts[-1][tag] = expected + 1
+
+    def _check_complete(self, path: str, fields: Mapping[str, str], counts: Mapping[str, int]) -> None:
+        """Check that no element is missing and that repeated ones are as many as announced."""
+        missing = [name for name in _SCHEMA[path] if name not in fields and name not in _COUNT_OF]
         if missing:
-            self._fail(f"<{here.rpartition('/')[2]}> lacks {', '.join(missing)}")
-        for tag in set(_SCHEMA[here]) & set(_NUMBERED):
-            announced = whole(fields[_NUMBERED[tag]], _NUMBERED[tag], self._fail)
-            if announced != numbers.get(tag, 0):
-                self._fail(f"{_NUMBERED[tag]} is {announced}, found {numbers.get(tag, 0)}")
+            self._fail(f"<{path.rpartition('/')[2]}> lacks {', '.join(missing)}")
+        for tag in set(_SCHEMA[path]) & set(_COUNT_OF):
+            announced = read_whole_number(fields[_COUNT_OF[tag]], _COUNT_OF[tag], self._fail)
+            if announced != counts.get(tag, 0):
+                self._fail(f"{_COUNT_OF[tag]} is {announced}, found {counts.get(tag, 0)}")
 
-    def _blank(self) -> None:
+    def _check_no_text(self) -> None:
         if "".join(self._text).strip():
             self._fail("text between elements; expected none")
-        self._forget()
+        self._clear_text()
 
-    def _forget(self) -> None:
+    def _clear_text(self) -> None:
         self._text.clear()
         self._text_length = 0
 
-    def _fail(self, what: str) -> NoReturn:
-        self._contents.place = f"line {self._expat.CurrentLineNumber}"
-        self._contents.fail(what)
+    def _fail(self, fault: str) -> NoReturn:
+        self._collector.place = f"line {self._expat.CurrentLineNumber}"
+        self._collector.fail(fault)

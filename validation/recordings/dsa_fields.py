@@ -1,12 +1,11 @@
-"""What the elements of a `.dsa` file say: numbers, masks, arrays and the run-length code of a frame."""
+"""Reads the text in the elements of a `.dsa` file: numbers, masks, arrays and the run-length code of a frame."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NoReturn, Protocol
+from collections.abc import Callable, Mapping
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +13,11 @@ import numpy.typing as npt
 from meshes import TexelArray
 from validation.recordings.recording import BoolArray, RecordedArray
 
-CountArray = npt.NDArray[np.int16]
+FrameArray = npt.NDArray[np.int16]
+#: Raises a `RecordingError` with the given text after the file and the place.
+Fail = Callable[[str], NoReturn]
 
-#: Elements that describe one array; each must be there.
+#: Elements that describe one array; all are required.
 MATRIX_FIELDS = (
     "cells_x",
     "cells_y",
@@ -35,96 +36,66 @@ MATRIX_FIELDS = (
     "static_mask",
     "dynamic_mask",
 )
-_MAX_CELLS = 64
-_MAX_FULL_SCALE = int(np.iinfo(np.int16).max)
-_DIGITS = 8
-_MILLIMETRE = 1e-3
-_WHOLE = re.compile(r"[0-9]{1,15}")
+#: Largest number of rows, and of columns, that is accepted; the arrays of an SDH-2 hand have at most 14 [-].
+_MOST_CELLS = 64
+#: Largest full scale that is accepted: counts are kept as 16 bit numbers [-].
+_LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
+#: Hexadecimal digits of one token, an IEEE-754 single.
+_TOKEN_DIGITS = 8
+_METRES_PER_MILLIMETRE = 1e-3
+_WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
 _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
 
 
-class Fail(Protocol):
-    """Refuses the file, naming file and place."""
+def read_array(fields: Mapping[str, str], name: str, fail: Fail) -> RecordedArray:
+    """Read one `<matrix>` as an array without frames.
 
-    def __call__(self, what: str) -> NoReturn:
-        """Raise a `RecordingError` that says `what`."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Matrix:
-    """One array as its element describes it.
-
-    Attributes:
-        texels: The array; texels missing by the static mask are not active.
-        enabled: The dynamic mask, shape (n,).
-        full_scale: Largest count [-].
-        unit: Unit of a count, as the file calls it.
-        centre: Position in the sensor's drawing [m].
-        rotation: Angles about x, y, z [rad].
+    Args:
+        fields: Text of each of the `MATRIX_FIELDS`.
+        name: Name of the array.
+        fail: Refuses the file.
     """
-
-    texels: TexelArray
-    enabled: BoolArray
-    full_scale: int
-    unit: str
-    centre: tuple[float, float, float]
-    rotation: tuple[float, float, float]
-
-    @property
-    def limits(self) -> CountArray:
-        """Largest value that each texel may have: the full scale, or zero where masked, shape (n,)."""
-        return np.where(self.texels.active & self.enabled, self.full_scale, 0).astype(np.int16)
-
-    def with_frames(self, counts: CountArray) -> RecordedArray:
-        """The array with its frames, shape (frames, n)."""
-        return RecordedArray(
-            texels=self.texels,
-            enabled=self.enabled,
-            counts=counts.astype(np.int32),
-            full_scale=self.full_scale,
-            unit=self.unit,
-            centre=self.centre,
-            rotation=self.rotation,
-        )
-
-
-def matrix(fields: Mapping[str, str], name: str, fail: Fail) -> Matrix:
-    """Read the fields of one `<matrix>`; all of `MATRIX_FIELDS` must be there."""
-    columns, rows = (_bounded(fields, cells, _MAX_CELLS, fail) for cells in ("cells_x", "cells_y"))
-    width, height = (_length(fields, edge, fail) for edge in ("texel_width", "texel_height"))
-    present = _mask(fields, "static_mask", rows, columns, fail)
-    if not present.any():
+    columns, rows = (_read_bounded(fields, cells, _MOST_CELLS, fail) for cells in ("cells_x", "cells_y"))
+    width, height = (_read_length(fields, edge, fail) for edge in ("texel_width", "texel_height"))
+    active = _read_mask(fields, "static_mask", rows, columns, fail)
+    if not active.any():
         fail("static_mask leaves no texel; expected at least one")
-    x, y, z = (number(fields[f"matrix_center_{axis}"], "matrix_center", fail) * _MILLIMETRE for axis in "xyz")
-    a, b, c = (math.radians(number(fields[f"theta_{axis}"], "theta", fail)) for axis in "xyz")
-    return Matrix(
-        texels=TexelArray.grid(rows, columns, (width, height), active=present, name=name),
-        enabled=_mask(fields, "dynamic_mask", rows, columns, fail),
-        full_scale=_bounded(fields, "fullscale", _MAX_FULL_SCALE, fail),
+    x, y, z = (read_number(fields[f"matrix_center_{axis}"], "matrix_center", fail) for axis in "xyz")
+    about_x, about_y, about_z = (math.radians(read_number(fields[f"theta_{axis}"], "theta", fail)) for axis in "xyz")
+    return RecordedArray(
+        texels=TexelArray.grid(rows, columns, (width, height), active=active, name=name),
+        enabled=_read_mask(fields, "dynamic_mask", rows, columns, fail),
+        counts=np.empty((0, rows * columns), dtype=np.int32),
+        full_scale=_read_bounded(fields, "fullscale", _LARGEST_FULL_SCALE, fail),
         unit=fields["output_unit"].strip(),
-        centre=(x, y, z),
-        rotation=(a, b, c),
+        centre=(x * _METRES_PER_MILLIMETRE, y * _METRES_PER_MILLIMETRE, z * _METRES_PER_MILLIMETRE),
+        rotation=(about_x, about_y, about_z),
     )
 
 
-def decode(text: str, limits: CountArray, fail: Fail) -> CountArray:
+def limit_counts(array: RecordedArray) -> FrameArray:
+    """Largest count that each texel may have: the full scale, or 0 where it is masked, shape (n,) [-]."""
+    return np.where(array.texels.active & array.enabled, array.full_scale, 0).astype(np.int16)
+
+
+def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
     """Expand the hexadecimal tokens of one frame to one count per texel.
 
     Args:
-        text: Eight digits per token, spaces and line breaks anywhere.
-        limits: Largest value of each texel, shape (n,).
+        text: Eight digits per token, with spaces and line breaks anywhere.
+        limits: Largest count of each texel, shape (n,) [-].
         fail: Refuses the file.
 
     Returns:
-        Counts, shape (n,).
+        Counts, shape (n,) [-].
     """
     digits = "".join(text.split())
     try:
         tokens = np.frombuffer(bytes.fromhex(digits), dtype=">f4").astype(np.float64)
     except ValueError:
-        fail(f"frame_data is not hexadecimal tokens of {_DIGITS} digits")
-    # NaN and infinity fail these comparisons, and sizes are checked before anything is expanded
-    if not (np.abs(tokens) <= _MAX_FULL_SCALE).all() or (tokens != np.rint(tokens)).any():
+        fail(f"frame_data is not hexadecimal tokens of {_TOKEN_DIGITS} digits")
+    # NaN and infinity fail these comparisons; the sum is checked before anything is expanded
+    if not (np.abs(tokens) <= _LARGEST_FULL_SCALE).all() or (tokens != np.rint(tokens)).any():
         fail("a token is not a whole number of counts or zeros")
     runs = np.where(tokens < 0, -tokens, 1).astype(np.int64)
     if runs.sum() != len(limits):
@@ -136,35 +107,35 @@ def decode(text: str, limits: CountArray, fail: Fail) -> CountArray:
     return counts
 
 
-def whole(text: str, name: str, fail: Fail) -> int:
-    """A whole number that is not negative."""
-    if not _WHOLE.fullmatch(text.strip()):
+def read_whole_number(text: str, name: str, fail: Fail) -> int:
+    """Read a whole number of 0 or more."""
+    if not _WHOLE_NUMBER.fullmatch(text.strip()):
         fail(f"{name} is {text.strip()[:40]!r}; expected a whole number")
     return int(text)
 
 
-def number(text: str, name: str, fail: Fail) -> float:
-    """A finite decimal number."""
+def read_number(text: str, name: str, fail: Fail) -> float:
+    """Read a finite decimal number."""
     if not _NUMBER.fullmatch(text.strip()):
         fail(f"{name} is {text.strip()[:40]!r}; expected a number")
     return float(text)
 
 
-def _bounded(fields: Mapping[str, str], name: str, largest: int, fail: Fail) -> int:
-    value = whole(fields[name], name, fail)
+def _read_bounded(fields: Mapping[str, str], name: str, largest: int, fail: Fail) -> int:
+    value = read_whole_number(fields[name], name, fail)
     if not 1 <= value <= largest:
         fail(f"{name} is {value}; expected 1..{largest}")
     return value
 
 
-def _length(fields: Mapping[str, str], name: str, fail: Fail) -> float:
-    value = number(fields[name], name, fail)
+def _read_length(fields: Mapping[str, str], name: str, fail: Fail) -> float:
+    value = read_number(fields[name], name, fail)
     if value <= 0:
         fail(f"{name} is {value} mm; expected a positive length")
-    return value * _MILLIMETRE
+    return value * _METRES_PER_MILLIMETRE
 
 
-def _mask(fields: Mapping[str, str], name: str, rows: int, columns: int, fail: Fail) -> BoolArray:
+def _read_mask(fields: Mapping[str, str], name: str, rows: int, columns: int, fail: Fail) -> BoolArray:
     lines = fields[name].split()
     if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
         fail(f"{name} is not {rows} lines of {columns} digits 0 or 1")

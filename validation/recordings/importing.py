@@ -1,4 +1,4 @@
-"""Brings recordings of every known format into one labelled form."""
+"""Opens recordings of every known format, adds labels and forces to them, and saves them as MCAP."""
 
 from __future__ import annotations
 
@@ -8,49 +8,50 @@ from pathlib import Path
 import numpy as np
 
 from validation.recordings import bags, dsa, mcap_reader, tables
-from validation.recordings.labels import LabelledRecording, Setup, label
 from validation.recordings.mcap_writer import Clocks, RecordingWriter
-from validation.recordings.recording import RecordingError
+from validation.recordings.recording import ClockArray, Recording, RecordingError, Setup
 
+#: Formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
-_NANO = 1e-9
+#: Times of forces above this count from 1970, smaller ones from the first frame; this is in 1973 [s].
+_EPOCH_TIMES = 1e8
+#: How far the first and last frame may lie outside the times of the forces [s].
+_UNCOVERED_TIME = 0.5
+_SECONDS_PER_NANOSECOND = 1e-9
 
 
 def open_recording(
     path: str | Path, *, topic: str | None = None, rows: int | None = None, columns: int | None = None
-) -> LabelledRecording:
+) -> Recording:
     """Read a recording of any known format.
 
     Args:
         path: File or folder.
         topic: Topic with the frames, for bags of other programs.
-        rows: Texels along y, where the file does not say so [-].
-        columns: Texels along x, where the file does not say so [-].
+        rows: Number of texels along y, for files that do not tell it [-].
+        columns: Number of texels along x, for files that do not tell it [-].
 
     Raises:
-        RecordingError: If it is missing, damaged, or of no known format.
+        RecordingError: If it is missing, damaged or of an unknown format.
     """
-    place = Path(path)
-    if not place.exists():
-        raise RecordingError(f"{place}: no such file; {ACCEPTED}")
-    match place.suffix.lower():
+    path = Path(path)
+    if not path.exists():
+        raise RecordingError(f"{path}: no such file; {ACCEPTED}")
+    match path.suffix.lower():
         case ".dsa":
-            recording = dsa.read(place)
-            return label(recording, Setup(source=place.name, source_sha256=recording.sha256))
+            return dsa.read(path)
         case ".csv":
-            return tables.read(place, rows=rows, columns=columns)
-        case ".mcap" if topic is None and mcap_reader.is_ours(place):
-            return mcap_reader.read(place)
-        case ".mcap" | ".bag" | ".db3":
-            return bags.read(place, topic=topic, rows=rows, columns=columns)
-        case _ if place.is_dir():
-            return bags.read(place, topic=topic, rows=rows, columns=columns)
+            return tables.read(path, rows=rows, columns=columns)
+        case ".mcap" if topic is None and mcap_reader.is_own_recording(path):
+            return mcap_reader.read(path)
+        case suffix if suffix in {".mcap", ".bag", ".db3"} or path.is_dir():
+            return bags.read(path, topic=topic, rows=rows, columns=columns)
         case _:
-            raise RecordingError(f"{place}: not a recording; {ACCEPTED}")
+            raise RecordingError(f"{path}: not a recording; {ACCEPTED}")
 
 
-def relabel(recording: LabelledRecording, setup: Setup) -> LabelledRecording:
-    """Add what a user knows of a recording; what is not given stays."""
+def relabel(recording: Recording, setup: Setup) -> Recording:
+    """Replace indenter, load and note of a recording by those of `setup` that are given."""
     old = recording.setup
     merged = replace(
         old,
@@ -61,36 +62,66 @@ def relabel(recording: LabelledRecording, setup: Setup) -> LabelledRecording:
     return replace(recording, setup=merged)
 
 
-def save(recording: LabelledRecording, path: str | Path) -> int:
-    """Write a recording as MCAP, from where `open_recording` reads the same values.
+def add_forces(recording: Recording, path: str | Path, *, delay: float = 0.0) -> Recording:
+    """Add the readings of a force sensor, from a file of their own, to a recording.
+
+    Args:
+        recording: The recording.
+        path: CSV file with the columns `time` [s] and `force` [N], or a bag with wrenches, of which the z component is
+            used.  Times count from 1970 by the clock of the recording, or from the first frame.
+        delay: Clock of the force sensor minus clock of the recording [s].
+
+    Raises:
+        RecordingError: If the file cannot be read, or its times do not cover those of the frames.
+    """
+    path = Path(path)
+    times, forces = tables.read_forces(path) if path.suffix.lower() == ".csv" else bags.read_forces(path)
+    if times[0] > _EPOCH_TIMES:
+        times = times - recording.started.timestamp()
+    times = times - delay
+    if times[0] > _UNCOVERED_TIME or times[-1] < recording.seconds - _UNCOVERED_TIME:
+        raise RecordingError(
+            f"{path}: forces from {times[0]:.2f} s to {times[-1]:.2f} s do not cover the frames, "
+            f"0 s to {recording.seconds:.2f} s after the first one; correct the clock with `--force-delay`"
+        )
+    return replace(recording, forces=forces, force_times=times)
+
+
+def save(recording: Recording, path: str | Path) -> int:
+    """Write a recording as an MCAP file from which `open_recording` reads the same values.
 
     Args:
         recording: The recording.
         path: The file; it must not exist.
 
     Returns:
-        How many frames were written.
+        Number of frames written.
 
     Raises:
-        StorageError: If the file exists or the disk does not take it.
+        StorageError: If the file exists or cannot be written.
     """
     start = round(recording.started.timestamp() * 1_000_000) * 1000
+    host_monotonic, ticks = (_fill_clock(clock, recording) for clock in (recording.host_monotonic, recording.ticks))
     with RecordingWriter(
         path, arrays=recording.arrays, setup=recording.setup, serial=recording.serial, start=start
     ) as writer:
         for gap in recording.gaps:
             writer.add_gap(start, gap)
         for time, degrees in zip(recording.temperature_times, recording.temperatures, strict=True):
-            writer.add_temperatures(start + _nanoseconds(time), degrees)
+            writer.add_temperatures(start + _count_nanoseconds(time), degrees)
         for time, force in zip(recording.force_times, recording.forces, strict=True):
-            writer.add_force(start + _nanoseconds(time), float(force))
+            writer.add_force(start + _count_nanoseconds(time), float(force))
         for number, time in enumerate(recording.times):
-            moment = start + _nanoseconds(time)
-            clocks = Clocks(moment, int(recording.host_monotonic[number]), int(recording.ticks[number]))
+            clocks = Clocks(start + _count_nanoseconds(time), int(host_monotonic[number]), int(ticks[number]))
             for index, array in enumerate(recording.arrays):
                 writer.add_frame(index, clocks, array.counts[number])
         return writer.frames
 
 
-def _nanoseconds(seconds: np.float64) -> int:
-    return round(float(seconds) / _NANO)
+def _fill_clock(clock: ClockArray, recording: Recording) -> ClockArray:
+    """A clock of the frames, shape (frames,), with zeros if it is unknown."""
+    return clock if clock.size else np.zeros(len(recording.times), dtype=np.int64)
+
+
+def _count_nanoseconds(seconds: np.float64) -> int:
+    return round(float(seconds) / _SECONDS_PER_NANOSECOND)

@@ -1,118 +1,86 @@
-"""What a recording says of itself: the arrays and how they were loaded.  Kept as JSON inside the file."""
+"""Labels of a recording as one JSON object, which the recording's file holds: set-up, arrays, serial number, clocks."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshes import TexelArray
-from validation.recordings.recording import FloatArray, RecordedArray, Recording, RecordingError
+from validation.recordings.recording import BoolArray, RecordedArray, RecordingError, Setup
 
-IntArray = npt.NDArray[np.int64]
-
+#: Name and version of the format; a reader refuses any other.
 FORMAT = "softcover-recording/1"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Setup:
-    """How a recording was made.
-
-    Attributes:
-        indenter: What pressed, in the words of the command line, e.g. `box:size=10.5mmx10.5mmx5mm`.
-        load: Its weight or force [N]; None where unknown.
-        note: Anything else.
-        source: Port or file it came from.
-        source_sha256: Hash of that file, hexadecimal; empty for a port.
-        device: What the device said of itself: type, serial, firmware, threshold, gain, temperature.
-    """
-
-    indenter: str = ""
-    load: float | None = None
-    note: str = ""
-    source: str = ""
-    source_sha256: str = ""
-    device: Mapping[str, str | int | float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check the load.
-
-        Raises:
-            ValueError: If it is negative or not finite.
-        """
-        if self.load is not None and not (np.isfinite(self.load) and self.load >= 0):
-            raise ValueError(f"a load is a force of 0 N or more, not {self.load}")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LabelledRecording(Recording):
-    """A recording with its labels: the one form into which every format is brought.
+class Labels:
+    """All that a recording's file tells beside the frames.
 
     Attributes:
-        setup: How it was made.
-        gaps: Where frames are missing, one line each, as they were noticed while recording.
-        complete: Whether the file was closed properly; a killed recorder leaves all but the last half second.
-        host_monotonic: Host's monotonic clock of each frame, shape (frames,); 0 where unknown [ns].
-        ticks: Device's clock of each frame, shape (frames,); 0 where unknown.
-        forces: A force sensor's readings beside the frames, shape (readings,) [N].
-        force_times: When they were taken, after the first frame, shape (readings,) [s].
+        setup: How the recording was made.
+        arrays: The texel arrays, without frames.
+        serial: Serial number of the sensor.
+        start: Host clock at the start, UTC since 1970 [ns].
+        monotonic: Monotonic clock of the host at the start [ns].
     """
 
     setup: Setup
-    gaps: tuple[str, ...]
-    complete: bool
-    host_monotonic: IntArray
-    ticks: IntArray
-    forces: FloatArray = field(default_factory=lambda: np.empty(0))
-    force_times: FloatArray = field(default_factory=lambda: np.empty(0))
+    arrays: tuple[RecordedArray, ...]
+    serial: str
+    start: int
+    monotonic: int
 
 
-def plain_array(
-    rows: int,
-    columns: int,
-    counts: npt.NDArray[np.int32],
-    *,
-    pitch: tuple[float, float] = (3.4e-3, 3.4e-3),
-    full_scale: int = 4095,
-    name: str = "tactile",
-) -> RecordedArray:
-    """An array without masks, centred.
+def encode_labels(labels: Labels) -> str:
+    """Write labels as a JSON object; frames of the arrays are left out."""
+    return json.dumps(
+        {
+            "format": FORMAT,
+            "serial": labels.serial,
+            "arrays": [_encode_array(array) for array in labels.arrays],
+            "clock": {"start_ns": labels.start, "monotonic_ns": labels.monotonic},
+            "setup": {**vars(labels.setup), "device": dict(labels.setup.device)},
+        }
+    )
+
+
+def decode_labels(text: str, path: Path) -> Labels:
+    """Read the JSON object that `encode_labels` wrote.
 
     Args:
-        rows: Texels along y [-].
-        columns: Texels along x [-].
-        counts: Shape (frames, rows * columns).
-        pitch: Distance between texels along x and y [m].
-        full_scale: Largest count [-].
-        name: What to call it.
+        text: The JSON object.
+        path: The file that holds it, for error messages.
+
+    Raises:
+        RecordingError: If the text is not such an object.
     """
-    return RecordedArray(
-        texels=TexelArray.grid(rows, columns, pitch, name=name),
-        enabled=np.ones(rows * columns, dtype=bool),
-        counts=counts,
-        full_scale=full_scale,
-        unit="counts",
-        centre=(0.0, 0.0, 0.0),
-        rotation=(0.0, 0.0, 0.0),
-    )
+    try:
+        entries = json.loads(text)
+        _check_format(entries["format"], path)
+        return Labels(
+            setup=Setup(**entries["setup"]),
+            arrays=tuple(_decode_array(entry) for entry in entries["arrays"]),
+            serial=str(entries["serial"]),
+            start=int(entries["clock"]["start_ns"]),
+            monotonic=int(entries["clock"]["monotonic_ns"]),
+        )
+    except RecordingError:
+        raise
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: its labels cannot be read: {error}; expected {FORMAT!r}") from error
 
 
-def label(recording: Recording, setup: Setup) -> LabelledRecording:
-    """Add labels to a recording of another format; it has no clocks beside its times."""
-    if isinstance(recording, LabelledRecording):
-        return recording
-    unknown = np.zeros(len(recording.times), dtype=np.int64)
-    return LabelledRecording(
-        **vars(recording), setup=setup, gaps=(), complete=True, host_monotonic=unknown, ticks=unknown
-    )
+def _check_format(name: object, path: Path) -> None:
+    if name != FORMAT:
+        raise RecordingError(f"{path}: its labels have the format {name!r}; accepted: {FORMAT!r}")
 
 
-def describe_array(array: RecordedArray) -> dict[str, Any]:
-    """All of an array but its frames, as JSON values."""
+def _encode_array(array: RecordedArray) -> dict[str, object]:
     texels = array.texels
     return {
         "name": texels.name,
@@ -129,66 +97,28 @@ def describe_array(array: RecordedArray) -> dict[str, Any]:
     }
 
 
-def array_from(entry: Mapping[str, Any], frames: Sequence[npt.NDArray[np.uint16]]) -> RecordedArray:
-    """The array that `describe_array` described, with its frames, each of shape (n,)."""
+def _decode_array(entry: Mapping[str, Any]) -> RecordedArray:
+    (pitch_x, pitch_y), (width, height) = entry["pitch_m"], entry["texel_size_m"]
+    x, y, z = (float(value) for value in entry["centre_m"])
+    about_x, about_y, about_z = (float(value) for value in entry["rotation_rad"])
     texels = TexelArray.grid(
         int(entry["rows"]),
         int(entry["columns"]),
-        _pair(entry["pitch_m"]),
-        texel_size=_pair(entry["texel_size_m"]),
-        active=_bits(entry["active"]),
+        (float(pitch_x), float(pitch_y)),
+        texel_size=(float(width), float(height)),
+        active=_decode_mask(entry["active"]),
         name=str(entry["name"]),
     )
-    x, y, z = (float(value) for value in entry["centre_m"])
-    a, b, c = (float(value) for value in entry["rotation_rad"])
     return RecordedArray(
         texels=texels,
-        enabled=_bits(entry["enabled"]),
-        counts=np.array(frames, dtype=np.int32).reshape(-1, texels.count),
+        enabled=_decode_mask(entry["enabled"]),
+        counts=np.empty((0, texels.count), dtype=np.int32),
         full_scale=int(entry["full_scale"]),
         unit=str(entry["unit"]),
         centre=(x, y, z),
-        rotation=(a, b, c),
+        rotation=(about_x, about_y, about_z),
     )
 
 
-def to_json(setup: Setup, *, arrays: list[dict[str, Any]], serial: str, clock: Mapping[str, int]) -> str:
-    """The labels of a file as one JSON object.
-
-    Args:
-        setup: How it was made.
-        arrays: From `describe_array`.
-        serial: Serial number of the sensor.
-        clock: `start_ns` (UTC) and `monotonic_ns` at the start.
-    """
-    labels = {"format": FORMAT, "serial": serial, "arrays": arrays, "clock": dict(clock)}
-    return json.dumps({**labels, "setup": {**vars(setup), "device": dict(setup.device)}})
-
-
-def from_json(text: str, place: str) -> tuple[Setup, dict[str, Any]]:
-    """Setup and all labels of a file.
-
-    Args:
-        text: The JSON object.
-        place: Name of the file, for messages.
-
-    Raises:
-        RecordingError: If it is not what `to_json` writes.
-    """
-    try:
-        labels = json.loads(text)
-        if labels["format"] != FORMAT:
-            raise RecordingError(f"{place}: is a {labels['format']!r}; accepted: {FORMAT!r}")
-        return Setup(**labels["setup"]), labels
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, RecordingError):
-            raise
-        raise RecordingError(f"{place}: its labels cannot be read: {error}; expected {FORMAT!r}") from error
-
-
-def _bits(text: str) -> npt.NDArray[np.bool_]:
+def _decode_mask(text: str) -> BoolArray:
     return np.array([digit == "1" for digit in text])
-
-
-def _pair(values: list[float]) -> tuple[float, float]:
-    return (float(values[0]), float(values[1]))

@@ -1,14 +1,14 @@
-"""The door through which real and simulated frames come alike.
+"""Streams of `fastmodel.Frame` from a sensor on a port, from a recording or from a simulation.
 
-`frames` makes of a sensor on a port, and `recorded` of a recording, the same stream of `fastmodel.Frame` that a
-simulation gives; `simulated` is a simulation that never ends, for a virtual sensor to show.
+All three streams hold the same type, so that a program can use any of them.  `softcover emulate` shows the simulated
+one on a virtual sensor.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -17,50 +17,28 @@ from fastmodel.signal.frame import Frame
 from meshes import Indenter
 from meshes.constants import STANDARD_GRAVITY
 from validation.recordings.recording import Recording
-from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
-from validation.weiss.sensor import Reading, Sensor
+from validation.weiss.sensor import Sensor
 
 if TYPE_CHECKING:
+    import mujoco
+
     from fastmodel.parameters import Parameters
 
+#: Grey level of the full scale in an image of 8 bits [-].
 _WHITE = 255
+#: Time step of the simulation [s].
 _TIMESTEP = 1e-3
-#: Period in which the simulated load comes and goes [s].
-_PERIOD = 4.0
+#: Period of the simulated load [s].
+_LOAD_PERIOD = 4.0
+#: Share of the weight that is lifted at most: the rest keeps the indenter in contact [-].
+_LARGEST_LIFT = 0.95
 
 
-def to_frame(reading: Reading, matrix: MatrixInfo) -> Frame:
-    """A reading of a real sensor as a frame.
+def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
+    """Frames of a real sensor as they arrive.
 
-    Args:
-        reading: The reading.
-        matrix: What the sensor says of its array; its full scale becomes white.
-    """
-    counts = reading.counts.astype(np.int64)
-    return Frame(time=reading.time, counts=counts, image=_grey(counts, matrix.full_scale, matrix.columns))
-
-
-def recorded(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
-    """Frames of one array of a recording, as fast as they are asked for.
-
-    Args:
-        recording: From any reader of `validation.recordings`.
-        array: Which of its arrays.
-    """
-    source = recording.arrays[array]
-    for time, values in zip(recording.times, source.counts, strict=True):
-        counts = values.astype(np.int64)
-        yield Frame(time=float(time), counts=counts, image=_grey(counts, source.full_scale, source.texels.columns))
-
-
-def _grey(counts: npt.NDArray[np.int64], full_scale: int, columns: int) -> npt.NDArray[np.uint8]:
-    grey = np.rint(_WHITE * counts / full_scale)
-    return np.minimum(grey, _WHITE).astype(np.uint8).reshape(-1, columns)
-
-
-def frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
-    """Frames of a real sensor as they come; gaps are left out, so look at the times.
+    Frames that were lost on the way are left out: the times of the others tell where.
 
     Args:
         sensor: An open sensor.
@@ -72,16 +50,28 @@ def frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
     matrix = sensor.matrix()
     for event in sensor.stream(reconnect=reconnect):
         if not isinstance(event, Gap):
-            yield to_frame(event, matrix)
+            yield _make_frame(event.time, event.counts, matrix.full_scale, matrix.columns)
 
 
-def simulated(parameters: Parameters, indenter: Indenter, *, load: float) -> Iterator[Frame]:
-    """Frames of the fast model under an indenter whose load comes and goes, for ever.
+def replay_frames(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
+    """Frames of one array of a recording, as fast as they are read.
+
+    Args:
+        recording: From any reader of `validation.recordings`.
+        array: Index of the array.
+    """
+    recorded = recording.arrays[array]
+    for time, counts in zip(recording.times, recorded.counts, strict=True):
+        yield _make_frame(float(time), counts, recorded.full_scale, recorded.texels.columns)
+
+
+def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) -> Iterator[Frame]:
+    """Frames of the fast model without end, under an indenter whose load rises and falls.
 
     Args:
         parameters: The sensor, from `derive`.
-        indenter: What presses, guided along the array's normal.
-        load: Its largest load [N].
+        indenter: The indenter, guided along the normal of the array.
+        load: Largest load [N].
     """
     import mujoco
 
@@ -90,28 +80,34 @@ def simulated(parameters: Parameters, indenter: Indenter, *, load: float) -> Ite
     spec = mujoco.MjSpec()
     recommend_options(spec)
     spec.option.timestep = _TIMESTEP
-    body = _indenter(mujoco, spec, indenter, load)
+    body = _add_indenter(spec, indenter, load)
     sensor = attach(spec, spec.worldbody, parameters)
     model = spec.compile()
     data = mujoco.MjData(model)
     sensor.bind(model)
-    number = model.body(body).id
+    number = model.body(body.name).id
     while True:
-        # what lifts leaves a twentieth of the load, so that the indenter stays in touch
-        share = 0.95 * (1 - math.cos(2 * math.pi * data.time / _PERIOD)) / 2
-        data.xfrc_applied[number, 2] = share * load
+        lift = _LARGEST_LIFT * (1 - math.cos(2 * math.pi * data.time / _LOAD_PERIOD)) / 2
+        data.xfrc_applied[number, 2] = lift * load
         mujoco.mj_step(model, data)
         if sensor.step(data):
             yield sensor.frame()
 
 
-def _indenter(mujoco: Any, spec: Any, indenter: Indenter, load: float) -> str:  # noqa: ANN401 -- MuJoCo is untyped
-    """Hang an indenter of the mass of its load over the array; return its body's name."""
+def _make_frame(time: float, counts: npt.NDArray[np.integer], full_scale: int, columns: int) -> Frame:
+    grey = np.minimum(np.rint(_WHITE * counts.astype(np.float64) / full_scale), _WHITE)
+    return Frame(time=time, counts=counts.astype(np.int64), image=grey.astype(np.uint8).reshape(-1, columns))
+
+
+def _add_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float) -> mujoco.MjsBody:
+    """Add an indenter whose weight is the load, on a slide along the normal of the array."""
+    import mujoco
+
     from fastmodel.bench import add_geoms
 
-    body = spec.worldbody.add_body(name="indenter", pos=[0, 0, 0])
+    body = spec.worldbody.add_body(name="indenter")
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    mass = load / STANDARD_GRAVITY
-    body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
+    body.mass = load / STANDARD_GRAVITY
+    body.inertia, body.explicitinertial = [1e-6 * body.mass] * 3, True
     add_geoms(spec, body, indenter)
-    return "indenter"
+    return body

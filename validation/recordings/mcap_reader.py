@@ -1,228 +1,221 @@
-"""Reads the recordings that `mcap_writer` writes, finished or not, and refuses damaged ones.
+"""Reads the recordings that `mcap_writer` writes, complete or cut off, and refuses damaged ones.
 
-Chunks carry checksums, a finished file carries one over all its data, and frames carry running numbers; all are
-checked.  A file without its end, left by a killed recorder, is read up to its last whole chunk and says so.
+Chunks carry checksums, a complete file carries one over all its data, and frames carry sequence numbers.  All are
+checked.  A file without its end, as a killed recorder leaves it, is read up to its last complete chunk, and the result
+is marked as not complete.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, cast
 
 import numpy as np
 
 from meshes import atomic_file
 from validation.errors import MissingExtraError
-from validation.recordings import labels, ros_messages
-from validation.recordings.labels import LabelledRecording
-from validation.recordings.mcap_writer import (
-    FORCE_TOPIC,
-    GAP_TOPIC,
-    RAW_TOPIC,
-    SETUP_TOPIC,
-    TEMPERATURE_TOPIC,
-    topic_names,
+from validation.recordings import ros_messages
+from validation.recordings.labels import decode_labels
+from validation.recordings.mcap_writer import FORCE_TOPIC, GAP_TOPIC, SETUP_TOPIC, TEMPERATURE_TOPIC, name_topics
+from validation.recordings.recording import (
+    FloatArray,
+    Recording,
+    RecordingError,
+    convert_to_utc,
+    count_seconds,
+    hash_contents,
 )
-from validation.recordings.recording import RecordingError
 
+if TYPE_CHECKING:
+    from mcap.records import Channel, McapRecord, Message
+
+#: First and last bytes of every MCAP file.
 MAGIC = b"\x89MCAP0\r\n"
-_HEAD = 9
+#: Bytes before the content of a record: its kind and its length.
+_RECORD_HEAD_SIZE = 9
+#: Kind of the last record of a complete file.
 _FOOTER = 0x02
+#: Largest record that is read; chunks of this program hold 1 MiB [bytes].
 _LARGEST_RECORD = 2**28
-_NANO = 1e-9
-_PIECE = 2**20
 
 
-def read(path: str | Path) -> LabelledRecording:
+def read(path: str | Path) -> Recording:
     """Read a recording.
 
     Args:
         path: An MCAP file that this program wrote.
 
     Raises:
-        RecordingError: If it is no such file or is damaged; nothing of a damaged file is returned.
+        RecordingError: If the file is missing, of another program or damaged.
     """
-    place = Path(path)
-    content = _Content(place)
-    for channel, message in _messages(place, content):
-        content.take(channel.topic, message)
-    return content.recording()
+    path = Path(path)
+    collector = _Collector(path, complete=is_complete(path))
+    for topic, message in _read_messages(path):
+        collector.add(topic, message)
+    return collector.make_recording()
 
 
-def read_raw(path: str | Path) -> Iterator[tuple[int, bytes]]:
-    """Bytes as they came from the port, with their times, UTC [ns].
+def is_own_recording(path: str | Path) -> bool:
+    """Whether this program wrote an MCAP file; false for files of other programs.
 
     Raises:
-        RecordingError: If the file is no recording or is damaged.
-    """
-    place = Path(path)
-    for channel, message in _messages(place, _Content(place)):
-        if channel.topic == RAW_TOPIC:
-            yield message.log_time, ros_messages.read_octets(message.data)
-
-
-def is_ours(path: str | Path) -> bool:
-    """Whether this program wrote it; false for MCAP files of others.
-
-    Raises:
-        RecordingError: If it is no MCAP file or damaged near its start.
+        RecordingError: If it is not an MCAP file or is damaged near its start.
     """
     from mcap.records import Channel
 
-    for record in _records(Path(path)):
-        if isinstance(record, Channel):
-            return bool(record.topic == SETUP_TOPIC and record.message_encoding == "cdr")
-    return False
+    channels = (record for record in _read_records(Path(path)) if isinstance(record, Channel))
+    first = next(channels, None)
+    return first is not None and first.topic == SETUP_TOPIC and first.message_encoding == "cdr"
 
 
 def is_complete(path: str | Path) -> bool:
     """Whether a recording was closed properly.
 
     Raises:
-        RecordingError: If it is no MCAP file.
+        RecordingError: If it is not an MCAP file.
     """
-    return _whole(Path(path))[1]
+    return _measure(Path(path))[1]
 
 
 def recover(path: str | Path) -> bool:
-    """Give a recording that was cut off its index and end, so that every MCAP tool reads it.
+    """Add the index and the end to a recording that was cut off, so that every MCAP tool reads it.
 
-    The file is replaced in one step.  A complete file is left as it is.
+    The new file replaces the old one in one step.  A complete file is left as it is.
 
     Returns:
-        Whether there was anything to do.
+        Whether the file was cut off.
 
     Raises:
-        RecordingError: If it is no recording or is damaged.
+        RecordingError: If it is not a recording or is damaged.
+        OSError: If the new file cannot be written; the old one then remains.
     """
     from mcap.records import Channel, Message, Metadata, Schema
     from mcap.writer import Writer
 
-    place = Path(path)
-    if is_complete(place):
+    path = Path(path)
+    if is_complete(path):
         return False
     output = io.BytesIO()
-    writer: Any = Writer(output, enable_data_crcs=True)
+    writer = Writer(output, enable_data_crcs=True)
     writer.start(profile="ros2", library="softcover")
     schemas, channels = {0: 0}, {}
-    for record in _records(place):
-        if isinstance(record, Schema):
-            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-        elif isinstance(record, Channel):
-            schema = schemas[record.schema_id]
-            channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
-        elif isinstance(record, Metadata):
-            writer.add_metadata(record.name, dict(record.metadata))
-        elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
+    for record in _read_records(path):
+        match record:
+            case Schema():
+                schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+            case Channel():
+                schema = schemas[record.schema_id]
+                channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
+            case Metadata():
+                writer.add_metadata(record.name, dict(record.metadata))
+            case Message():
+                channel = channels[record.channel_id]
+                writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
     writer.finish()
-    atomic_file.replace(place, [output.getvalue()])
-    atomic_file.sweep(place.parent)
+    atomic_file.replace(path, [output.getvalue()])
+    atomic_file.sweep(path.parent)
     return True
 
 
 @dataclass
-class _Content:
-    """What the messages say, collected."""
+class _Collector:
+    """Collects the content of the messages of one file, with their times, UTC since 1970 [ns]."""
 
     path: Path
-    complete: bool = True
+    complete: bool
     labels_text: str | None = None
-    frames: dict[str, list[tuple[int, ros_messages.FrameFields]]] = field(default_factory=lambda: defaultdict(list))
+    frames: dict[str, list[tuple[int, ros_messages.FrameMessage]]] = field(default_factory=lambda: defaultdict(list))
     gaps: list[str] = field(default_factory=list)
-    temperatures: list[tuple[int, Any]] = field(default_factory=list)
+    temperatures: list[tuple[int, FloatArray]] = field(default_factory=list)
     forces: list[tuple[int, float]] = field(default_factory=list)
 
-    def take(self, topic: str, message: Any) -> None:  # noqa: ANN401 -- the library is untyped
-        """Read one message."""
+    def add(self, topic: str, message: Message) -> None:
+        """Decode one message and keep its content."""
         if topic == SETUP_TOPIC:
-            self.labels_text = ros_messages.read_text(message.data)
+            self.labels_text = ros_messages.decode_text(message.data)
         elif topic == GAP_TOPIC:
-            self.gaps += ros_messages.read_diagnostics(message.data)
+            self.gaps += ros_messages.decode_diagnostics(message.data)
         elif topic == TEMPERATURE_TOPIC:
-            self.temperatures.append((message.log_time, ros_messages.read_numbers(message.data)))
+            self.temperatures.append((message.log_time, ros_messages.decode_numbers(message.data)))
         elif topic == FORCE_TOPIC:
-            self.forces.append((message.log_time, ros_messages.read_force(message.data)))
+            self.forces.append((message.log_time, ros_messages.decode_force(message.data)))
         elif topic.endswith("/frame"):
             frames = self.frames[topic]
             if message.sequence != len(frames):
                 raise RecordingError(
                     f"{self.path}: damaged: frame {message.sequence} of {topic} follows frame {len(frames) - 1}"
                 )
-            frames.append((message.log_time, ros_messages.read_frame(message.data)))
+            frames.append((message.log_time, ros_messages.decode_frame(message.data)))
 
-    def recording(self) -> LabelledRecording:
-        """All of it as one recording."""
+    def make_recording(self) -> Recording:
+        """Make one recording of all messages."""
         if self.labels_text is None:
             raise RecordingError(f"{self.path}: an MCAP file without the labels of a softcover recording")
-        setup, described = labels.from_json(self.labels_text, str(self.path))
-        names = topic_names(len(described["arrays"]))
-        series = [self.frames[f"/{name}/frame"] for name in names]
-        # a recorder killed between two arrays leaves the last frame of some of them only
+        labels = decode_labels(self.labels_text, self.path)
+        series = [self.frames[f"/{name}/frame"] for name in name_topics(len(labels.arrays))]
+        # a recorder killed between two arrays leaves one frame more of the first arrays: leave it out
         count = min(len(frames) for frames in series)
-        stamps = np.array([time for time, _ in series[0][:count]], dtype=np.int64)
-        # killed before the first frame, a recording still tells its set-up
-        start = stamps[0] if count else np.int64(described["clock"]["start_ns"])
-        arrays = tuple(
-            labels.array_from(entry, [fields.counts for _, fields in frames[:count]])
-            for entry, frames in zip(described["arrays"], series, strict=True)
-        )
-        clocks = [fields for _, fields in series[0][:count]]
-        when = np.array([time for time, _ in self.temperatures], dtype=np.int64)
-        return LabelledRecording(
+        # a file without frames counts its times from the start of the recording
+        start = series[0][0][0] if count else labels.start
+        clocks = [frame for _, frame in series[0][:count]]
+        temperatures = np.array([degrees for _, degrees in self.temperatures])
+        return Recording(
             path=self.path,
-            sha256=_sha256(self.path),
-            serial=str(described["serial"]),
-            started=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=int(start) // 1000),
-            times=(stamps - start) * _NANO,
-            arrays=arrays,
-            temperatures=np.array([degrees for _, degrees in self.temperatures]).reshape(len(when), -1)
-            if len(when)
-            else np.empty((0, 0)),
-            temperature_times=(when - start) * _NANO,
-            setup=setup,
+            sha256=hash_contents(self.path),
+            serial=labels.serial,
+            started=convert_to_utc(start),
+            times=count_seconds(series[0][:count], start),
+            arrays=tuple(
+                replace(
+                    array,
+                    counts=np.array([frame.counts for _, frame in frames[:count]], dtype=np.int32).reshape(
+                        count, array.texels.count
+                    ),
+                )
+                for array, frames in zip(labels.arrays, series, strict=True)
+            ),
+            temperatures=temperatures if temperatures.size else np.empty((0, 0)),
+            temperature_times=count_seconds(self.temperatures, start),
+            setup=labels.setup,
             gaps=tuple(self.gaps),
             complete=self.complete,
-            host_monotonic=np.array([fields.host_monotonic for fields in clocks], dtype=np.int64),
-            ticks=np.array([fields.ticks for fields in clocks], dtype=np.int64),
+            host_monotonic=np.array([frame.host_monotonic for frame in clocks], dtype=np.int64),
+            ticks=np.array([frame.ticks for frame in clocks], dtype=np.int64),
             forces=np.array([force for _, force in self.forces]),
-            force_times=(np.array([time for time, _ in self.forces], dtype=np.int64) - start) * _NANO,
+            force_times=count_seconds(self.forces, start),
         )
 
 
-def _messages(path: Path, content: _Content) -> Iterator[tuple[Any, Any]]:
-    """Every message with its channel."""
+def _read_messages(path: Path) -> Iterator[tuple[str, Message]]:
+    """Read every message with its topic."""
     from mcap.records import Channel, Message
 
-    content.complete = is_complete(path)
-    channels: dict[int, Any] = {}
-    for record in _records(path):
+    channels: dict[int, Channel] = {}
+    for record in _read_records(path):
         if isinstance(record, Channel):
             channels[record.id] = record
         elif isinstance(record, Message):
             if record.channel_id not in channels:
                 raise RecordingError(f"{path}: damaged: a message of an unknown channel")
-            yield channels[record.channel_id], record
+            yield channels[record.channel_id].topic, record
 
 
-def _records(path: Path) -> Iterator[Any]:
-    """Every record up to the end, or to the last whole record of a file that was cut off."""
+def _read_records(path: Path) -> Iterator[McapRecord]:
+    """Read every record up to the end, or up to the last complete record of a file that was cut off."""
     try:
         from mcap.exceptions import EndOfFile
         from mcap.stream_reader import StreamReader
     except ImportError as error:
         raise MissingExtraError("device", "mcap") from error
-    size, complete = _whole(path)
+    size, complete = _measure(path)
     with path.open("rb") as file:
-        part = _Part(file, size)
-        reader = StreamReader(part, validate_crcs=True, record_size_limit=_LARGEST_RECORD)  # type: ignore[arg-type]
+        part = _FilePart(file, size)
+        # the library asks for a complete file object but only reads
+        reader = StreamReader(cast("IO[bytes]", part), validate_crcs=True, record_size_limit=_LARGEST_RECORD)
         try:
             yield from reader.records
         except EndOfFile as error:
@@ -231,12 +224,12 @@ def _records(path: Path) -> Iterator[Any]:
         except RecordingError:
             raise
         except Exception as error:
-            # the library lets many kinds of errors through when bytes are wrong
+            # the library raises many kinds of errors on damaged bytes
             raise RecordingError(f"{path}: damaged near byte {size - part.left}: {error}") from error
 
 
-def _whole(path: Path) -> tuple[int, bool]:
-    """How many bytes form whole records, and whether the file ends as it should."""
+def _measure(path: Path) -> tuple[int, bool]:
+    """Number of bytes that form complete records, and whether the file ends properly."""
     if not path.is_file():
         raise RecordingError(f"{path}: no such file; expected a recording")
     end = path.stat().st_size
@@ -244,10 +237,10 @@ def _whole(path: Path) -> tuple[int, bool]:
         if file.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{path}: not an MCAP file; expected one that `softcover record` or ROS 2 wrote")
         position = len(MAGIC)
-        while position + _HEAD <= end:
+        while position + _RECORD_HEAD_SIZE <= end:
             file.seek(position)
-            head = file.read(_HEAD)
-            after = position + _HEAD + int.from_bytes(head[1:], "little")
+            head = file.read(_RECORD_HEAD_SIZE)
+            after = position + _RECORD_HEAD_SIZE + int.from_bytes(head[1:], "little")
             if after > end:
                 break
             position = after
@@ -258,22 +251,15 @@ def _whole(path: Path) -> tuple[int, bool]:
     return position, False
 
 
-class _Part:
-    """The first bytes of a file."""
+class _FilePart:
+    """The first bytes of a file, as a file that ends after them."""
 
     def __init__(self, file: IO[bytes], size: int) -> None:
         self._file = file
         self.left = size
 
     def read(self, size: int) -> bytes:
+        """Read at most `size` bytes."""
         data = self._file.read(min(size, self.left))
         self.left -= len(data)
         return data
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while piece := file.read(_PIECE):
-            digest.update(piece)
-    return digest.hexdigest()

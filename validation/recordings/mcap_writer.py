@@ -1,8 +1,8 @@
-"""Writes recordings as MCAP, so that a recorder may be killed at any moment.
+"""Writes recordings as MCAP files that stay readable when the recorder is killed at any moment.
 
-A chunk is closed and handed to the system five times a second, by a thread of its own; another one forces
-what is there to disk once a second.  What a killed recorder leaves is a valid file without its index and end;
-`mcap_reader` reads it as it is and `recover` completes it.
+One thread closes a chunk and hands it to the operating system five times a second.  Another thread forces the file to
+the disk once a second.  A killed recorder leaves a valid file without its index and end: `mcap_reader.read` reads it as
+it is, and `mcap_reader.recover` completes it.
 """
 
 from __future__ import annotations
@@ -11,39 +11,43 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import IO, TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from validation.errors import MissingExtraError
-from validation.recordings import labels, ros_messages
-from validation.recordings.labels import Setup
-from validation.recordings.recording import RecordedArray
+from validation.recordings import ros_messages
+from validation.recordings.labels import Labels, encode_labels
+from validation.recordings.recording import RecordedArray, Setup
 
-#: How often what came is handed to the system, and how often it is forced to disk [s].
-FLUSH_EVERY, SYNC_EVERY = 0.2, 1.0
-_LARGEST_COUNT = 0xFFFF
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
 TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
 
+#: Time between two chunks, and between two times that the file is forced to the disk [s].
+_FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
+#: Largest count that a frame message of 16 bit numbers can hold [-].
+_LARGEST_COUNT = 0xFFFF
+
 
 class StorageError(OSError):
-    """The disk does not take the recording; the message says what is kept."""
+    """A recording cannot be written, e.g. to a full disk; the message says what is kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clocks:
-    """When a frame was taken.
+    """The time of a frame on each clock.
 
     Attributes:
-        time: Host clock, UTC [ns].
-        monotonic: Host's monotonic clock [ns]; 0 where unknown.
-        ticks: Device's clock; 0 where unknown.
+        time: Host clock, UTC since 1970 [ns].
+        monotonic: Monotonic clock of the host [ns]; 0 if unknown.
+        ticks: Clock of the device [ticks]; 0 if unknown.
     """
 
     time: int
@@ -51,63 +55,18 @@ class Clocks:
     ticks: int = 0
 
 
-class _File:
-    """Output of the MCAP library: written at every flush at once, and cut back to the last whole chunk when that fails.
-
-    The file is made by the first flush, so that a recorder killed at any moment leaves none or one with its set-up.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.descriptor = -1
-        self._path = path
-        self._whole = 0
-        self._held = bytearray()
-
-    def write(self, data: bytes) -> int:
-        self._held += data
-        return len(data)
-
-    def tell(self) -> int:
-        return self._whole + len(self._held)
-
-    def flush(self) -> None:
-        if self.descriptor < 0:
-            self._open()
-        held, self._held = self._held, bytearray()
-        written = 0
-        while written < len(held):
-            written += os.write(self.descriptor, memoryview(held)[written:])
-        self._whole += written
-
-    def _open(self) -> None:
-        try:
-            self.descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        except OSError as error:
-            raise StorageError(f"{self._path}: cannot be written: {error.strerror}; name a new file") from error
-
-    def cut(self) -> None:
-        """Leave what was whole at the last flush, and close; safe to call twice."""
-        if self.descriptor >= 0:
-            os.ftruncate(self.descriptor, self._whole)
-            self.close()
-
-    def close(self) -> None:
-        os.close(self.descriptor)
-        self.descriptor = -1
-
-
-class RecordingWriter:
-    """An MCAP file that grows.  Use it in a `with` block: leaving writes index and end.
+class RecordingWriter(AbstractContextManager["RecordingWriter"]):
+    """A growing MCAP file.  Use it in a `with` block: leaving the block writes the index and the end of the file.
 
     Args:
         path: The file; it must not exist.
-        arrays: The arrays whose frames will come; frames that they hold already are not written.
+        arrays: The arrays whose frames will be added; frames that they already hold are not written.
         setup: How the recording is made.
         serial: Serial number of the sensor.
-        start: Host clock at the start, UTC; now when not given [ns].
+        start: Host clock at the start, UTC since 1970; the present time if not given [ns].
 
     Raises:
-        StorageError: If the file exists or the disk does not take it.
+        StorageError: If the file exists or cannot be written.
     """
 
     def __init__(
@@ -122,42 +81,33 @@ class RecordingWriter:
         self.path = Path(path)
         self.frames = 0
         self._columns = [array.texels.columns for array in arrays]
-        self._names = topic_names(len(arrays))
+        self._names = name_topics(len(arrays))
         self._sequence = [0] * len(arrays)
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._failure: OSError | None = None
         self._file = _File(self.path)
-        self._writer = _mcap(self._file)
+        self._writer = _open_writer(self._file)
         self._channels: dict[str, int] = {}
         monotonic, now = time.monotonic_ns(), time.time_ns()
-        self._start = now if start is None else start
-        clock = {"start_ns": self._start, "monotonic_ns": monotonic}
-        described = [labels.describe_array(array) for array in arrays]
-        text = labels.to_json(setup, arrays=described, serial=serial, clock=clock)
+        labels = Labels(
+            setup=setup, arrays=tuple(arrays), serial=serial, start=now if start is None else start, monotonic=monotonic
+        )
         try:
-            self._writer.start(profile="ros2", library="softcover")
-            self._register()
-            self._writer.add_metadata("softcover", {"labels": text})
-            self._add(SETUP_TOPIC, self._start, ros_messages.text(text))
-            self._writer.flush()
+            self._write_start(labels)
         except StorageError:
             raise
         except OSError as error:
-            raise self._failed(error) from error
-        # a slow disk holds up fsync for seconds; chunks must reach the system all the same
-        self._threads = [threading.Thread(target=task, daemon=True) for task in (self._flush_on, self._sync_on)]
+            raise self._abandon_file(error) from error
+        # two threads: fsync may block for seconds on a slow disk, and chunks must leave the process meanwhile
+        self._threads = [
+            threading.Thread(target=task, daemon=True) for task in (self._keep_flushing, self._keep_syncing)
+        ]
         for thread in self._threads:
             thread.start()
 
-    def __enter__(self) -> Self:
-        """Nothing more to do: it is open."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the file; an error that is on its way already is not replaced."""
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Complete the file.  An exception that left the `with` block takes precedence over a `StorageError`."""
         try:
             self.close()
         except StorageError:
@@ -175,49 +125,53 @@ class RecordingWriter:
         """Write one frame of one array.
 
         Args:
-            array: Which of the arrays.
-            clocks: When it was taken.
-            counts: Shape (n,), 0..65535.
-            texel_forces: Shape (n,) [N]; none on a real sensor.
+            array: Index of the array.
+            clocks: Time of the frame.
+            counts: Shape (n,), 0..65535 [-].
+            texel_forces: Shape (n,) [N]; None for a real sensor.
 
         Raises:
-            StorageError: If the disk took no more.
+            StorageError: If an earlier write failed.
             ValueError: If a count does not fit 16 bits.
         """
         if counts.size and (counts.min() < 0 or counts.max() > _LARGEST_COUNT):
             raise ValueError(f"counts must lie in 0..{_LARGEST_COUNT}, not {counts.min()}..{counts.max()}")
         values = counts.astype(np.uint16)
         name = self._names[array]
-        forces = ros_messages.no_forces() if texel_forces is None else texel_forces
-        fields = ros_messages.FrameFields(clocks.monotonic, clocks.ticks, values, forces)
-        picture = ros_messages.image(clocks.time, name, values, self._columns[array])
+        image = ros_messages.encode_image(clocks.time, name, values, self._columns[array])
+        frame = ros_messages.FrameMessage(
+            host_monotonic=clocks.monotonic,
+            ticks=clocks.ticks,
+            counts=values,
+            texel_forces=np.empty(0) if texel_forces is None else texel_forces,
+        )
         sequence = self._sequence[array]
         self._sequence[array] += 1
-        self._add(f"/{name}/image", clocks.time, picture, sequence)
-        self._add(f"/{name}/frame", clocks.time, ros_messages.frame(clocks.time, name, fields), sequence)
+        self._add(f"/{name}/image", clocks.time, image, sequence)
+        self._add(f"/{name}/frame", clocks.time, ros_messages.encode_frame(clocks.time, name, frame), sequence)
         self.frames += array == 0
 
     def add_raw(self, time_ns: int, data: bytes) -> None:
-        """Write bytes as they came from a port."""
-        self._add(RAW_TOPIC, time_ns, ros_messages.octets(data))
+        """Write bytes as received from a port at a UTC time since 1970 [ns]."""
+        self._add(RAW_TOPIC, time_ns, ros_messages.encode_bytes(data))
 
     def add_gap(self, time_ns: int, text: str) -> None:
-        """Write that frames are missing here."""
-        self._add(GAP_TOPIC, time_ns, ros_messages.diagnostics(time_ns, "gap", text))
+        """Write one line about missing frames, noticed at a UTC time since 1970 [ns]."""
+        self._add(GAP_TOPIC, time_ns, ros_messages.encode_diagnostics(time_ns, "gap", text))
 
     def add_temperatures(self, time_ns: int, degrees: npt.ArrayLike) -> None:
-        """Write temperatures, one per channel [degC]."""
-        self._add(TEMPERATURE_TOPIC, time_ns, ros_messages.numbers(degrees))
+        """Write the temperatures of all channels, shape (channels,) [degC], at a UTC time since 1970 [ns]."""
+        self._add(TEMPERATURE_TOPIC, time_ns, ros_messages.encode_numbers(degrees))
 
     def add_force(self, time_ns: int, newtons: float) -> None:
-        """Write what a force sensor beside the array reads [N]."""
-        self._add(FORCE_TOPIC, time_ns, ros_messages.force(time_ns, "force_sensor", newtons))
+        """Write a reading of a force sensor [N], taken at a UTC time since 1970 [ns]."""
+        self._add(FORCE_TOPIC, time_ns, ros_messages.encode_force(time_ns, "force_sensor", newtons))
 
     def close(self) -> None:
-        """Write index and end, and close the file; safe to call twice.
+        """Write the index and the end, and close the file; a second call does nothing.
 
         Raises:
-            StorageError: If the disk took no more.
+            StorageError: If the file cannot be completed.
         """
         if self._closed.is_set():
             return
@@ -231,46 +185,49 @@ class RecordingWriter:
                 os.fsync(self._file.descriptor)
         except OSError as error:
             self._failure = error
-        if self._failure is not None:
-            raise self._failed(self._failure) from self._failure
+        self._check_failure()
         self._file.close()
 
-    def _register(self) -> None:
-        topics = {SETUP_TOPIC: ros_messages.TEXT, RAW_TOPIC: ros_messages.BYTES}
-        topics |= {GAP_TOPIC: ros_messages.DIAGNOSTICS, TEMPERATURE_TOPIC: ros_messages.NUMBERS}
-        topics |= {FORCE_TOPIC: ros_messages.WRENCH}
+    def _write_start(self, labels: Labels) -> None:
+        """Write the header, the types and topics, and the labels."""
+        topics = {
+            SETUP_TOPIC: ros_messages.TEXT,
+            RAW_TOPIC: ros_messages.BYTES,
+            GAP_TOPIC: ros_messages.DIAGNOSTICS,
+            TEMPERATURE_TOPIC: ros_messages.NUMBERS,
+            FORCE_TOPIC: ros_messages.WRENCH,
+        }
         for name in self._names:
             topics |= {f"/{name}/image": ros_messages.IMAGE, f"/{name}/frame": ros_messages.FRAME}
+        self._writer.start(profile="ros2", library="softcover")
         schemas = {
-            kind: self._writer.register_schema(kind, "ros2msg", ros_messages.definition(kind))
+            kind: self._writer.register_schema(kind, "ros2msg", ros_messages.define_type(kind))
             for kind in dict.fromkeys(topics.values())
         }
         self._channels = {
             topic: self._writer.register_channel(topic, "cdr", schemas[kind]) for topic, kind in topics.items()
         }
+        text = encode_labels(labels)
+        self._writer.add_metadata("softcover", {"labels": text})
+        self._add(SETUP_TOPIC, labels.start, ros_messages.encode_text(text))
+        self._writer.flush()
 
     def _add(self, topic: str, time_ns: int, data: bytes, sequence: int = 0) -> None:
         with self._lock:
-            if self._failure is not None:
-                raise self._failed(self._failure) from self._failure
-            self._writer.add_message(
-                channel_id=self._channels[topic],
-                log_time=time_ns,
-                publish_time=time_ns,
-                sequence=sequence,
-                data=data,
-            )
+            self._check_failure()
+            self._writer.add_message(self._channels[topic], time_ns, data, publish_time=time_ns, sequence=sequence)
 
-    def _flush_on(self) -> None:
-        self._repeat(FLUSH_EVERY, self._flush)
+    def _keep_flushing(self) -> None:
+        self._repeat(_FLUSH_INTERVAL, self._flush)
 
-    def _sync_on(self) -> None:
-        self._repeat(SYNC_EVERY, lambda: os.fsync(self._file.descriptor))
+    def _keep_syncing(self) -> None:
+        self._repeat(_SYNC_INTERVAL, lambda: os.fsync(self._file.descriptor))
 
-    def _repeat(self, seconds: float, do: Callable[[], None]) -> None:
+    def _repeat(self, seconds: float, task: Callable[[], None]) -> None:
+        """Run a task at an interval [s] until the file is closed or the task fails."""
         while not self._closed.wait(seconds):
             try:
-                do()
+                task()
             except OSError as error:
                 self._failure = self._failure or error
                 return
@@ -280,25 +237,80 @@ class RecordingWriter:
             if not self._closed.is_set():
                 self._writer.flush()
 
-    def _failed(self, error: OSError) -> StorageError:
-        """Cut the file back to its last whole chunk, close it and say so."""
+    def _check_failure(self) -> None:
+        """Raise a `StorageError` if a write failed."""
+        if self._failure is not None:
+            raise self._abandon_file(self._failure) from self._failure
+
+    def _abandon_file(self, error: OSError) -> StorageError:
+        """Cut the file back to its last complete chunk, close it and return an error that says so."""
         self._failure = error
         self._closed.set()
         self._file.cut()
         return StorageError(
-            f"{self.path}: the disk takes no more ({error.strerror or error}); kept there is all but the last "
-            f"{2 * FLUSH_EVERY:g} s"
+            f"{self.path}: the disk takes no more ({error.strerror or error}); the file holds all but the last "
+            f"{2 * _FLUSH_INTERVAL:g} s; free some space before the next recording"
         )
 
 
-def _mcap(output: _File) -> Any:  # noqa: ANN401 -- the library's types say less than it takes
+class _File:
+    """Output of the MCAP library.  Each flush writes to the disk at once; a flush that failed can be cut off again.
+
+    The first flush creates the file, so that a killed recorder leaves either no file or one with its set-up.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.descriptor = -1
+        self._path = path
+        self._size = 0
+        self._buffer = bytearray()
+
+    def write(self, data: bytes) -> int:
+        """Take bytes; they reach the disk with the next flush."""
+        self._buffer += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Position of the next byte in the file."""
+        return self._size + len(self._buffer)
+
+    def flush(self) -> None:
+        """Write all bytes taken since the last flush."""
+        if self.descriptor < 0:
+            self._create()
+        data, self._buffer = self._buffer, bytearray()
+        written = 0
+        while written < len(data):
+            written += os.write(self.descriptor, memoryview(data)[written:])
+        self._size += written
+
+    def cut(self) -> None:
+        """Remove what a failed flush wrote, and close the file; a second call does nothing."""
+        if self.descriptor >= 0:
+            os.ftruncate(self.descriptor, self._size)
+            self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self.descriptor)
+        self.descriptor = -1
+
+    def _create(self) -> None:
+        try:
+            self.descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        except OSError as error:
+            raise StorageError(f"{self._path}: cannot be written: {error.strerror}; name a new file") from error
+
+
+def name_topics(arrays: int) -> list[str]:
+    """First part of the topics of each array."""
+    return ["tactile"] if arrays == 1 else [f"tactile_{index}" for index in range(arrays)]
+
+
+def _open_writer(output: _File) -> Writer:
     try:
         from mcap.writer import Writer
     except ImportError as error:
         raise MissingExtraError("device", "mcap") from error
-    return Writer(cast("Any", output), enable_data_crcs=True)
-
-
-def topic_names(arrays: int) -> list[str]:
-    """First parts of the topics of so many arrays."""
-    return ["tactile"] if arrays == 1 else [f"tactile_{index}" for index in range(arrays)]
+    # the library asks for a complete file object but only writes, tells and flushes
+    return Writer(cast("IO[bytes]", output), enable_data_crcs=True)

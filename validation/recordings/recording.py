@@ -1,9 +1,15 @@
-"""What every reader returns: frames of counts over time, per array, with where they came from."""
+"""The data types that every reader of recordings returns.
+
+A `Recording` holds the frames of one file: the counts of each texel array over time.  Temperatures, the readings of a
+force sensor and a `Setup`, which tells how the recording was made, stand beside them where the file has them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from datetime import datetime
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +18,53 @@ import numpy.typing as npt
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
+ClockArray = npt.NDArray[np.int64]
+CountArray = npt.NDArray[np.int32]
 BoolArray = npt.NDArray[np.bool_]
+
+#: Distance between texels of a Weiss array, for files that do not give it [m].
+DEFAULT_PITCH = 3.4e-3
+#: Largest count of a 12 bit converter, for files that do not give it [-].
+DEFAULT_FULL_SCALE = 4095
+#: Two texel centres closer than this are the same [m].
+_SAME_POSITION = 1e-6
+_SECONDS_PER_NANOSECOND = 1e-9
+#: Bytes that are read at a time to hash a file.
+_PIECE_BYTES = 2**20
 
 
 class RecordingError(ValueError):
-    """A recording cannot be read or used; the message says file, place and what would be accepted."""
+    """A recording cannot be read or used; the message names the file, the place and what is accepted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """How a recording was made.
+
+    Attributes:
+        indenter: The indenter, as written on the command line, e.g. `box:size=10.5mmx10.5mmx5mm`.
+        load: Weight or force of the indenter [N]; None if unknown.
+        note: Any other remark.
+        source: Port or file that the frames came from.
+        source_sha256: SHA-256 hash of that file, hexadecimal; empty for a port.
+        device: Properties that the sensor reported: type, serial, firmware, threshold, gain, temperature.
+    """
+
+    indenter: str = ""
+    load: float | None = None
+    note: str = ""
+    source: str = ""
+    source_sha256: str = ""
+    device: Mapping[str, str | int | float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the load.
+
+        Raises:
+            ValueError: If the load is negative or not finite.
+        """
+        if self.load is not None and not (np.isfinite(self.load) and self.load >= 0):
+            raise ValueError(f"a load is a force of 0 N or more, not {self.load}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,64 +72,136 @@ class RecordedArray:
     """One texel array of a recording and its frames.
 
     Attributes:
-        texels: The array; texels that the hardware lacks are not active.
-        enabled: Texels that were switched on when recording (the dynamic mask), shape (n,).
-        counts: The sensor's integers, shape (frames, n) [-].
-        full_scale: Largest value that the converter can give [-].
-        unit: What the file calls the unit of a count.
-        centre: Where the array sits in the sensor's own drawing, (x, y, z) [m].
-        rotation: How it is turned there, about x, y and z [rad].
+        texels: The texel array; texels that the hardware lacks are not active.
+        enabled: Whether each texel was switched on during the recording (the dynamic mask), shape (n,).
+        counts: Output of the sensor, shape (frames, n) [-].
+        full_scale: Largest count that the converter can give [-].
+        unit: Unit of a count, as the file calls it.
+        centre: Position of the array in the drawing of the sensor, (x, y, z) [m].
+        rotation: Rotation of the array in that drawing, about x, y and z [rad].
     """
 
     texels: TexelArray
     enabled: BoolArray
-    counts: IntArray
+    counts: CountArray
     full_scale: int
-    unit: str
-    centre: tuple[float, float, float]
-    rotation: tuple[float, float, float]
+    unit: str = "counts"
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def has_layout_of(self, array: TexelArray) -> bool:
-        """Whether rows, columns, texel centres and missing texels are those of `array` (to 1 um)."""
+        """Whether rows, columns, texel centres (to 1 um) and missing texels equal those of `array`."""
         mine = self.texels
         return (
             (mine.rows, mine.columns) == (array.rows, array.columns)
-            and np.allclose(mine.centres, array.centres, rtol=0, atol=1e-6)
+            and np.allclose(mine.centres, array.centres, rtol=0, atol=_SAME_POSITION)
             and bool((mine.active == array.active).all())
         )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """Frames of one file.
+    """The frames of one file, with everything that the file tells about them.
 
     Attributes:
         path: The file.
-        sha256: Hash of the file's bytes, hexadecimal.
-        serial: The sensor's serial number.
+        sha256: SHA-256 hash of the file's bytes, hexadecimal.
+        serial: Serial number of the sensor.
         started: Host clock at the first frame, UTC.
         times: Time of each frame after the first, shape (frames,) [s].
-        arrays: The arrays in the file's order.
+        arrays: The texel arrays, in the order of the file.
         temperatures: Shape (readings, channels) [degC].
-        temperature_times: Time of each reading after the first frame, shape (readings,) [s].
+        temperature_times: Time of each temperature reading after the first frame, shape (readings,) [s].
+        setup: How the recording was made.
+        gaps: One line for each place where frames are missing, as noticed during the recording.
+        complete: Whether the file was closed properly.  If the recorder was killed, up to half a second is missing.
+        host_monotonic: Monotonic clock of the host at each frame, shape (frames,) [ns]; empty or 0 if unknown.
+        ticks: Clock of the device at each frame, shape (frames,) [ticks]; empty or 0 if unknown.
+        forces: Readings of a force sensor, shape (readings,) [N].
+        force_times: Time of each force reading after the first frame, shape (readings,) [s].
     """
 
     path: Path
     sha256: str
-    serial: str
+    serial: str = ""
     started: datetime
     times: FloatArray
     arrays: tuple[RecordedArray, ...]
-    temperatures: FloatArray
-    temperature_times: FloatArray
+    temperatures: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    temperature_times: FloatArray = field(default_factory=lambda: np.empty(0))
+    setup: Setup = field(default_factory=Setup)
+    gaps: tuple[str, ...] = ()
+    complete: bool = True
+    host_monotonic: ClockArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    ticks: ClockArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    forces: FloatArray = field(default_factory=lambda: np.empty(0))
+    force_times: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last; 0 without frames [s]."""
+        """Time from the first frame to the last; 0 without frames [s]."""
         return float(self.times[-1]) if len(self.times) else 0.0
 
     @property
     def frame_rate(self) -> float:
-        """Mean frames per second; NaN for fewer than two frames [Hz]."""
+        """Mean number of frames per second; NaN for fewer than two frames [Hz]."""
         span = self.times[-1] - self.times[0] if len(self.times) > 1 else 0.0
         return float((len(self.times) - 1) / span) if span > 0 else float("nan")
+
+
+def make_array(
+    rows: int,
+    columns: int,
+    counts: CountArray | None = None,
+    *,
+    pitch: tuple[float, float] = (DEFAULT_PITCH, DEFAULT_PITCH),
+    full_scale: int = DEFAULT_FULL_SCALE,
+    name: str = "tactile",
+) -> RecordedArray:
+    """Make a rectangular array without masks, centred at the origin.
+
+    Args:
+        rows: Number of texels along y [-].
+        columns: Number of texels along x [-].
+        counts: Shape (frames, rows * columns) [-]; no frames if not given.
+        pitch: Distance between texels along x and y [m].
+        full_scale: Largest count that the converter can give [-].
+        name: Name of the array.
+    """
+    return RecordedArray(
+        texels=TexelArray.grid(rows, columns, pitch, name=name),
+        enabled=np.ones(rows * columns, dtype=bool),
+        counts=np.empty((0, rows * columns), dtype=np.int32) if counts is None else counts,
+        full_scale=full_scale,
+    )
+
+
+def convert_to_utc(nanoseconds: int) -> datetime:
+    """Convert a time since 1970 [ns] to a date, rounded down to microseconds.
+
+    Raises:
+        OverflowError: If the date lies after the year 9999.
+    """
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=nanoseconds // 1000)
+
+
+def count_seconds(timed: Sequence[tuple[int, object]], start: int) -> FloatArray:
+    """Times of values after a start [s].
+
+    Args:
+        timed: Each value after its time [ns].
+        start: The start [ns].
+    """
+    nanoseconds = np.array([time for time, _ in timed], dtype=np.int64) - start
+    return nanoseconds.astype(np.float64) * _SECONDS_PER_NANOSECOND
+
+
+def hash_contents(path: Path) -> str:
+    """SHA-256 hash of a file, or of all files below a folder in the order of their paths, hexadecimal."""
+    digest = hashlib.sha256()
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    for each in files:
+        with each.open("rb") as file:
+            while piece := file.read(_PIECE_BYTES):
+                digest.update(piece)
+    return digest.hexdigest()

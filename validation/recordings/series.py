@@ -1,7 +1,7 @@
-"""Labelled series of recordings: which file was made under which load, told by its name.
+"""Finds series of recordings in which the name of each file tells the load.
 
-Weight series (a square stamp under a dead weight): folders `room` and `operating`, files `A1.dsa` .. `H2.dsa`, where
-A..H are 200..900 g in steps of 100 g and the digit is the repeat.
+A weight series is a square stamp under dead weights: folders `room` and `operating` with files `A1.dsa` .. `H2.dsa`.
+A..H stand for 200..900 g in steps of 100 g, the digit counts the repeats.
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ from pathlib import Path
 from meshes.constants import STANDARD_GRAVITY
 from validation.recordings.recording import RecordingError
 
-#: Where the recordings come from; they are not part of this distribution.
+#: Source of the recordings, which are not part of this distribution.
 SOURCE = (
     "github.com/peter-kiechle/tactile-sensors @7bbb341b2db445653477b82b908e2ef0175cf926 "
     "(P. Kiechle, University of Innsbruck, 2015)"
 )
 #: Edge of the square stamp of the weight series [m].
 STAMP_EDGE = 10.5e-3
-#: Counts that the firmware subtracted in the weight series, from the author's notes [-].
+#: Threshold that the firmware subtracted in the weight series, from the notes of their author [counts].
 THRESHOLD = 100
-CONDITIONS = ("room", "operating")
-LETTERS = "ABCDEFGH"
-_NAME = re.compile(r"([A-H])([1-9])\.dsa")
-_ENVIRONMENT = "SOFTCOVER_RECORDINGS"
-_BESIDE = Path("../shared/recordings")
+#: Folders of a weight series, named after the temperature of the sensor.
+_CONDITIONS = ("room", "operating")
+#: Letters of the masses: A is 200 g, each further one 100 g more.
+_LETTERS = "ABCDEFGH"
+_FILE_NAME = re.compile(r"([A-H])([1-9])\.dsa")
+#: Environment variable that names the folder of recordings, and the folder used without it.
+_ENVIRONMENT_VARIABLE, _DEFAULT_FOLDER = "SOFTCOVER_RECORDINGS", Path("../shared/recordings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +38,9 @@ class StampFile:
 
     Attributes:
         path: The file.
-        condition: `room` or `operating` temperature.
-        letter: A..H.
-        repeat: 1, 2, ...
+        condition: Temperature of the sensor, `room` or `operating`.
+        letter: Letter of the mass, A..H.
+        repeat: Number of the repeat, from 1.
     """
 
     path: Path
@@ -49,7 +51,7 @@ class StampFile:
     @property
     def mass(self) -> float:
         """Mass on the stamp [kg]."""
-        return (200 + 100 * LETTERS.index(self.letter)) * 1e-3
+        return (200 + 100 * _LETTERS.index(self.letter)) * 1e-3
 
     @property
     def load(self) -> float:
@@ -58,7 +60,7 @@ class StampFile:
 
     @property
     def weight(self) -> str:
-        """Condition and letter, the same for repeats."""
+        """Condition and letter, the same for all repeats."""
         return f"{self.condition} {self.letter}"
 
     @property
@@ -69,49 +71,52 @@ class StampFile:
 
 @dataclass(frozen=True, kw_only=True)
 class StampSeries:
-    """The files of a weight series, by condition, letter and repeat."""
+    """A weight series: its folder and its files, in the order of condition, letter and repeat."""
 
     folder: Path
     files: tuple[StampFile, ...]
 
 
-def recordings_folder(given: str | Path | None = None) -> Path | None:
-    """The folder that holds recordings: the one given, else `SOFTCOVER_RECORDINGS`, else `../shared/recordings`.
+def find_recordings_folder(given: str | Path | None = None) -> Path | None:
+    """Find the folder with recordings: the one given, else `SOFTCOVER_RECORDINGS`, else `../shared/recordings`.
+
+    Returns:
+        The folder; None if none is named and the last one does not exist.
 
     Raises:
-        RecordingError: If a folder was named and is none.
+        RecordingError: If the folder that is named does not exist.
     """
-    named = given if given is not None else os.environ.get(_ENVIRONMENT)
+    named = given if given is not None else os.environ.get(_ENVIRONMENT_VARIABLE)
     if named is None:
-        return _BESIDE if _BESIDE.is_dir() else None
+        return _DEFAULT_FOLDER if _DEFAULT_FOLDER.is_dir() else None
     folder = Path(named)
     if not folder.is_dir():
         raise RecordingError(f"{folder}: no such folder; expected a folder with recordings ({SOURCE})")
     return folder
 
 
-def stamp_series(folder: str | Path) -> StampSeries:
+def find_stamp_series(folder: str | Path) -> StampSeries:
     """Find the weight series in a folder or up to three levels below it.
 
     Raises:
-        RecordingError: If there is none, or a name in it does not follow the series.
+        RecordingError: If there is none, or if a file in it has another name than A1.dsa .. H9.dsa.
     """
     root = Path(folder)
     for pattern in ("room", "*/room", "*/*/room", "*/*/*/room"):
         for room in sorted(root.glob(pattern)):
-            if any(_NAME.fullmatch(file.name) for file in room.glob("*.dsa")):
-                return StampSeries(folder=room.parent, files=_files(room.parent))
+            if any(_FILE_NAME.fullmatch(file.name) for file in room.glob("*.dsa")):
+                return StampSeries(folder=room.parent, files=_list_files(room.parent))
     raise RecordingError(
         f"{root}: no weight series; expected room/A1.dsa .. room/H2.dsa (and operating/) in it or below: {SOURCE}"
     )
 
 
-def _files(folder: Path) -> tuple[StampFile, ...]:
-    found = []
-    for condition in CONDITIONS:
+def _list_files(folder: Path) -> tuple[StampFile, ...]:
+    files = []
+    for condition in _CONDITIONS:
         for path in sorted((folder / condition).glob("*.dsa")):
-            match = _NAME.fullmatch(path.name)
+            match = _FILE_NAME.fullmatch(path.name)
             if match is None:
                 raise RecordingError(f"{path}: not a name of the series; expected A1.dsa .. H9.dsa")
-            found.append(StampFile(path=path, condition=condition, letter=match[1], repeat=int(match[2])))
-    return tuple(found)
+            files.append(StampFile(path=path, condition=condition, letter=match[1], repeat=int(match[2])))
+    return tuple(files)

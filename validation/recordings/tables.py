@@ -1,217 +1,243 @@
-"""Recordings as CSV: one line per frame.
+"""Reads and writes recordings as CSV: one line per frame.
 
 The first line names the columns: `time` [s], then optionally `force` [N] and `temperature` [degC], then one column per
-texel, row-major, x fastest.  Lines `# key = value` before it may say `rows`, `columns`, `pitch` [m], `full_scale`,
+texel, row by row, x fastest.  Lines `# key = value` before it may give `rows`, `columns`, `pitch` [m], `full_scale`,
 `indenter`, `load` [N] and `note`.
 """
 
 from __future__ import annotations
 
 import csv
-import hashlib
+import io
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from validation.recordings.labels import LabelledRecording, Setup, plain_array
-from validation.recordings.recording import FloatArray, RecordingError
+from meshes import atomic_file
+from validation.recordings.recording import (
+    DEFAULT_FULL_SCALE,
+    DEFAULT_PITCH,
+    FloatArray,
+    Recording,
+    RecordingError,
+    Setup,
+    hash_contents,
+    make_array,
+)
 
+#: Keys of the lines `# key = value`; lines with other keys are comments.
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
-_SIDE = ("force", "temperature")
+#: Columns between the time and the texels; each may be missing.
+_SENSOR_COLUMNS = ("force", "temperature")
+#: Lines that are read at most, so that a wrong file does not fill the memory.
 _MOST_FRAMES = 10_000_000
 
 
-def read(path: str | Path, *, rows: int | None = None, columns: int | None = None) -> LabelledRecording:
-    """Read a CSV file.
+@dataclass(frozen=True)
+class _Table:
+    """Content of a CSV file.
+
+    Attributes:
+        notes: Values of the lines `# key = value`.
+        header: Names of the columns, in lower case.
+        values: Shape (lines, columns).
+    """
+
+    notes: Mapping[str, str]
+    header: list[str]
+    values: FloatArray
+
+    def get_column(self, name: str) -> FloatArray:
+        """A column, shape (lines,); shape (0,) if it is missing."""
+        return self.values[:, self.header.index(name)] if name in self.header else np.empty(0)
+
+
+def read(path: str | Path, *, rows: int | None = None, columns: int | None = None) -> Recording:
+    """Read a recording.
 
     Args:
-        path: The file.
-        rows: Texels along y, where the file does not say so [-].
-        columns: Texels along x, where the file does not say so [-].
+        path: The CSV file.
+        rows: Number of texels along y; as the file tells if not given [-].
+        columns: Number of texels along x; as the file tells if not given [-].
 
     Raises:
-        RecordingError: If it cannot be read; the message names the line.
+        RecordingError: If the file cannot be read; the message names the line.
     """
-    place = Path(path)
-    text = _text(place)
-    notes, header, lines = _split(place, text)
-    table = np.array(list(_numbers(place, header, lines)))
-    if not len(table):
-        raise RecordingError(f"{place}: no frames; expected at least one line of numbers")
-    first = 1 + sum(name in header for name in _SIDE)
-    shape = _shape(place, notes, rows, columns, texels=len(header) - first)
-    times = table[:, 0] - table[0, 0]
-    side = {name: table[:, header.index(name)] if name in header else np.empty(0) for name in _SIDE}
-    unknown = np.zeros(len(table), dtype=np.int64)
-    digest = hashlib.sha256(text.encode()).hexdigest()
-    pitch = _number(place, notes, "pitch", 3.4e-3)
-    return LabelledRecording(
-        path=place,
+    path = Path(path)
+    table = _read_table(path)
+    if not len(table.values):
+        raise RecordingError(f"{path}: no frames; expected at least one line of numbers")
+    counts = table.values[:, _find_first_texel(table.header) :].astype(np.int32)
+    stamps, temperatures, forces = (table.get_column(name) for name in ("time", "temperature", "force"))
+    times = stamps - stamps[0]
+    pitch = _read_number(path, table.notes, "pitch", DEFAULT_PITCH)
+    digest = hash_contents(path)
+    return Recording(
+        path=path,
         sha256=digest,
-        serial="",
-        started=datetime.fromtimestamp(max(0.0, table[0, 0]), UTC),
+        started=datetime.fromtimestamp(max(0.0, stamps[0]), UTC),
         times=times,
         arrays=(
-            plain_array(
-                *shape,
-                table[:, first:].astype(np.int32),
+            make_array(
+                *_find_shape(path, table.notes, rows, columns, texels=counts.shape[1]),
+                counts,
                 pitch=(pitch, pitch),
-                full_scale=int(_number(place, notes, "full_scale", 4095)),
+                full_scale=int(_read_number(path, table.notes, "full_scale", DEFAULT_FULL_SCALE)),
             ),
         ),
-        temperatures=side["temperature"].reshape(-1, 1) if len(side["temperature"]) else np.empty((0, 0)),
-        temperature_times=times if len(side["temperature"]) else np.empty(0),
-        setup=_setup(place, notes, digest),
-        gaps=(),
-        complete=True,
-        host_monotonic=unknown,
-        ticks=unknown,
-        forces=side["force"],
-        force_times=times if len(side["force"]) else np.empty(0),
+        temperatures=temperatures.reshape(-1, 1) if temperatures.size else np.empty((0, 0)),
+        temperature_times=times[: len(temperatures)],
+        setup=Setup(
+            indenter=table.notes.get("indenter", ""),
+            load=_read_number(path, table.notes, "load", 0.0) if "load" in table.notes else None,
+            note=table.notes.get("note", ""),
+            source=path.name,
+            source_sha256=digest,
+        ),
+        forces=forces,
+        force_times=times[: len(forces)],
     )
 
 
 def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
-    """Read a force sensor's own CSV file with the columns `time` [s] and `force` [N].
+    """Read the CSV file of a force sensor, with the columns `time` [s] and `force` [N].
 
     Returns:
         Times and forces, shape (readings,).
 
     Raises:
-        RecordingError: If it cannot be read; the message names the line.
+        RecordingError: If the file cannot be read; the message names the line.
     """
-    place = Path(path)
-    _, header, lines = _split(place, _text(place))
-    table = np.array(list(_numbers(place, header, lines)))
-    if "force" not in header or not len(table):
-        raise RecordingError(f"{place}: no forces; expected the columns `time` and `force` and at least one line")
-    return table[:, 0], table[:, header.index("force")]
+    path = Path(path)
+    table = _read_table(path)
+    forces = table.get_column("force")
+    if not forces.size:
+        raise RecordingError(f"{path}: no forces; expected the columns `time` and `force` and at least one line")
+    return table.get_column("time"), forces
 
 
-def _text(place: Path) -> str:
+def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
+    """Write one array of a recording as a CSV file that `read` reads.
+
+    Args:
+        recording: The recording.
+        path: The file; an existing one is replaced.
+        array: Index of the array.
+
+    Raises:
+        OSError: If the file cannot be written; an existing one then remains.
+    """
+    recorded = recording.arrays[array]
+    texels, setup = recorded.texels, recording.setup
+    notes = {
+        "rows": texels.rows,
+        "columns": texels.columns,
+        "pitch": texels.pitch[0],
+        "full_scale": recorded.full_scale,
+        "indenter": setup.indenter,
+        "load": "" if setup.load is None else setup.load,
+        "note": " ".join(setup.note.split()),
+    }
+    start = recording.started.timestamp()
+    text = io.StringIO()
+    text.writelines(f"# {key} = {value}\n" for key, value in notes.items() if value != "")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["time", *(f"texel_{number}" for number in range(texels.count))])
+    for time, counts in zip(recording.times, recorded.counts, strict=True):
+        writer.writerow([f"{start + time:.6f}", *counts.tolist()])
+    atomic_file.replace(Path(path), [text.getvalue().encode()])
+
+
+def _read_table(path: Path) -> _Table:
     try:
-        return place.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not text"
-        raise RecordingError(f"{place}: {reason}; expected a CSV file") from error
-
-
-def _split(place: Path, text: str) -> tuple[dict[str, str], list[str], list[tuple[int, list[str]]]]:
-    """Notes, names of columns and numbered lines."""
+        raise RecordingError(f"{path}: {reason}; expected a CSV file") from error
     notes: dict[str, str] = {}
     header: list[str] = []
-    lines: list[tuple[int, list[str]]] = []
+    lines: list[tuple[str, list[str]]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.startswith("#"):
             key, _, value = (part.strip() for part in line[1:].partition("="))
             if key in _KEYS:
                 notes[key] = value
         elif line.strip():
+            place = f"{path}, line {number}"
             cells = [cell.strip() for cell in next(csv.reader([line]))]
             if header:
-                lines.append((number, cells))
+                lines.append((place, cells))
             else:
                 header = [cell.lower() for cell in cells]
-                _check_header(place, number, header)
+                _check_header(place, header)
     if not header:
-        raise RecordingError(f"{place}: empty; expected a line `time, ...` and one line per frame")
-    return notes, header, lines
+        raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
+    values = np.array(list(_read_lines(header, lines[: _MOST_FRAMES + 1]))).reshape(-1, len(header))
+    return _Table(notes, header, values)
 
 
-def _check_header(place: Path, number: int, header: list[str]) -> None:
-    side = header[1 : 1 + sum(name in header for name in _SIDE)]
-    if header[0] != "time" or any(name not in _SIDE for name in side) or len(set(header)) != len(header):
+def _find_first_texel(header: list[str]) -> int:
+    """Index of the first column of counts."""
+    return 1 + sum(name in header for name in _SENSOR_COLUMNS)
+
+
+def _check_header(place: str, header: list[str]) -> None:
+    between = header[1 : _find_first_texel(header)]
+    if header[0] != "time" or any(name not in _SENSOR_COLUMNS for name in between) or len(set(header)) != len(header):
         raise RecordingError(
-            f"{place}, line {number}: expected the columns `time`, then `force` and `temperature` where there are "
-            f"such, then one column per texel, each with its own name"
+            f"{place}: expected the columns `time`, optionally `force` and `temperature`, and then one column per "
+            f"texel, each with a name of its own"
         )
 
 
-def _numbers(place: Path, header: list[str], lines: list[tuple[int, list[str]]]) -> Iterator[FloatArray]:
-    """The lines as numbers, checked."""
-    first = 1 + sum(name in header for name in _SIDE)
+def _read_lines(header: list[str], lines: list[tuple[str, list[str]]]) -> Iterator[FloatArray]:
+    """Read the numbers of each line and check them."""
+    first = _find_first_texel(header)
     before = -math.inf
-    for number, cells in lines[: _MOST_FRAMES + 1]:
-        where = f"{place}, line {number}"
+    for place, cells in lines:
         if len(cells) != len(header):
-            raise RecordingError(f"{where}: {len(cells)} columns; expected {len(header)} as in the first line")
+            raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
         try:
             values = np.array([float(cell) for cell in cells])
         except ValueError as error:
-            raise RecordingError(f"{where}: not a number: {error}") from error
+            raise RecordingError(f"{place}: not a number: {error}") from error
         counts = values[first:]
         if not np.isfinite(values).all() or (counts != np.round(counts)).any() or (counts < 0).any():
-            raise RecordingError(f"{where}: counts must be whole numbers of 0 or more, and all numbers finite")
+            raise RecordingError(f"{place}: counts must be whole numbers of 0 or more, and all numbers finite")
         if values[0] < before:
-            raise RecordingError(f"{where}: time {values[0]:g} s comes before {before:g} s of the line above")
+            raise RecordingError(f"{place}: time {values[0]:g} s comes before {before:g} s of the line above")
         before = values[0]
         yield values
 
 
-def _shape(
-    place: Path, notes: Mapping[str, str], rows: int | None, columns: int | None, *, texels: int
+def _find_shape(
+    path: Path, notes: Mapping[str, str], rows: int | None, columns: int | None, *, texels: int
 ) -> tuple[int, int]:
-    rows = int(_number(place, notes, "rows", 0)) if rows is None else rows
-    columns = int(_number(place, notes, "columns", 0)) if columns is None else columns
+    """Rows and columns as given or as noted in the file; if one of them is unknown it follows from the other."""
+    rows = int(_read_number(path, notes, "rows", 0)) if rows is None else rows
+    columns = int(_read_number(path, notes, "columns", 0)) if columns is None else columns
     if rows and not columns:
         columns = texels // rows
     if columns and not rows:
         rows = texels // columns
     if not texels or rows * columns != texels:
         raise RecordingError(
-            f"{place}: {texels} texels are not {rows} rows x {columns} columns; "
+            f"{path}: {texels} texels are not {rows} rows x {columns} columns; "
             f"name both, or write `# rows = 14` and `# columns = 6` before the first line"
         )
     return rows, columns
 
 
-def _number(place: Path, notes: Mapping[str, str], key: str, default: float) -> float:
+def _read_number(path: Path, notes: Mapping[str, str], key: str, default: float) -> float:
+    """Value of a line `# key = value`, a number of 0 or more."""
     try:
         value = float(notes.get(key, default))
     except ValueError as error:
-        raise RecordingError(f"{place}: # {key} = {notes[key]}: not a number") from error
+        raise RecordingError(f"{path}: # {key} = {notes[key]}: not a number; expected 0 or more") from error
     if not math.isfinite(value) or value < 0:
-        raise RecordingError(f"{place}: # {key} = {notes[key]}: expected a number of 0 or more")
+        raise RecordingError(f"{path}: # {key} = {notes[key]}: expected a number of 0 or more")
     return value
-
-
-def _setup(place: Path, notes: Mapping[str, str], digest: str) -> Setup:
-    load = _number(place, notes, "load", 0.0) if "load" in notes else None
-    return Setup(
-        indenter=notes.get("indenter", ""),
-        load=load,
-        note=notes.get("note", ""),
-        source=place.name,
-        source_sha256=digest,
-    )
-
-
-def write(recording: LabelledRecording, path: str | Path, *, array: int = 0) -> None:
-    """Write one array of a recording as CSV that `read` reads.
-
-    Args:
-        recording: The recording.
-        path: The file; an old one is replaced.
-        array: Which array.
-    """
-    recorded = recording.arrays[array]
-    texels = recorded.texels
-    notes = {
-        "rows": texels.rows,
-        "columns": texels.columns,
-        "pitch": texels.pitch[0],
-        "full_scale": recorded.full_scale,
-        "indenter": recording.setup.indenter,
-        "load": "" if recording.setup.load is None else recording.setup.load,
-        "note": " ".join(recording.setup.note.split()),
-    }
-    start = recording.started.timestamp()
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {key} = {value}\n" for key, value in notes.items() if value != "")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", *(f"texel_{number}" for number in range(texels.count))])
-        for time, counts in zip(recording.times, recorded.counts, strict=True):
-            writer.writerow([f"{start + time:.6f}", *counts.tolist()])

@@ -17,9 +17,8 @@ from validation.cli.entry import main
 from validation.errors import InputError
 from validation.recordings import tables
 from validation.recordings.importing import open_recording, relabel
-from validation.recordings.labels import LabelledRecording, Setup, plain_array
-from validation.recordings.recording import RecordingError
-from validation.recordings.series import STAMP_EDGE, THRESHOLD, recordings_folder, stamp_series
+from validation.recordings.recording import Recording, RecordingError, Setup, make_array
+from validation.recordings.series import STAMP_EDGE, THRESHOLD, find_recordings_folder, find_stamp_series
 from validation.sensor_file import load as load_sensor
 
 SHARES = np.array([0.3, 0.25, 0.2, 0.25])
@@ -117,13 +116,13 @@ def _recording(number, load, *, temperature=30.0, slope=0.0, random=None, forces
     times = np.arange(0, 15, 0.05)
     applied = np.where(times > 1, load, 0.0) if forces is None else forces(times)
     counts = SENSOR.counts(np.outer(applied, SHARES), random) * (1 + slope * (temperature - 35))
-    return LabelledRecording(
+    return Recording(
         path=Path(f"{number}.mcap"),
         sha256="",
         serial="",
         started=datetime(2026, 1, 1, tzinfo=UTC),
         times=times,
-        arrays=(plain_array(2, 2, np.rint(counts).astype(np.int32)),),
+        arrays=(make_array(2, 2, np.rint(counts).astype(np.int32)),),
         temperatures=np.array([[temperature]]),
         temperature_times=np.zeros(1),
         setup=Setup(load=None if forces else load, device={"threshold": 0}),
@@ -210,7 +209,7 @@ def test_too_little_is_refused():
     with pytest.raises(RecordingError, match="expected 5"):
         calibrate([_recording(0, 2.0)], shares=np.full(5, 0.2))
     other = replace(_recording(1, 3.0), setup=Setup(load=3.0, device={"threshold": 9}))
-    wide = replace(_recording(2, 3.0), arrays=(plain_array(1, 4, np.zeros((300, 4), dtype=np.int32)),))
+    wide = replace(_recording(2, 3.0), arrays=(make_array(1, 4, np.zeros((300, 4), dtype=np.int32)),))
     with pytest.raises(RecordingError, match=r"2\.mcap: array 0 is not laid out as that of 0\.mcap"):
         calibrate([_recording(0, 2.0), wide], shares=SHARES)
     empty = replace(_recording(2, 3.0), times=np.empty(0))
@@ -222,10 +221,10 @@ def test_too_little_is_refused():
 
 @pytest.fixture(scope="module")
 def weights():
-    folder = recordings_folder()
+    folder = find_recordings_folder()
     if folder is None:
         pytest.skip("the recordings are not here")
-    files = [file for file in stamp_series(folder).files if file.condition == "room"]
+    files = [file for file in find_stamp_series(folder).files if file.condition == "room"]
     return {file: relabel(open_recording(file.path), Setup(load=file.load)) for file in files}
 
 

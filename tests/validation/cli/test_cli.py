@@ -10,9 +10,9 @@ import pytest
 import fastmodel
 import fem_reference
 from validation.cli.entry import _COMMANDS
-from validation.recordings.series import recordings_folder
+from validation.recordings.series import find_recordings_folder
 
-FOUND = recordings_folder()
+FOUND = find_recordings_folder()
 RECORDINGS = None if FOUND is None else FOUND.absolute()
 
 

@@ -13,13 +13,14 @@ from random import Random
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
 
 from validation.recordings import capture, mcap_reader
 from validation.recordings.importing import save
-from validation.recordings.labels import Setup
 from validation.recordings.mcap_writer import RecordingWriter
+from validation.recordings.recording import Setup
 from validation.weiss.parser import Parser
 from validation.weiss.sensor import Reading, Sensor
 from validation.weiss.serve import PseudoTerminal, serve
@@ -92,7 +93,10 @@ def test_the_setup_is_in_the_file(recorded):
 def test_raw_bytes_hold_the_same_frames(recorded):
     path, readings, _ = recorded
     parser = Parser(texels=84)
-    messages = [m for _, data in mcap_reader.read_raw(path) for m in parser.feed(data) if m.identifier == 0]
+    with AnyReader([path]) as reader:
+        raw = [connection for connection in reader.connections if connection.topic == "/raw"]
+        pieces = [bytes(reader.deserialize(data, c.msgtype).data) for c, _, data in reader.messages(raw)]
+    messages = [message for piece in pieces for message in parser.feed(piece) if message.identifier == 0]
     assert len(messages) >= len(readings)
     assert parser.counters.skipped == 0
     first = messages[0].payload
@@ -117,8 +121,6 @@ def test_mcap_and_its_ros_2_decoder_read_it(recorded):
 
 
 def test_rosbags_reads_it_knowing_no_type_beforehand(recorded):
-    from rosbags.highlevel import AnyReader
-
     path, readings, _ = recorded
     with AnyReader([path]) as reader:
         wanted = [c for c in reader.connections if c.topic in {"/tactile/image", "/tactile/frame"}]
@@ -229,8 +231,6 @@ def test_killed_at_any_moment(port, tmp_path):
     before = mcap_reader.read(path)
     assert before.complete
     assert not mcap_reader.recover(path)
-    from rosbags.highlevel import AnyReader
-
     with AnyReader([path]) as reader:
         wanted = [c for c in reader.connections if c.topic == "/tactile/image"]
         assert sum(1 for _ in reader.messages(wanted)) == len(before.times)
@@ -267,7 +267,7 @@ def test_killed_before_the_first_frame(tmp_path, monkeypatch):
     write = os.write
     monkeypatch.setattr(os, "open", lambda *words, open_=os.open: before.append(path.exists()) or open_(*words))
     monkeypatch.setattr(os, "write", lambda *words: before.append(path.stat().st_size) or write(*words))
-    writer = RecordingWriter(path, arrays=[capture.live_array(WTS_0614_34)], setup=SETUP, serial="7")
+    writer = RecordingWriter(path, arrays=[capture.make_device_array(WTS_0614_34)], setup=SETUP, serial="7")
     assert before == [False, 0]
     monkeypatch.undo()
     left = path.read_bytes()

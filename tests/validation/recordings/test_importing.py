@@ -11,10 +11,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from validation.recordings import tables
-from validation.recordings.forces import with_forces
-from validation.recordings.importing import open_recording, relabel, save
-from validation.recordings.labels import Setup
-from validation.recordings.recording import RecordingError
+from validation.recordings.importing import add_forces, open_recording, relabel, save
+from validation.recordings.recording import RecordingError, Setup
 
 FOLDER = Path(os.environ.get("SOFTCOVER_RECORDINGS", "../shared/recordings"))
 FILES = sorted(FOLDER.rglob("*.dsa"))
@@ -200,18 +198,18 @@ def test_a_force_sensor_with_a_file_of_its_own(tmp_path):
     table = tmp_path / "rig.csv"
     table.write_text("time,force\n-0.1,0\n0.2,3\n")
     recording = open_recording(bag)
-    from_bag = with_forces(recording, rig)
+    from_bag = add_forces(recording, rig)
     assert from_bag.forces.tolist() == [0, 0.5, 1, 1.5, 2]
     assert np.allclose(from_bag.force_times, recording.times, atol=1e-6)
-    assert with_forces(recording, table, delay=0.05).force_times.tolist() == pytest.approx([-0.15, 0.15])
+    assert add_forces(recording, table, delay=0.05).force_times.tolist() == pytest.approx([-0.15, 0.15])
     table.write_text("time,force\n100,0\n101,3\n")
     with pytest.raises(RecordingError, match="do not cover the frames"):
-        with_forces(recording, table)
+        add_forces(recording, table)
     table.write_text("time,a\n100,0\n")
     with pytest.raises(RecordingError, match="no forces"):
-        with_forces(recording, table)
+        add_forces(recording, table)
     with pytest.raises(RecordingError, match="no forces"):
-        with_forces(recording, bag)
+        add_forces(recording, bag)
 
 
 def test_a_choice_of_topics(tmp_path):

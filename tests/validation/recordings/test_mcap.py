@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from validation.recordings import capture, mcap_reader, ros_messages
-from validation.recordings.labels import Setup
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
-from validation.recordings.recording import RecordingError
+from validation.recordings.recording import RecordingError, Setup
 from validation.weiss.virtual import WTS_0614_34
 
 
 def _write(path, frames, arrays=1):
-    described = [capture.live_array(WTS_0614_34)] * arrays
+    described = [capture.make_device_array(WTS_0614_34)] * arrays
     with RecordingWriter(path, arrays=described, setup=Setup()) as writer:
         for number in range(frames):
             clocks = Clocks(10**18 + number * 4_000_000, number, number)
@@ -33,7 +32,7 @@ def test_several_arrays(tmp_path):
 
 
 def test_counts_that_do_not_fit_are_refused(tmp_path):
-    with RecordingWriter(tmp_path / "a.mcap", arrays=[capture.live_array(WTS_0614_34)], setup=Setup()) as writer:
+    with RecordingWriter(tmp_path / "a.mcap", arrays=[capture.make_device_array(WTS_0614_34)], setup=Setup()) as writer:
         for counts in (np.full(84, -1), np.full(84, 70000)):
             with pytest.raises(ValueError, match="65535"):
                 writer.add_frame(0, Clocks(1), counts)
@@ -70,7 +69,7 @@ def test_damaged_files_never_give_wrong_numbers_silently(tmp_path, finished):
 
 def test_lost_frames_inside_a_file_are_noticed(tmp_path, monkeypatch):
     path = tmp_path / "a.mcap"
-    with RecordingWriter(path, arrays=[capture.live_array(WTS_0614_34)], setup=Setup()) as writer:
+    with RecordingWriter(path, arrays=[capture.make_device_array(WTS_0614_34)], setup=Setup()) as writer:
         for number in (0, 1, 3):
             writer._sequence[0] = number
             writer.add_frame(0, Clocks(number), np.zeros(84, dtype=int))
@@ -100,11 +99,12 @@ def _foreign(path):
 
 
 def test_messages_come_back():
-    assert ros_messages.read_octets(ros_messages.octets(b"\x00\xaa\xff")) == b"\x00\xaa\xff"
-    assert ros_messages.read_text(ros_messages.text("µ")) == "µ"
-    assert ros_messages.read_numbers(ros_messages.numbers([1.5, -2])).tolist() == [1.5, -2]
-    forces = ros_messages.FrameFields(1, 2, np.arange(3, dtype=np.uint16), np.array([0.5, 1, 2]))
-    back = ros_messages.read_frame(ros_messages.frame(5, "x", forces))
+    assert ros_messages.decode_text(ros_messages.encode_text("µ")) == "µ"
+    assert ros_messages.decode_numbers(ros_messages.encode_numbers([1.5, -2])).tolist() == [1.5, -2]
+    frame = ros_messages.FrameMessage(
+        host_monotonic=1, ticks=2, counts=np.arange(3, dtype=np.uint16), texel_forces=np.array([0.5, 1, 2])
+    )
+    back = ros_messages.decode_frame(ros_messages.encode_frame(5, "x", frame))
     assert (back.host_monotonic, back.ticks) == (1, 2)
     assert back.texel_forces.tolist() == [0.5, 1, 2]
 

@@ -3,7 +3,7 @@
 import pytest
 
 from validation.recordings import RecordingError
-from validation.recordings.series import recordings_folder, stamp_series
+from validation.recordings.series import find_recordings_folder, find_stamp_series
 
 
 def make(root, *names):
@@ -15,7 +15,7 @@ def make(root, *names):
 
 
 def test_weights_follow_from_names(tmp_path):
-    series = stamp_series(make(tmp_path, "a/b/room/A1.dsa", "a/b/room/A2.dsa", "a/b/operating/H1.dsa"))
+    series = find_stamp_series(make(tmp_path, "a/b/room/A1.dsa", "a/b/room/A2.dsa", "a/b/operating/H1.dsa"))
     assert [file.name for file in series.files] == ["room A1", "room A2", "operating H1"]
     assert [file.mass for file in series.files] == pytest.approx([0.2, 0.2, 0.9])
     assert series.files[-1].load == pytest.approx(0.9 * 9.80665)
@@ -27,22 +27,22 @@ def test_weights_follow_from_names(tmp_path):
 def test_a_name_outside_the_series_is_refused(tmp_path, name):
     make(tmp_path, "room/A1.dsa", name)
     with pytest.raises(RecordingError, match=r"expected A1\.dsa \.\. H9\.dsa"):
-        stamp_series(tmp_path)
+        find_stamp_series(tmp_path)
 
 
 def test_a_folder_without_the_series_is_refused_with_what_would_do(tmp_path):
     with pytest.raises(RecordingError, match=r"no weight series; expected room/A1\.dsa"):
-        stamp_series(make(tmp_path, "grasps/tennisball.dsa"))
+        find_stamp_series(make(tmp_path, "grasps/tennisball.dsa"))
 
 
 def test_the_folder_is_the_one_named_then_the_environments(tmp_path, monkeypatch):
     named, other = make(tmp_path, "x/1", "y/1") / "x", tmp_path / "y"
     monkeypatch.setenv("SOFTCOVER_RECORDINGS", str(other))
-    assert recordings_folder(named) == named
-    assert recordings_folder() == other
+    assert find_recordings_folder(named) == named
+    assert find_recordings_folder() == other
     monkeypatch.setenv("SOFTCOVER_RECORDINGS", str(tmp_path / "none"))
     with pytest.raises(RecordingError, match="no such folder"):
-        recordings_folder()
+        find_recordings_folder()
     monkeypatch.delenv("SOFTCOVER_RECORDINGS")
     monkeypatch.chdir(named)
-    assert recordings_folder() is None
+    assert find_recordings_folder() is None

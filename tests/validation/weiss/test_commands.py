@@ -17,7 +17,7 @@ from meshes import Sphere, TexelArray
 from validation.cli.entry import main
 from validation.recordings import mcap_reader
 from validation.recordings.importing import open_recording
-from validation.recordings.live_frames import frames, recorded, simulated
+from validation.recordings.live_frames import replay_frames, simulate_frames, stream_frames
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import VirtualSensor, from_frames, pattern
 
@@ -143,10 +143,10 @@ def _parameters():
 
 def test_simulated_frames_come_out_of_the_same_door(plug_in, tmp_path):
     """What the fast model shows arrives over the wire as the same type with the same counts."""
-    shown = list(islice(simulated(_parameters(), Sphere(radius=8e-3), load=6.0), 20, 60))
+    shown = list(islice(simulate_frames(_parameters(), Sphere(radius=8e-3), load=6.0), 20, 60))
     assert max(frame.counts.max() for frame in shown) > 500
     with Sensor(plug_in(from_frames(shown)).port) as sensor:
-        received = list(islice(frames(sensor), 35))
+        received = list(islice(stream_frames(sensor), 35))
     assert {type(frame) for frame in received} == {type(frame) for frame in shown}
     assert all(np.array_equal(mine.counts, theirs.counts) for mine, theirs in zip(received, shown[1:], strict=False))
     assert received[20].image.shape == (14, 6)
@@ -154,7 +154,7 @@ def test_simulated_frames_come_out_of_the_same_door(plug_in, tmp_path):
 
 
 def test_recorded_frames_come_out_of_the_same_door(tmp_path):
-    first, second = recorded(open_recording(_recorded(tmp_path)))
+    first, second = replay_frames(open_recording(_recorded(tmp_path)))
     assert (first.time, second.time) == (0, 1)
     assert second.counts.tolist() == [3, 4]
     assert second.image.shape == (1, 2)

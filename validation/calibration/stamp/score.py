@@ -18,7 +18,7 @@ from validation.calibration.stamp.forward_models import models
 from validation.calibration.stamp.null_models import NULLS, Predictor
 from validation.calibration.stamp.split import SPLITS, Split
 from validation.campaign.pooling import Pooled, pool, skill
-from validation.recordings.series import SOURCE, stamp_series
+from validation.recordings.series import SOURCE, find_stamp_series
 from validation.sensor_file import BUILT_IN, SensorDescription
 
 FloatArray = npt.NDArray[np.float64]
@@ -153,7 +153,7 @@ def score_recordings(
     described = BUILT_IN[DEFAULT_SENSOR] if sensor is None else sensor
     array = described.array
     say = progress or (lambda _text: None)
-    series = stamp_series(folder)
+    series = find_stamp_series(folder)
     say(f"reading {len(series.files)} recordings")
     cases = [read_case(file, array) for file in series.files]
     rows: list[StampRow] = []
