@@ -7,10 +7,10 @@ and `closed_form` holds exact solutions that verify both.  Every result carries 
 
 from importlib.metadata import version
 
+from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
 from fem_reference.indentation.press import Indentation, press, press_path
 from fem_reference.linear_response.point_spread import PointSpread, point_spread
-from fem_reference.small_strain_contact.frictionless import ConvergenceError
 
 __version__ = version("softcover")
 

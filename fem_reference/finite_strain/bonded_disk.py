@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import mixed_elements
+from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import tensor_mesh
-from fem_reference.small_strain_contact.frictionless import ConvergenceError
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 

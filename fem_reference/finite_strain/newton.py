@@ -18,9 +18,9 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.scaling import Units
+from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.contact import SurfaceContact, Touch
 from fem_reference.finite_strain.hyperelastic import InvertedError, SmallStrainSolid, Solid
-from fem_reference.small_strain_contact.frictionless import ConvergenceError
 from fem_reference.sparse_solver import ConstrainedSystem
 
 FloatArray = npt.NDArray[np.float64]

@@ -19,7 +19,7 @@ from fem_reference.linear_response.finite_cover import SolidInfluence, solid_inf
 from fem_reference.linear_response.point_spread import PointSpread, decay_length, point_spread
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
-from fem_reference.small_strain_contact.frictionless import Patch, is_flat, touch, widest
+from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, is_flat, solve_contact
 from meshes import Cover, Indenter, TexelArray
 from meshes.pose import Place, Pose
 
@@ -34,7 +34,7 @@ CELLS = (64, 96, 144)
 class LinearLevel:
     """One grid's answer: where the cells touch, and how the cover spreads them; the last pose's forces are kept."""
 
-    patch: Patch
+    patch: ContactPatch
     spread: PointSpread | SolidInfluence
     _last: list[tuple[TexelArray, Pose, FloatArray]] = field(default_factory=list, init=False, repr=False)
 
@@ -153,20 +153,20 @@ def _patches(
     progress: Callable[[str], None] | None,
     *,
     place: Place | None,
-) -> list[Patch]:
+) -> list[ContactPatch]:
     aim = {control: target}
     load, depth = aim.get("load"), aim.get("depth")
 
     def compute() -> dict[str, Any]:
         if progress is not None:
             progress("contact on three grids")
-        reach = max(3.0 * float(np.hypot(*widest(indenter, cover.thickness))), 4 * decay_length(cover))
+        reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = surface_compliance(replace(cover, size=None), reach)
         out: dict[str, Any] = {}
         for grid, cells in enumerate(CELLS):
             with np.errstate(over="ignore", invalid="ignore"):  # an absurd load pierces any cover, which is told below
                 if cover.size is None:
-                    patch = touch(surface, indenter, cells=cells, load=load, depth=depth)
+                    patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
                 else:
                     patch = _touch_near_sides(
                         surface, cover, indenter, _known(place), grid=grid, load=load, depth=depth
@@ -183,7 +183,7 @@ def _patches(
     for cells in CELLS:
         x, y, force = data[f"cells_{cells}"].T
         cell, approach = data[f"scalars_{cells}"]
-        found.append(Patch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
+        found.append(ContactPatch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
     return found
 
 
@@ -196,16 +196,16 @@ def _touch_near_sides(
     grid: int,
     load: float | None,
     depth: float | None,
-) -> Patch:
+) -> ContactPatch:
     """Contact on a cover of limited size, in a rectangle that grows until it holds the contact."""
-    whole = np.array(widest(indenter, cover.thickness))
+    whole = np.array(bound_contact(indenter, cover.thickness))
     half = whole
     if not is_flat(indenter):
-        wide = touch(surface, indenter, cells=CELLS[0], load=load, depth=depth)
+        wide = solve_contact(surface, indenter, cells=CELLS[0], load=load, depth=depth)
         half = np.minimum(whole, _ROOM * _extent(wide))
     while True:
         sides = SideEdges(cover=cover, indenter=indenter, pose=place.pose, half=half, grid=grid)
-        patch = touch(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
+        patch = solve_contact(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
         full = _extent(patch) > 0.98 * half  # within a cell or two of the rectangle
         if is_flat(indenter) or not (full & (half < whole)).any():
             return sides.kept(patch)
@@ -216,6 +216,6 @@ def _touch_near_sides(
 _ROOM = 1.35
 
 
-def _extent(patch: Patch) -> FloatArray:
+def _extent(patch: ContactPatch) -> FloatArray:
     """Half widths of a contact around the axis [m]."""
     return np.array([np.abs(patch.x).max(), np.abs(patch.y).max()]) + patch.cell / 2

@@ -23,7 +23,7 @@ from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.finite_strain.block_path import mirrors
 from fem_reference.linear_response.mirror_symmetry import PARITIES, mirror_held, solid_of
 from fem_reference.linear_response.point_spread import decay_length
-from fem_reference.small_strain_contact.frictionless import Patch, is_flat
+from fem_reference.small_strain_contact.frictionless import ContactPatch, is_flat
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
 from meshes.pose import Pose
@@ -79,12 +79,12 @@ class SideEdges:
         """Whether the sides are near enough to matter."""
         return bool(self._distance < _NEAR * decay_length(self.cover))
 
-    def hold(self, x: FloatArray, y: FloatArray) -> BoolArray:
+    def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Which points of the indenter's frame lie on the cover."""
         u, v = self.pose.placed(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
 
-    def yielding(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
         """Forces at points of the indenter's frame [N] to what the sides add to the displacement there [m]."""
         if not self.near:
             return np.zeros_like
@@ -105,7 +105,7 @@ class SideEdges:
 
         return apply
 
-    def kept(self, patch: Patch) -> Patch:
+    def kept(self, patch: ContactPatch) -> ContactPatch:
         """A contact whose outermost cells have their centres on the cover, which scaled cells may miss by a hair."""
         u, v = self.pose.placed(patch.x, patch.y)
         x, y = self.pose.local(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))

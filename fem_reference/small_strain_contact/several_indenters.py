@@ -1,8 +1,8 @@
 """Several rigid indenters in one small-strain contact problem: each at its own depth, guided or free to tilt.
 
-The bodies are coupled through the cover only.  As in `contact`, pressure p >= 0 minimises p K p / 2 + p gap, here with
-the force of every body prescribed and, where it is free to tilt, both moments about the point its weight acts at; the
-multipliers are each body's approach and tilts.
+The bodies are coupled through the cover only.  The contact problem is that of `constrained_solver`, with the force of
+every body prescribed and, where it is free to tilt, both moments about the point its weight acts at; the motions are
+each body's approach and tilts.
 """
 
 from __future__ import annotations
@@ -12,19 +12,24 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 from fem_reference.linear_response.point_spread import PointSpread, decay_length, point_spread
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
-from fem_reference.small_strain_contact.frictionless import ConvergenceError
+from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
+from fem_reference.small_strain_contact.frictionless import guess_touching
 from meshes import Cover, Indenter, TexelArray
+from meshes.pose import Pose
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
 #: Cells along the thickness on the two grids; the error falls as the cell size under sharp edges.
 CELLS = (8, 16)
-_STEPS = 4000
+#: Reach of the table of compliances, in diagonals of the rectangle around all bodies and in decay lengths, whichever
+#: is more [-].
+_DIAGONALS, _DECAY_LENGTHS = 1.5, 4.0
+#: Cells whose base response is superposed at once: bounds the memory of the table of cells and texels.
+_BLOCK = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,23 +52,26 @@ class Body:
     guided: bool = True
     centre: tuple[float, float] = (0.0, 0.0)
 
-    def local(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions in the indenter's frame [m]."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return c * (x - self.at[0]) + s * (y - self.at[1]), c * (y - self.at[1]) - s * (x - self.at[0])
+    @property
+    def pose(self) -> Pose:
+        """Position and turn of the indenter in the array's frame."""
+        return Pose(at=self.at, yaw=self.yaw)
 
+    @property
     def corners(self) -> FloatArray:
         """Corners of the footprint in the array's frame, shape (4, 2) [m]."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        half = np.array(self.indenter.footprint)
         signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        turned: FloatArray = (signs * half) @ np.array([[c, s], [-s, c]])
-        return np.asarray(turned + np.array(self.at))
+        return np.column_stack(self.pose.placed(*(signs * self.indenter.footprint).T))
+
+    @property
+    def weight_point(self) -> FloatArray:
+        """Point of the array's frame where the weight acts, shape (2,) [m]."""
+        return np.array(self.pose.placed(*np.array(self.centre)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Together:
-    """What several indenters do at once.
+class SeveralIndentations:
+    """Result of several indenters on the cover at once.
 
     Attributes:
         texel_forces: Normal force on each texel, shape (n,) [N].
@@ -82,7 +90,7 @@ class Together:
     error_estimate: dict[str, float]
 
 
-def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> Together:
+def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> SeveralIndentations:
     """Press frictionless, rigid indenters into a laterally wide cover at once (small strain).
 
     Args:
@@ -97,16 +105,16 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> T
     if not bodies or not all(0 < body.load < np.inf for body in bodies):
         raise ValueError("press_together needs at least one body, each with a positive load")
     spread = point_spread(cover)
-    corners = np.concatenate([body.corners() for body in bodies])
-    reach = max(1.5 * float(np.hypot(*np.ptp(corners, axis=0))), 4 * decay_length(cover))
-    surface = surface_compliance(cover, reach)
+    corners = np.concatenate([body.corners for body in bodies])
+    diagonal = float(np.hypot(*np.ptp(corners, axis=0)))
+    surface = surface_compliance(cover, max(_DIAGONALS * diagonal, _DECAY_LENGTHS * decay_length(cover)))
     solved = [_solve(surface, bodies, corners, cover.thickness / count) for count in CELLS]
-    coarse, fine = (_texel_forces(spread, array, contact) for contact, _ in solved)
-    # The error is proportional to the cell: the last two grids say how much is left.
+    coarse, fine = (_superpose(spread, array, contact) for contact, _ in solved)
+    # The error is proportional to the cell: the difference of the grids tells how much is left.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]
     load = sum(body.load for body in bodies)
-    return Together(
+    return SeveralIndentations(
         texel_forces=forces,
         outside=load - float(forces.sum()),
         depths=motion[:, 0],
@@ -116,122 +124,56 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> T
     )
 
 
-def _texel_forces(spread: PointSpread, array: TexelArray, contact: FloatArray) -> FloatArray:
-    """Superpose the base response of every cell."""
-    blocks = np.array_split(contact, max(1, len(contact) // 2000))
+def _superpose(spread: PointSpread, array: TexelArray, contact: FloatArray) -> FloatArray:
+    """Texel forces of all cells, shape (n,) [N]."""
+    blocks = np.array_split(contact, max(1, len(contact) // _BLOCK))
     return np.asarray(sum(block[:, 2] @ spread.texel_influence(array, block[:, :2]) for block in blocks))
 
 
 def _solve(
     surface: SurfaceCompliance, bodies: Sequence[Body], corners: FloatArray, cell: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Touching cells with their forces, and approach and slopes of each body."""
+    """Touching cells with their forces, shape (m, 3), and approach and slopes of each body, shape (bodies, 3)."""
     low, high = corners.min(axis=0), corners.max(axis=0)
-    # whole cells from the lowest corner on, so that edges along the axes fall between cells
+    # Whole cells from the lowest corner on, so that edges along the axes fall between cells.
     count = np.maximum(1, np.ceil((high - low) / cell - 1e-9)).astype(int)
     x, y = np.meshgrid(*(low[i] + (np.arange(count[i]) + 0.5) * cell for i in range(2)), indexing="ij")
-    gaps = np.array([body.indenter.gap(*body.local(x, y)) for body in bodies])
-    owner = gaps.argmin(axis=0)
-    allowed = np.isfinite(gaps.min(axis=0))
-    gap = np.where(allowed, gaps.min(axis=0), 0.0)
-    columns, wanted, first = _constraints(bodies, owner, allowed, x, y)
-    yields = _Convolution(surface, x.shape, cell)
-    force, motion = _minimise(yields, gap, allowed, columns, wanted)
-    hit = force > 0
-    moved = np.zeros((len(bodies), 3))
+    gaps = np.array([body.indenter.gap(*body.pose.local(x, y)) for body in bodies])
+    gap, owner = gaps.min(axis=0), gaps.argmin(axis=0)
+    touching = np.any([guess_touching(np.where(owner == i, gap, np.inf), None) for i in range(len(bodies))], axis=0)
+    columns, loads, mover = _constrain_bodies(bodies, np.where(np.isfinite(gap), owner, -1), x, y)
+    compliance = ComplianceOperator(surface, x.shape, cell)
+    pressure, found = find_pressures(compliance, gap, touching, columns=columns, sums=loads / cell**2)
+    touching = pressure > 0
+    motion = np.zeros((len(bodies), 3))
     for index, body in enumerate(bodies):
-        known = motion[first[index] : first[index] + (1 if body.guided else 3)]
-        moved[index, : len(known)] = known
-        moved[index, 0] -= moved[index, 1:] @ (_weight_point(body) - body.at)
-    return np.column_stack([x[hit], y[hit], force[hit]]), moved
+        own = found[mover == index]
+        motion[index, : len(own)] = own
+        motion[index, 0] -= motion[index, 1:] @ (body.weight_point - body.at)  # approach of the axis
+    return np.column_stack([x[touching], y[touching], pressure[touching] * cell**2]), motion
 
 
-def _weight_point(body: Body) -> FloatArray:
-    c, s = np.cos(body.yaw), np.sin(body.yaw)
-    turned: FloatArray = np.array([[c, -s], [s, c]]) @ np.array(body.centre)
-    return np.asarray(turned + np.array(body.at))
+def _constrain_bodies(
+    bodies: Sequence[Body], owner: IntArray, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Free motions of all bodies: an approach each, and two tilts about its weight's point where it is not guided.
 
+    Args:
+        bodies: The indenters.
+        owner: Body over each cell, -1 for none, shape (rows, columns).
+        x: Centres of the cells [m].
+        y: Centres of the cells [m].
 
-def _constraints(
-    bodies: Sequence[Body], owner: npt.NDArray[np.int64], allowed: BoolArray, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Columns (k, rows, columns) that cell forces are summed with, the sums, and each body's first column."""
-    columns: list[FloatArray] = []
-    wanted: list[float] = []
-    first: list[int] = []
+    Returns:
+        Displacement of the cells per motion, shape (k, rows, columns); force [N] or moment [N m] of each motion, shape
+        (k,); and the body that each motion belongs to, shape (k,).
+    """
+    columns, loads, movers = [], [], []
     for index, body in enumerate(bodies):
-        mine = ((owner == index) & allowed).astype(float)
-        first.append(len(columns))
-        columns.append(mine)
-        wanted.append(body.load)
-        if not body.guided:
-            point = _weight_point(body)
-            columns += [mine * (x - point[0]), mine * (y - point[1])]
-            wanted += [0.0, 0.0]
-    return np.array(columns), np.array(wanted), first
-
-
-class _Convolution:
-    """Cell forces to cell displacements by a zero-padded fast Fourier transform."""
-
-    def __init__(self, surface: SurfaceCompliance, shape: tuple[int, ...], cell: float) -> None:
-        self._shape = shape
-        self._padded = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in shape)
-        offsets = [np.minimum(np.arange(m), m - np.arange(m)) * cell for m in self._padded]
-        x, y = np.meshgrid(*offsets, indexing="ij")
-        self._spectrum = fft.rfft2(surface.of_rectangle(x, y, cell, cell) / cell**2)
-
-    def __call__(self, force: FloatArray) -> FloatArray:
-        full = fft.irfft2(fft.rfft2(force, self._padded) * self._spectrum, self._padded)
-        return np.asarray(full[: self._shape[0], : self._shape[1]])
-
-
-def _minimise(
-    yields: _Convolution, gap: FloatArray, allowed: BoolArray, columns: FloatArray, wanted: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Projected conjugate gradients; an overlap elsewhere joins the contact, a pull leaves it."""
-    sizes = np.abs(columns).max(axis=(1, 2))
-    scaled = columns / sizes[:, None, None]
-    target = wanted / sizes
-    force = _balanced(allowed.astype(float), scaled, target)
-    direction, previous, conjugate = np.zeros_like(gap), 1.0, 0.0
-    for _ in range(_STEPS):
-        touching = force > 0
-        overlap = yields(force) + gap
-        motion = _fitted(overlap, scaled, touching)
-        overlap -= np.tensordot(motion, scaled, 1)
-        energy = float((overlap[touching] ** 2).sum())
-        direction = np.where(touching, overlap + conjugate * energy / previous * direction, 0.0)
-        previous, conjugate = energy, 1.0
-        image = yields(direction)
-        image -= np.tensordot(_fitted(image, scaled, touching), scaled, 1)
-        step = float((overlap * direction)[touching].sum() / (image * direction)[touching].sum())
-        moved = np.maximum(force - step * direction, 0.0)
-        fresh = (force == 0) & (overlap < 0) & allowed
-        if fresh.any():
-            conjugate = 0.0
-            moved[fresh] = -step * overlap[fresh]
-        force = _balanced(moved, scaled, target)
-        level = max(float(np.abs(motion).max()), 1e-12)
-        if not fresh.any() and np.sqrt(energy / touching.sum()) < 1e-6 * level:
-            return force, motion / sizes
-    raise ConvergenceError(f"the contact did not converge in {_STEPS} iterations on {gap.shape} cells")
-
-
-def _fitted(values: FloatArray, columns: FloatArray, where: BoolArray) -> FloatArray:
-    """Coefficients of the columns that fit values best on some cells, shape (k,)."""
-    mine = columns[:, where]
-    return np.asarray(np.linalg.solve(mine @ mine.T, mine @ values[where]))
-
-
-def _balanced(force: FloatArray, columns: FloatArray, target: FloatArray) -> FloatArray:
-    """Forces times a factor that is linear in place for each body, so that the sums are what they must be."""
-    for _ in range(50):
-        miss = target - np.tensordot(columns, force, 2)
-        if np.abs(miss).max() < 1e-12 * np.abs(target).max():
-            break
-        flat = columns.reshape(len(columns), -1)
-        gram = (flat * force.ravel()) @ flat.T
-        factor = 1 + np.tensordot(np.linalg.solve(gram, miss), columns, 1)
-        force = force * np.maximum(factor, 0.1)
-    return force
+        own = (owner == index).astype(float)
+        point = body.weight_point
+        tilts = [] if body.guided else [own * (x - point[0]), own * (y - point[1])]
+        columns += [own, *tilts]
+        loads += [body.load, *(0.0 for _ in tilts)]
+        movers += [index] * (1 + len(tilts))
+    return np.array(columns), np.array(loads), np.array(movers)

@@ -9,7 +9,7 @@ import trimesh
 from fem_reference import press
 from fem_reference.indentation import finite_strain
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from fem_reference.small_strain_contact.frictionless import touch
+from fem_reference.small_strain_contact.frictionless import solve_contact
 from meshes import Cover, Layer, LetterH, Material, Prism, Sphere, TriangleMesh
 from meshes.catalogue import MATERIALS
 
@@ -25,7 +25,9 @@ def ball(divisions):
 def test_a_ball_of_facets_is_as_stiff_as_a_ball(bonded):
     """It reaches less low between its corners, so it takes less force, the less the finer it is."""
     surface = surface_compliance(bonded(0.49), 30e-3)
-    patches = [touch(surface, shape, cells=40, depth=0.3e-3) for shape in (Sphere(radius=5e-3), ball(3), ball(4))]
+    patches = [
+        solve_contact(surface, shape, cells=40, depth=0.3e-3) for shape in (Sphere(radius=5e-3), ball(3), ball(4))
+    ]
     exact, coarse, fine = (patch.total_force for patch in patches)
     assert coarse < fine < exact
     assert fine == pytest.approx(exact, rel=0.03)
@@ -34,7 +36,9 @@ def test_a_ball_of_facets_is_as_stiff_as_a_ball(bonded):
 
 def test_a_prism_is_the_letter_it_outlines(bonded):
     surface = surface_compliance(bonded(0.49), 60e-3)
-    found, wanted = (touch(surface, shape, cells=40, load=5.0) for shape in (H, LetterH(size=(12e-3, 16e-3), bar=4e-3)))
+    found, wanted = (
+        solve_contact(surface, shape, cells=40, load=5.0) for shape in (H, LetterH(size=(12e-3, 16e-3), bar=4e-3))
+    )
     assert found.depth == pytest.approx(wanted.depth, rel=1e-9)
     np.testing.assert_allclose(found.force, wanted.force, rtol=1e-6)
 

@@ -9,9 +9,9 @@ import pytest
 
 from fem_reference import closed_form, compress_disk
 from fem_reference.closed_form.disk import _Edge, _fading, _squeeze_film
+from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain import bonded_disk
 from fem_reference.finite_strain.bonded_disk import Disk
-from fem_reference.small_strain_contact.frictionless import ConvergenceError
 from meshes import Material
 
 FACTORS = [0.25, 0.5, 1.0, 2.0, 3.0]

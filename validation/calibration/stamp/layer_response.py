@@ -14,7 +14,7 @@ import numpy.typing as npt
 from fastmodel import fit_gaussian
 from fem_reference import PointSpread, point_spread
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from fem_reference.small_strain_contact.frictionless import touch
+from fem_reference.small_strain_contact.frictionless import solve_contact
 from meshes import Box, Cover, Layer, Material, TexelArray
 from validation.recordings.series import STAMP_EDGE
 
@@ -63,7 +63,7 @@ def punch_pressure(poisson_ratio: float, thickness: float) -> tuple[FloatArray, 
     cover = unit_cover(poisson_ratio, thickness)
     surface = surface_compliance(cover, max(2.2 * STAMP_EDGE, 4 * thickness))
     face = Box(size=(STAMP_EDGE, STAMP_EDGE, STAMP_EDGE))
-    patch = touch(surface, face, cells=_CELLS, load=1.0)
+    patch = solve_contact(surface, face, cells=_CELLS, load=1.0)
     bins = np.floor((np.column_stack([patch.x, patch.y]) / STAMP_EDGE + 0.5) * (_CELLS // _BIN)).astype(int)
     flat = bins[:, 0] * (_CELLS // _BIN) + bins[:, 1]
     share = np.bincount(flat, patch.force)

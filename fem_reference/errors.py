@@ -1,0 +1,5 @@
+"""Errors that every solver of the package may raise."""
+
+
+class ConvergenceError(RuntimeError):
+    """A solver stopped before it reached its tolerance."""
