@@ -1,4 +1,4 @@
-"""Bad input: every fault is kept, one readable line each."""
+"""Errors that a user can correct, and hints in their messages."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 
 class InputError(ValueError):
-    """What the user gave cannot be used.
+    """The user's input has faults.
 
     Attributes:
-        faults: One line per fault: where, what, what would be accepted.
+        faults: One line per fault: where it is, what is wrong, what would be accepted.
     """
 
     def __init__(self, *faults: str) -> None:
@@ -19,7 +19,7 @@ class InputError(ValueError):
 
 
 class MissingExtraError(ImportError):
-    """An optional part of the installation is needed and absent."""
+    """An optional package is needed and not installed."""
 
     def __init__(self, extra: str, module: str) -> None:
         super().__init__(f"{module} is not installed; run: python -m pip install 'softcover[{extra}]'")
@@ -27,7 +27,7 @@ class MissingExtraError(ImportError):
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Say what `word` may have meant and what is known, as the end of a fault's line."""
+    """The end of a fault's line: the known name most similar to `word`, if any, and all known names."""
     names = list(known)
     close = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""

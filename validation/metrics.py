@@ -1,17 +1,17 @@
-"""How far a tactile image is from its reference: pure functions, arrays in, numbers out.
+"""Metrics between a tactile image and its reference: pure functions from arrays to numbers.
 
-`score` compares the texel forces of one case by every metric, `score_images` does what grey levels alone
-allow (recordings have no forces), `validation.campaign.pooling` puts cases together.  Force arrays have one entry per
-texel, shape (n,) [N]; errors are fractions unless the name says percent, lengths are metres.
+`score` compares the texel forces of one case by every metric.  `score_images` compares grey levels alone, because
+recordings have no forces.  `validation.campaign.pooling` averages over cases.  Force arrays have one entry per texel,
+shape (n,) [N].  Errors are fractions unless the name says percent; lengths are in metres.
 
-Conventions, once:
+Conventions:
 
-* Only active texels are compared.  Force on a masked texel, and force that leaves the array, is `outside`.
-* A quantity that does not exist (the centre of pressure of an empty image) is NaN here and null in JSON.
-  Non-finite input and a load that is not positive are errors, never numbers.
-* Texel forces may be slightly negative (a bonded layer's response dips below zero).  Sums and differences use
-  them as they are; maps that must be masses (Wasserstein) take the positive part.
-* Rounding to grey levels is half to even, as numpy and Python round.
+* Only active texels are compared.  Force on a masked texel counts as `outside`, like force that leaves the array.
+* A quantity that does not exist (the centre of pressure of an empty image) is NaN here and null in JSON.  Input that
+  is not finite and a load that is not positive raise an error.
+* Texel forces may be slightly negative: the response of a bonded layer dips below zero.  Sums and differences use them
+  as they are.  Metrics that need masses (Wasserstein) use the positive part.
+* Rounding to grey levels is half to even, as in numpy and Python.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.signal.electronics import WTS_0614_34
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,18 +30,13 @@ GreyArray = npt.NDArray[np.uint8]
 
 #: The largest grey level of an 8-bit image [-].
 WHITE = 255
-#: `active_area_iou` of a case counts texels above this share of the largest reference texel [-].
+#: A texel counts as active in `active_area_iou` above this share of the largest reference texel [-].
 AREA_THRESHOLD = 0.1
-
-#: Published line of the WTS 0614-34: counts = 2665.7 F - 493.87, saturating at 3895 (2015 report).
-WTS_SENSITIVITY = 2665.7
-WTS_OFFSET = -493.87
-WTS_OUTPUT_MAX = 3895
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageScore:
-    """What two 8-bit images tell about each other.
+    """Differences of two 8-bit images.
 
     Attributes:
         image_changed_percent: Mean absolute difference over 255, active texels only [%].
@@ -58,20 +54,20 @@ class Score:
     """One case by every metric.
 
     Attributes:
-        total_force_error: Difference of the forces that the texels measure over the load [-].
-        misplaced_force: Share of the load that would have to be moved [-].
+        total_force_error: Difference of the total texel forces over the load [-].
+        misplaced_force: Share of the load that must move to turn one image into the other [-].
         relative_l2: Norm of the difference over the norm of the reference [-].
         centre_of_pressure_m: Distance between the centres of pressure [m].
-        image_changed_percent: With white at the reference's largest texel [%].
-        pixels_changed: Likewise [-].
-        image_changed_line_percent: The same through the published line of the WTS 0614-34 [%].
-        pixels_changed_line: Likewise [-].
-        pixels_lit_line: Pixels of the reference that this line does not show as black [-].
-        wasserstein_m: Wasserstein-1 distance of the unit-mass maps [m].
-        active_area_iou: Common over joint active area, at `AREA_THRESHOLD` of the reference's peak [-].
+        image_changed_percent: Mean grey difference over 255, with white at the reference's largest texel [%].
+        pixels_changed: Texels whose grey level differs, on the same grey scale [-].
+        image_changed_line_percent: Mean grey difference over 255 after the published line of the WTS 0614-34 [%].
+        pixels_changed_line: Texels whose grey level differs after that line [-].
+        pixels_lit_line: Texels of the reference that are not black after that line [-].
+        wasserstein_m: Wasserstein-1 distance of the maps, each scaled to unit mass [m].
+        active_area_iou: Intersection over union of the active areas, at `AREA_THRESHOLD` of the reference's peak [-].
         peak_error: Difference of the largest texels over the reference's largest [-].
         width_error_x_m: Difference of the root second central moments along x [m].
-        width_error_y_m: Likewise along y [m].
+        width_error_y_m: Difference of the root second central moments along y [m].
     """
 
     total_force_error: float
@@ -90,7 +86,7 @@ class Score:
     width_error_y_m: float
 
     def as_json(self) -> dict[str, float | int | None]:
-        """Values by name; what does not exist is None, since JSON has no NaN."""
+        """Values by name; None for NaN, which JSON lacks."""
         return {key: None if math.isnan(value) else value for key, value in asdict(self).items()}
 
 
@@ -116,13 +112,13 @@ def score(
     Raises:
         ValueError: If a shape is not the array's, a value is not finite or the load is not positive.
     """
-    r_all, f_all = _forces(reference, array, "reference"), _forces(forces, array, "forces")
+    r_all, f_all = _check_forces(reference, array, "reference"), _check_forces(forces, array, "forces")
     r, f = r_all[array.active], f_all[array.active]
-    r_out = _finite(reference_outside, "reference_outside") + float(r_all[~array.active].sum())
-    f_out = _finite(outside, "outside") + float(f_all[~array.active].sum())
+    r_out = _check_finite(reference_outside, "reference_outside") + float(r_all[~array.active].sum())
+    f_out = _check_finite(outside, "outside") + float(f_all[~array.active].sum())
     positions = array.centres[array.active]
     full_scale = float(r.max())
-    scaled = score_images(grey_of_forces(r, full_scale), grey_of_forces(f, full_scale))
+    scaled = score_images(grey_levels(r, full_scale), grey_levels(f, full_scale))
     line = score_images(grey_by_line(r), grey_by_line(f))
     width_r, width_f = second_moments(r, positions), second_moments(f, positions)
     return Score(
@@ -144,7 +140,7 @@ def score(
 
 
 def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.ArrayLike | None = None) -> ImageScore:
-    """Compare two 8-bit images by the report's two figures.
+    """Compare two 8-bit images by the two figures of the 2015 report.
 
     Args:
         reference: Grey levels 0..255, any shape [-].
@@ -152,9 +148,9 @@ def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.
         active: Which texels measure, same shape or flat; all when not given.
 
     Raises:
-        ValueError: If shapes differ, a value is no grey level or no texel is active.
+        ValueError: If sizes differ, a value is not a whole number in 0..255, or no texel is active.
     """
-    r, g = _greys(reference, "reference"), _greys(image, "image")
+    r, g = _check_greys(reference, "reference"), _check_greys(image, "image")
     if r.size != g.size:
         raise ValueError(f"images differ in size: reference has {r.size} pixels, image has {g.size}")
     mask = np.ones(r.size, dtype=bool) if active is None else np.asarray(active, dtype=bool).ravel()
@@ -172,16 +168,19 @@ def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.
 
 
 def total_force_error(reference: FloatArray, forces: FloatArray, *, load: float) -> float:
-    """|sum f - sum r| / load: the force that the texels together measure too much or too little [-]."""
-    return float(abs(forces.sum() - reference.sum()) / _load(load))
+    """|sum f - sum r| / load: error of the total measured force [-]."""
+    return float(abs(forces.sum() - reference.sum()) / _check_load(load))
 
 
 def misplaced_force(
     reference: FloatArray, forces: FloatArray, *, reference_outside: float, outside: float, load: float
 ) -> float:
-    """(sum |f - r| + |outside_f - outside_r|) / (2 load): each newton leaves once, arrives once [-]."""
+    """(sum |f - r| + |outside_f - outside_r|) / (2 load) [-].
+
+    The factor 2 counts a newton that moves from one texel to another once, not twice.
+    """
     moved = np.abs(forces - reference).sum() + abs(outside - reference_outside)
-    return float(moved / (2 * _load(load)))
+    return float(moved / (2 * _check_load(load)))
 
 
 def relative_l2(reference: FloatArray, forces: FloatArray) -> float:
@@ -211,22 +210,22 @@ def centre_of_pressure_error(reference: FloatArray, forces: FloatArray, position
 
 
 def second_moments(forces: FloatArray, positions: FloatArray) -> tuple[float, float]:
-    """Root second central moments along x and y [m]; NaN where the total or a moment is not a mass's."""
+    """Root second central moments along x and y [m]; NaN where the total is not positive or a moment is negative."""
     total = float(forces.sum())
     if total <= 0:
         return (math.nan, math.nan)
     apart = positions[:, :2] - centre_of_pressure(forces, positions)[:2]
-    x, y = (float(value) for value in forces @ apart**2 / total)
-    return (_root(x), _root(y))
+    x, y = (math.sqrt(value) if value >= 0 else math.nan for value in (forces @ apart**2 / total).tolist())
+    return (x, y)
 
 
 def active_area_iou(reference: FloatArray, forces: FloatArray, *, threshold: float) -> float:
-    """Texels above the threshold in both over texels above it in either; 1 where both are empty [-].
+    """Texels above the threshold in both images over texels above it in either; 1 if there are none [-].
 
     Args:
         reference: Reference texel forces, shape (n,) [N].
         forces: Texel forces, shape (n,) [N].
-        threshold: What counts as touched [N].
+        threshold: Force above which a texel is active [N].
     """
     r, f = reference > threshold, forces > threshold
     either = np.count_nonzero(r | f)
@@ -236,8 +235,8 @@ def active_area_iou(reference: FloatArray, forces: FloatArray, *, threshold: flo
 def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray) -> float:
     """Wasserstein-1 distance of the positive parts, each scaled to unit mass [m]; NaN where one is empty.
 
-    With a distance as cost, mass common to both maps need not move (Kantorovich and Rubinstein), so the exact
-    linear programme runs on the surplus and the deficit alone: a few hundred unknowns instead of n squared.
+    With a distance as cost, mass common to both maps need not move (Kantorovich and Rubinstein).  So the exact linear
+    programme runs from the texels with a surplus to those with a deficit only, which makes it much smaller.
     """
     from scipy.stats import wasserstein_distance_nd
 
@@ -258,53 +257,32 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
 # --- grey levels --------------------------------------------------------------------------------------------
 
 
-def grey_of_forces(forces: npt.ArrayLike, full_scale: float) -> GreyArray:
-    """round(255 clip(F / F_fs, 0, 1)); black throughout where the full scale is not positive.
+def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
+    """round(255 clip(value / full scale, 0, 1)), same shape [-]; all black if the full scale is not positive.
+
+    Args:
+        values: Texel forces [N] or counts [-], any shape.
+        full_scale: Value that is white, in the same unit.
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    if not full_scale > 0:
+        return np.zeros(numbers.shape, dtype=np.uint8)
+    return np.rint(WHITE * np.clip(numbers / full_scale, 0, 1)).astype(np.uint8)
+
+
+def grey_by_line(forces: npt.ArrayLike) -> GreyArray:
+    """Grey levels after the published line of the WTS 0614-34, same shape [-].
 
     Args:
         forces: Texel forces, any shape [N].
-        full_scale: Force that is white: the largest reference texel of the case [N].
     """
-    values = np.asarray(forces, dtype=np.float64)
-    if not full_scale > 0:
-        return np.zeros(values.shape, dtype=np.uint8)
-    return np.rint(WHITE * np.clip(values / full_scale, 0, 1)).astype(np.uint8)
+    return grey_levels(WTS_0614_34.counts(forces), WTS_0614_34.output_max)
 
 
-def grey_by_line(
-    forces: npt.ArrayLike,
-    *,
-    sensitivity: float = WTS_SENSITIVITY,
-    offset: float = WTS_OFFSET,
-    output_max: float = WTS_OUTPUT_MAX,
-) -> GreyArray:
-    """Grey levels through a linear characteristic: whole counts = sensitivity F + offset, over the maximum.
-
-    Args:
-        forces: Texel forces, any shape [N].
-        sensitivity: Slope [1/N].
-        offset: Counts at zero force [-].
-        output_max: Counts where the output saturates, which is white [-].
-    """
-    counts = sensitivity * np.asarray(forces, dtype=np.float64) + offset
-    return grey_of_counts(np.rint(np.clip(counts, 0, output_max)), output_max)
+# --- checks ------------------------------------------------------------------------------------------------
 
 
-def grey_of_counts(counts: npt.ArrayLike, full_scale: float) -> GreyArray:
-    """round(255 clip(counts / full scale, 0, 1)).
-
-    Raises:
-        ValueError: If the full scale is not positive.
-    """
-    if not full_scale > 0:
-        raise ValueError(f"the full scale must be positive, not {full_scale} counts")
-    return np.rint(WHITE * np.clip(np.asarray(counts, dtype=np.float64) / full_scale, 0, 1)).astype(np.uint8)
-
-
-# --- helpers ------------------------------------------------------------------------------------------------
-
-
-def _forces(values: npt.ArrayLike, array: TexelArray, name: str) -> FloatArray:
+def _check_forces(values: npt.ArrayLike, array: TexelArray, name: str) -> FloatArray:
     flat = np.asarray(values, dtype=np.float64).ravel()
     if flat.size != array.count:
         raise ValueError(f"{name} has {flat.size} values, {array.name} has {array.count} texels")
@@ -314,24 +292,20 @@ def _forces(values: npt.ArrayLike, array: TexelArray, name: str) -> FloatArray:
     return flat
 
 
-def _greys(values: npt.ArrayLike, name: str) -> FloatArray:
+def _check_greys(values: npt.ArrayLike, name: str) -> FloatArray:
     flat = np.asarray(values, dtype=np.float64).ravel()
     if not ((flat >= 0) & (flat <= WHITE) & (flat == np.rint(flat))).all():
         raise ValueError(f"{name} must hold whole grey levels 0..{WHITE}")
     return flat
 
 
-def _finite(value: float, name: str) -> float:
+def _check_finite(value: float, name: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{name} must be finite, not {value}")
     return value
 
 
-def _load(load: float) -> float:
+def _check_load(load: float) -> float:
     if not (math.isfinite(load) and load > 0):
         raise ValueError(f"the load must be positive, not {load} N")
     return load
-
-
-def _root(value: float) -> float:
-    return math.sqrt(value) if value >= 0 else math.nan

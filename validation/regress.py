@@ -1,8 +1,8 @@
 """The accuracy gate: scores of the fast model against a stored baseline.
 
-`measure` turns a campaign into a baseline, `compare` says what became worse.  A score counts as worse when it
-exceeds the stored one by more than the tolerance of its metric, which stands above the reference's own error
-and the spread between machines and below any change that matters.
+`make_baseline` turns a campaign into a baseline, `compare_baselines` lists the scores that moved.  A score is worse if
+it exceeds the stored one by more than the tolerance of its metric.  Each tolerance is larger than the reference's own
+error and the differences between machines, and smaller than a change that matters.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from validation.campaign.run import CampaignResult
 from validation.errors import InputError
@@ -21,9 +20,9 @@ from validation.json_values import to_json_values
 from validation.output_folder import write_text
 from validation.sensor_file import SensorDescription
 
-#: Version of the file's format.
+#: Version of the file format [-].
 FORMAT = 1
-#: By how much a metric may grow before it counts as worse, in the metric's own unit.
+#: Largest growth of a metric that does not count as worse, in the metric's own unit.
 TOLERANCES: Mapping[str, float] = MappingProxyType(
     {
         "misplaced_force": 0.005,
@@ -33,17 +32,17 @@ TOLERANCES: Mapping[str, float] = MappingProxyType(
         "image_changed_percent": 0.1,
     }
 )
-#: The name under which means over all cases stand beside the cases.
+#: Name of the entry that holds the means over all cases, beside the entries of the cases.
 MEAN = "mean over cases"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """Scores of the fast model, and what they belong to.
+    """Scores of the fast model for one sensor and one list of cases.
 
     Attributes:
         sensor: Name of the sensor.
-        fingerprint: Hash of array, cover and cases: scores of other ones cannot be compared.
+        fingerprint: Hash of array, cover and cases; baselines with different hashes cannot be compared.
         scores: By case (and `MEAN`) and metric; None where a metric does not exist.
     """
 
@@ -52,7 +51,7 @@ class Baseline:
     scores: Mapping[str, Mapping[str, float | None]]
 
     def save(self, path: Path) -> None:
-        """Write the file, whole or not at all.
+        """Write the file atomically.
 
         Raises:
             OSError: If it cannot be written.
@@ -98,26 +97,26 @@ def load_baseline(path: Path) -> Baseline:
 
 def make_baseline(sensor: SensorDescription, campaign: CampaignResult) -> Baseline:
     """The fast model's scores of a campaign as a baseline."""
-    scores = {result.case.name: _chosen(result.predictions["fast"].score.as_json()) for result in campaign.cases}
-    means = {name: to_json_values(value.mean) for name, value in campaign.pooled["fast"].items()}
+    scores = {result.case.name: result.predictions["fast"].score.as_json() for result in campaign.cases}
+    scores[MEAN] = {name: to_json_values(value.mean) for name, value in campaign.pooled["fast"].items()}
     return Baseline(
         sensor=sensor.name,
         fingerprint=_fingerprint(sensor, campaign),
-        scores={**scores, MEAN: _chosen(means)},
+        scores={case: {metric: values[metric] for metric in TOLERANCES} for case, values in scores.items()},
     )
 
 
 def compare_baselines(baseline: Baseline, now: Baseline) -> list[Change]:
-    """Every score that moved by more than its tolerance, the worst first.
+    """Scores that moved by more than their tolerance, the worst first.
 
-    A score that existed and no longer does counts as worse.
+    A score that existed in the baseline and does not exist now counts as worse.
 
     Raises:
-        InputError: If the baseline is of another array, cover or list of cases.
+        InputError: If the two differ in array, cover or list of cases.
     """
     if baseline.fingerprint != now.fingerprint:
         raise InputError(
-            f"--baseline: it is of sensor {baseline.sensor!r} with another array, cover or list of cases than "
+            f"--baseline: belongs to sensor {baseline.sensor!r} with another array, cover or list of cases than "
             f"{now.sensor!r}; write one for this sensor with --update"
         )
     changes = [
@@ -140,17 +139,14 @@ def _change(case: str, metric: str, before: float | None, now: float | None, tol
 
 
 def _growth(change: Change) -> float:
-    """Growth in tolerances; a score that vanished counts as the largest."""
+    """Size of the change in tolerances; infinite for a score that vanished."""
     if change.before is None or change.now is None:
         return float("inf")
     return abs(change.now - change.before) / TOLERANCES[change.metric]
 
 
-def _chosen(scores: Mapping[str, Any]) -> dict[str, float | None]:
-    return {name: scores[name] for name in TOLERANCES}
-
-
 def _fingerprint(sensor: SensorDescription, campaign: CampaignResult) -> str:
+    """Hash of everything that two baselines must share."""
     array = sensor.array
     cases = [result.case for result in campaign.cases] + [each.case for each in campaign.skipped]
     described = {

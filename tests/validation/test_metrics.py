@@ -184,9 +184,9 @@ def test_wrong_sizes_are_refused():
 
 
 def test_grey_levels():
-    assert metrics.grey_of_forces([-1, 0, 0.5, 1, 2], 1.0).tolist() == [0, 0, 128, 255, 255]
-    assert metrics.grey_of_forces([1.0], 0.0).tolist() == [0]
-    assert metrics.grey_of_counts([0, 8, 9, 4095, 5000], 4095).tolist() == [0, 0, 1, 255, 255]
+    assert metrics.grey_levels([-1, 0, 0.5, 1, 2], 1.0).tolist() == [0, 0, 128, 255, 255]
+    assert metrics.grey_levels([1.0], 0.0).tolist() == [0]
+    assert metrics.grey_levels([0, 8, 9, 4095, 5000], 4095).tolist() == [0, 0, 1, 255, 255]
     assert metrics.grey_by_line([0, 0.185, 0.19, 1.646, 3]).tolist() == [0, 0, 1, 255, 255]
 
 

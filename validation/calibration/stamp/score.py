@@ -193,7 +193,7 @@ def score_counts(recorded: FloatArray, predicted: FloatArray, *, full_scale: int
         array: The texels.
     """
     r, p, places = recorded[array.active], predicted[array.active], array.centres[array.active]
-    image = metrics.score_images(metrics.grey_of_counts(r, full_scale), metrics.grey_of_counts(p, full_scale))
+    image = metrics.score_images(metrics.grey_levels(r, full_scale), metrics.grey_levels(p, full_scale))
     return CountScore(
         image_changed_percent=image.image_changed_percent,
         pixels_changed=float(image.pixels_changed),
@@ -273,7 +273,7 @@ class _Scorer:
 
     def _grey(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
         array = self._sensor.array
-        grey = metrics.grey_of_counts(np.where(array.active, counts, 0.0), self._shown.full_scale)
+        grey = metrics.grey_levels(np.where(array.active, counts, 0.0), self._shown.full_scale)
         return grey.reshape(array.rows, array.columns)
 
     def _add(
