@@ -1,4 +1,4 @@
-"""From the `[array]` table to texels."""
+"""Texels from the `[array]` table of a sensor file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ from meshes import TexelArray
 from validation.errors import InputError
 from validation.sensor_file.tables import ArrayTable
 
+FloatArray = npt.NDArray[np.float64]
+
+#: Largest number of texels: the cover kernels of more would need gigabytes [-].
+_MAX_TEXELS = 10_000
+#: Columns of a table of positions: centres [m], and unit normals [-] if the array is curved.
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
-_OR_POSITIONS = 'give rows, columns and pitch, or positions = "texels.csv" for any layout'
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
 
 
@@ -22,14 +26,14 @@ def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
 
     Args:
         table: The `[array]` table.
-        name: What to call the array where the table does not say.
+        name: Name of the array if the table has none.
         source: The sensor file; `positions` is relative to its folder.
 
     Raises:
-        InputError: If the mask or the positions do not fit rows x columns, or texels overlap.
+        InputError: If the mask or the positions do not match rows x columns, or texels overlap.
     """
     try:
-        array = _texels(table, name=table.name or name, folder=source.parent)
+        array = _build_texels(table, name=table.name or name, folder=source.parent)
         if array.planar:
             _refuse_overlap(array)
     except InputError as error:
@@ -39,27 +43,24 @@ def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
     return array
 
 
-#: More texels than this want gigabytes for the cover between their cells.
-_MOST = 10_000
-
-
-def _texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
+def _build_texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
     if table.positions is not None:
-        return _anywhere(table, folder / table.positions, name=name)
+        return _build_from_positions(table, folder / table.positions, name=name)
     if table.rows is None or table.columns is None or table.pitch is None:
-        raise InputError("array: give rows, columns and pitch")
-    if table.rows * table.columns > _MOST:
+        raise InputError('array: give rows, columns and pitch, or positions = "texels.csv" for any layout')
+    if table.rows * table.columns > _MAX_TEXELS:
         raise InputError(
-            f"array: {table.rows} rows of {table.columns} texels are too many; at most {_MOST} texels are supported"
+            f"array: {table.rows} rows of {table.columns} texels are too many; "
+            f"at most {_MAX_TEXELS} texels are supported"
         )
-    active = _mask(table, table.rows, table.columns)
+    active = _read_mask(table, table.rows, table.columns)
     return TexelArray.grid(
         table.rows, table.columns, table.pitch, texel_size=table.texel_size, active=active, name=name
     )
 
 
-def _anywhere(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
-    """Texels where a table says; without rows and columns their image is one row, in the table's order."""
+def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
+    """Texels at listed positions; without rows and columns the image is one row of texels in the order of the list."""
     if (table.rows is None) != (table.columns is None):
         raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
     centres, normals = _read_positions(path)
@@ -68,8 +69,8 @@ def _anywhere(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
         raise InputError(
             f"array.positions: {path} holds {len(centres)} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
         )
-    pitch = table.pitch or _spacing(centres, normals)
-    active = _mask(table, rows, columns)
+    pitch = table.pitch or _smallest_spacing(centres, normals)
+    active = _read_mask(table, rows, columns)
     return TexelArray(
         centres=centres,
         normals=normals,
@@ -82,25 +83,26 @@ def _anywhere(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
     )
 
 
-def _spacing(centres: npt.NDArray[np.float64], normals: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Edge of the largest squares about all texels that do not overlap [m]: the least distance along x or y.
+def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, float]:
+    """Edge of the largest equal squares about all texels that do not overlap, along x and y [m].
 
-    Between curved neighbours it is taken along the surface by their distance, which is no shorter than either.
+    For a flat array this is the smallest maximum norm of the distance between two centres.  A curved array has no
+    common x and y; there the Euclidean distance stands in, which is at least as large.
     """
     from scipy.spatial import cKDTree
 
-    if len(centres) < 2:  # noqa: PLR2004 -- a distance takes two
+    if len(centres) < 2:  # noqa: PLR2004 -- a distance needs two texels
         raise InputError('array.pitch: is missing, and one texel has no neighbour; write for example pitch = "3.4 mm"')
     flat = bool(np.allclose(normals, normals[0]) and np.allclose(normals[0], [0, 0, 1]))
     places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
     distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())
     if not distance > 0:
-        raise InputError("array.positions: two texels have the same place; every texel needs its own")
+        raise InputError("array.positions: two texels have the same centre; every texel needs its own")
     return (distance, distance)
 
 
 def _refuse_overlap(array: TexelArray) -> None:
-    """Refuse texels that share a place: what presses there would be counted twice."""
+    """Refuse texels that overlap: force on the shared area would count twice."""
     from scipy.spatial import cKDTree
 
     places = array.centres[array.active, :2] / np.array(array.texel_size)
@@ -110,11 +112,12 @@ def _refuse_overlap(array: TexelArray) -> None:
         x, y = (f"{1e3 * edge:.4g} mm" for edge in array.texel_size)
         raise InputError(
             f"array: texels {first} and {second} overlap, each {x} by {y}; "
-            "write a smaller array.texel_size, or put them further apart"
+            "write a smaller array.texel_size, or move them further apart"
         )
 
 
-def _mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.bool_] | None:
+def _read_mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.bool_] | None:
+    """Which texels measure, shape (rows, columns); None if all do."""
     if table.mask is None:
         return None
     lines = [[str(entry) for entry in line] for line in table.mask]
@@ -127,7 +130,8 @@ def _mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.bool_] |
     return np.array([[entry == "1" for entry in line] for line in lines])
 
 
-def _read_positions(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Centres [m] and unit normals [-] from a CSV file, each of shape (n, 3)."""
     if not path.is_file():
         raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
     with path.open(newline="", encoding="utf-8") as stream:
@@ -139,10 +143,10 @@ def _read_positions(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np
         numbers = np.array([[float(entry) for entry in line] for line in lines[1:]]).reshape(-1, len(header))
     except ValueError as error:
         raise InputError(f"array.positions: {path}: {error}; {_EXAMPLE}") from None
-    if not 1 <= len(numbers) <= _MOST or not np.isfinite(numbers).all():
+    if not 1 <= len(numbers) <= _MAX_TEXELS or not np.isfinite(numbers).all():
         raise InputError(
             f"array.positions: {path} holds {len(numbers)} texels or a number that is not finite; "
-            f"1..{_MOST} texels are supported; {_EXAMPLE}"
+            f"1..{_MAX_TEXELS} texels are supported; {_EXAMPLE}"
         )
     normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (len(numbers), 1))  # noqa: PLR2004 -- x, y, z
     return numbers[:, :3].copy(), normals.copy()

@@ -1,4 +1,4 @@
-"""From pydantic's errors to one readable line each: path, what is wrong, what would be accepted."""
+"""Faults of a sensor file as readable lines: the place, what is wrong, and what would be accepted."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
+#: Accepted text for keys that are missing or hold something else than a table.
 _EXAMPLES = {
     "rows": "rows = 14",
     "columns": "columns = 6",
@@ -29,38 +30,39 @@ _EXAMPLES = {
     "electronics": "the table [electronics]",
 }
 
-#: Symbols that people write for these keys.
-_SYMBOLS = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
+#: Keys for the symbols that people write instead.
+_KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 
 
-def describe(error: ValidationError) -> list[str]:
-    """One line per fault."""
-    # A value that fits no branch of a union is reported once per branch; its path is the same.
+def list_faults(error: ValidationError) -> list[str]:
+    """One line per fault that pydantic found."""
+    # A value that fits no branch of a union is reported once per branch, with the same path: keep the first.
     lines: dict[str, str] = {}
     for details in error.errors():
-        place = path(details["loc"])
-        lines.setdefault(place, f"{place}: {_what(details)}")
+        place = format_path(details["loc"])
+        lines.setdefault(place, f"{place}: {_explain(details)}")
     return list(lines.values())
 
 
-def path(location: Sequence[int | str]) -> str:
-    """Write a location as `cover.layer[0].thickness`."""
+def format_path(location: Sequence[int | str]) -> str:
+    """Write a location in the file as `cover.layer[0].thickness`."""
     text = ""
     for part in location:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif "[" not in part:  # pydantic's own names of union branches
+        elif "[" not in part:  # parts with a bracket are pydantic's own names of union branches
             text += f".{part}" if text else part
     return text
 
 
-def _what(details: ErrorDetails) -> str:
+def _explain(details: ErrorDetails) -> str:
+    """What is wrong and what would be accepted."""
     kind, given = details["type"], details["input"]
     key = str(details["loc"][-1])
     if kind == "value_error":
         return str(details["ctx"]["error"])
     if kind == "unexpected_keyword_argument":
-        return f"unknown key; {nearest(_SYMBOLS.get(key, key), _keys(details['loc'][:-1]))}"
+        return f"unknown key; {nearest(_KEYS_BY_SYMBOL.get(key, key), _keys_of_table(details['loc'][:-1]))}"
     if kind == "missing":
         return f"is missing; write for example {_EXAMPLES.get(key, key)}"
     if kind in ("dataclass_type", "list_type"):
@@ -69,16 +71,17 @@ def _what(details: ErrorDetails) -> str:
     return f"{details['msg'][0].lower()}{details['msg'][1:]}, not {given!r}"
 
 
-def _keys(location: Sequence[int | str]) -> list[str]:
+def _keys_of_table(location: Sequence[int | str]) -> list[str]:
     """The keys that the table at `location` takes."""
     table: Any = SensorTables
     for part in location:
         if isinstance(part, str):
-            table = _table_of(table, part)
+            table = _table_at(table, part)
     return [field.name for field in dataclasses.fields(table)]
 
 
-def _table_of(table: type[Any], key: str) -> type[Any]:
+def _table_at(table: type[Any], key: str) -> type[Any]:
+    """The dataclass of the table that stands at `key` of `table`."""
     if key in ("layer", "material"):
         return LayerTable if key == "layer" else MaterialTable
     hint = typing.get_type_hints(table)[key]

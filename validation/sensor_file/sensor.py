@@ -1,7 +1,4 @@
-"""Sensor files: one TOML file (or a built-in name) describes array, cover and electronics.
-
-`load` reads it, lists every fault with its path, and hands out SI.
-"""
+"""The description of a sensor, and how it is read from a TOML file or taken from the built-in sensors."""
 
 from __future__ import annotations
 
@@ -18,32 +15,29 @@ import numpy as np
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.point_spread import Gaussian
-from meshes import Cover, Layer, Material, TexelArray
+from meshes import Cover, Layer, TexelArray
 from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
 from validation.errors import InputError, nearest
-from validation.sensor_file.tables import ElectronicsTable, FilterTable, SensorTables, SpreadTable
-from validation.text.quantity import QuantityError, read_quantity
+from validation.sensor_file.tables import ElectronicsTable, SensorTables
+from validation.text.quantity import read_quantity
 
-#: Coefficients of the report's 5th-degree characteristic.
-_COEFFICIENTS = 6
-
-#: The firmware of the DSACON32m subtracts its threshold and its load curve is not published: the slope of the
-#: WTS stands in, and recordings are scored with a curve that is fitted to them.
+#: Electronics of the SDH2's arrays.  Their load curve is not published: the slope of the WTS 0614-34 stands in, without
+#: its offset, because the firmware of the DSACON32m subtracts a threshold.  Recordings are scored with a fitted curve.
 _SDH2_ELECTRONICS = Electronics(rate_hz=31.25, sensitivity=WTS_0614_34.sensitivity, output_max=3512, bits=12)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SensorDescription:
-    """A sensor, in SI.
+    """A sensor: array, cover and electronics, in SI units.
 
     Attributes:
-        name: What to call it.
+        name: Name for tables and reports.
         array: Its texels.
-        cover: Its cover; `cover.assumed` is true where nobody measured it.
-        electronics: From force to counts.
+        cover: Its cover; `cover.assumed` is true if nobody measured it.
+        electronics: Conversion from force to counts.
         filter: Low-pass before the electronics, or None.
         spread: A kernel that replaces the fitted one, or None.
-        source: The file or built-in name it came from.
+        source: The file or the built-in name that describes it.
     """
 
     name: str
@@ -77,7 +71,7 @@ class SensorDescription:
         }
 
 
-#: Sensors that can be named instead of a file.  Both covers are assumed.
+#: Sensors whose name can be given instead of a file.  Both covers are assumed.
 BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
     {
         name: SensorDescription(
@@ -96,18 +90,18 @@ def load(sensor: str | Path, *, material: str | None = None, thickness: str | No
     """Read a sensor from a TOML file or by its built-in name.
 
     Args:
-        sensor: Path of a file, or one of `BUILT_IN`.
+        sensor: Path of a file, or a name in `BUILT_IN`.
         material: Name of a material that replaces the cover's.
         thickness: Thickness with its unit that replaces the cover's.
 
     Raises:
-        InputError: With one line per fault: path in the file, what is wrong, what would be accepted.
+        InputError: With one line per fault: its place in the file, what is wrong, what would be accepted.
         OSError: If the file exists and cannot be read.
     """
     description = BUILT_IN.get(str(sensor)) or _read_file(Path(sensor))
     if material is None and thickness is None:
         return description
-    return dataclasses.replace(description, cover=_replaced_cover(description.cover, material, thickness))
+    return dataclasses.replace(description, cover=_replace_cover(description.cover, material, thickness))
 
 
 def read_template() -> str:
@@ -131,7 +125,7 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
 
     Args:
         data: The tables.
-        source: The file they came from; `array.positions` is relative to it.
+        source: The sensor file, for messages; `array.positions` is relative to its folder.
 
     Raises:
         InputError: With one line per fault.
@@ -139,33 +133,34 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
     from pydantic import TypeAdapter, ValidationError
 
     from validation.sensor_file.array import build_array
-    from validation.sensor_file.faults import describe
+    from validation.sensor_file.faults import list_faults
 
     try:
         tables = TypeAdapter(SensorTables).validate_python(dict(data))
     except ValidationError as error:
-        raise InputError(*(f"{source}: {line}" for line in describe(error))) from None
-    _check_together(tables, source)
+        raise InputError(*(f"{source}: {line}" for line in list_faults(error))) from None
+    if faults := [f"{source}: {fault}" for fault in _electronics_faults(tables.electronics)]:
+        raise InputError(*faults)
     name = tables.name or source.stem
-    array, cover = build_array(tables.array, name=name, source=source), _cover(tables)
+    array, cover = build_array(tables.array, name=name, source=source), _build_cover(tables)
     _refuse_uncovered(array, cover, source)
-    gains = tables.electronics.gains
+    low_pass, gains = tables.filter, tables.electronics.gains
     if gains is not None and len(gains) != array.count:
         raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {len(gains)}")
     return SensorDescription(
         name=name,
         array=array,
         cover=cover,
-        electronics=_electronics(tables.electronics),
-        filter=_filter(tables.filter),
-        spread=_spread(tables.spread),
+        electronics=_build_electronics(tables.electronics),
+        filter=None if low_pass is None else Butterworth(cutoff_hz=low_pass.cutoff, order=low_pass.order),
+        spread=None if tables.spread is None else Gaussian(**dataclasses.asdict(tables.spread)),
         source=str(source),
     )
 
 
-def _cover(tables: SensorTables) -> Cover:
+def _build_cover(tables: SensorTables) -> Cover:
     layers = tuple(
-        # The table's validator has already turned names and parameters into a Material.
+        # The validator of the table has already turned names and parameters into a Material.
         Layer(thickness=layer.thickness, material=layer.material)  # type: ignore[arg-type]
         for layer in tables.cover.layer
     )
@@ -173,7 +168,7 @@ def _cover(tables: SensorTables) -> Cover:
 
 
 def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
-    """Refuse texels that stick out from under a cover of limited size, whose middle lies over the array's origin."""
+    """Refuse texels beyond the edges of a cover of limited size; its middle lies over the array's origin."""
     if cover.size is None or not array.planar:
         return
     reach = np.abs(array.centres[array.active, :2]) + np.array(array.texel_size) / 2
@@ -183,24 +178,15 @@ def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
         needed, given = (" x ".join(f"{1e3 * edge:.4g} mm" for edge in pair) for pair in (2 * reach.max(0), cover.size))
         raise InputError(
             f"{source}: cover.size: {given} leaves {len(out)} texels uncovered in part or whole, the first is number "
-            f"{first}; the middle of the cover lies over the array's origin and the texels take {needed}"
+            f"{first}; the middle of the cover lies over the array's origin, so the texels need {needed}"
         )
 
 
-def _check_together(tables: SensorTables, source: Path) -> None:
-    """Find the faults that show only when several keys are read together."""
-    faults = [f"{source}: {fault}" for fault in (*_electronics_faults(tables), *_spread_faults(tables.spread))]
-    if faults:
-        raise InputError(*faults)
-
-
-def _electronics_faults(tables: SensorTables) -> Iterator[str]:
-    electronics = tables.electronics
+def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
+    """Faults that show only when several keys of `[electronics]` are read together."""
     largest = 2**electronics.bits - 1
     if (electronics.sensitivity is None) == (electronics.characteristic is None):
         yield "electronics: give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k])"
-    if electronics.characteristic is not None and len(electronics.characteristic) != _COEFFICIENTS:
-        yield f"electronics.characteristic: takes {_COEFFICIENTS} numbers c0..c5 [1/N^k]"
     if electronics.output_max is not None and electronics.output_max > largest:
         yield (
             f"electronics.output_max: {electronics.output_max} does not fit {electronics.bits} bits; "
@@ -208,16 +194,10 @@ def _electronics_faults(tables: SensorTables) -> Iterator[str]:
         )
 
 
-def _spread_faults(spread: SpreadTable | None) -> Iterator[str]:
-    for name in ("ksize_x", "ksize_y") if spread else ():
-        if getattr(spread, name) % 2 == 0:
-            yield f"spread.{name}: must be odd, not {getattr(spread, name)}"
-
-
-def _electronics(table: ElectronicsTable) -> Electronics:
+def _build_electronics(table: ElectronicsTable) -> Electronics:
     return Electronics(
         rate_hz=table.rate,
-        # The slope is not used where a characteristic is given, but it must be a positive number.
+        # With a characteristic the slope has no effect, but `Electronics` requires a positive number.
         sensitivity=table.sensitivity or 1.0,
         offset=table.offset,
         output_max=table.output_max or 2**table.bits - 1,
@@ -230,37 +210,22 @@ def _electronics(table: ElectronicsTable) -> Electronics:
     )
 
 
-def _filter(table: FilterTable | None) -> Butterworth | None:
-    return None if table is None else Butterworth(cutoff_hz=table.cutoff, order=table.order)
-
-
-def _spread(table: SpreadTable | None) -> Gaussian | None:
-    if table is None:
-        return None
-    return Gaussian(sigma_x=table.sigma_x, sigma_y=table.sigma_y, ksize_x=table.ksize_x, ksize_y=table.ksize_y)
-
-
-def _replaced_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:
-    """The cover of one layer that `--material` and `--thickness` describe; what is not given stays."""
+def _replace_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:
+    """A cover of one layer with the given material and thickness; a value that is not given stays."""
     faults = []
     if (material is None or thickness is None) and len(cover.layers) > 1:
         faults.append("--material, --thickness: the cover has several layers; give both to replace them by one")
-    chosen = cover.layers[0].material if material is None else _named_material(material, faults)
+    if material is not None and material not in MATERIALS:
+        faults.append(f"--material: unknown material {material!r}; {nearest(material, MATERIALS)}")
     height = cover.layers[0].thickness
     try:
         height = height if thickness is None else read_quantity(thickness, "length", place="--thickness")
-    except QuantityError as error:
-        faults.append(str(error))
+    except InputError as error:
+        faults += error.faults
     if height <= 0:
         faults.append(f"--thickness: must be positive, not {thickness!r}; write for example '2mm'")
-    if faults or chosen is None:
+    if faults:
         raise InputError(*faults)
     assumed = cover.assumed and (material is None or thickness is None)
-    layers = (Layer(thickness=height, material=chosen),)
-    return dataclasses.replace(cover, layers=layers, assumed=assumed)
-
-
-def _named_material(name: str, faults: list[str]) -> Material | None:
-    if name not in MATERIALS:
-        faults.append(f"--material: unknown material {name!r}; {nearest(name, MATERIALS)}")
-    return MATERIALS.get(name)
+    chosen = cover.layers[0].material if material is None else MATERIALS[material]
+    return dataclasses.replace(cover, layers=(Layer(thickness=height, material=chosen),), assumed=assumed)

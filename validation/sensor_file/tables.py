@@ -1,4 +1,4 @@
-"""The tables of a sensor file as pydantic reads them: units become SI, every fault keeps its path."""
+"""The tables of a sensor file as pydantic dataclasses: quantities become SI, and every fault keeps its path."""
 
 from __future__ import annotations
 
@@ -12,16 +12,24 @@ from pydantic.dataclasses import dataclass
 from meshes.catalogue import MATERIALS
 from meshes.material import MODELS, SERIES, Material
 from validation.errors import nearest
-from validation.text.hardness import material_of_hardness, read_hardness
+from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.quantity import Kind, read_quantity
 
 _CONFIG = ConfigDict(extra="forbid")
 
-#: The parameters of all models.
+#: Upper limit on the pitch of texels and the edge of a cover: larger values have a wrong unit [m].
+_LONGEST = 1.0
+#: Number of coefficients of a characteristic of degree 5, as in the 2015 report [-].
+_COEFFICIENTS = 6
+#: Upper limit on the size of an Ogden exponent: larger ones overflow at moderate stretches [-].
+_LARGEST_EXPONENT = 100
+#: Names of the parameters of all material models.
 _PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
 
 
 def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
+    """Read a text with a unit."""
+
     def convert(value: object) -> float:
         number = read_quantity(value, kind)
         if positive and number <= 0:
@@ -32,7 +40,7 @@ def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
 
 
 def _terms(read_one: Callable[[object], float]) -> BeforeValidator:
-    """One number, or a list with one for each term of a series."""
+    """Read one number, or a list with one number for each term of a series."""
 
     def convert(value: object) -> tuple[float, ...]:
         return tuple(read_one(part) for part in (value if isinstance(value, list) else [value]))
@@ -41,12 +49,14 @@ def _terms(read_one: Callable[[object], float]) -> BeforeValidator:
 
 
 def _exponent(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not -100 <= value <= 100 or not value:  # noqa: PLR2004 -- any sensible one
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) <= _LARGEST_EXPONENT:
         raise ValueError(f"must be a number other than 0, or a list of them, not {value!r}")
     return float(value)
 
 
 def _choice(*names: str) -> BeforeValidator:
+    """Accept one of the names."""
+
     def check(value: object) -> object:
         if value not in names:
             raise ValueError(f"{value!r} is unknown; {nearest(str(value), names)}")
@@ -56,6 +66,8 @@ def _choice(*names: str) -> BeforeValidator:
 
 
 def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
+    """Accept a number between two limits."""
+
     def check(value: float) -> float:
         if not lowest <= value <= highest:
             raise ValueError(f"must lie in {lowest:g}..{highest:g}{note}, not {value:g}")
@@ -64,22 +76,31 @@ def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
     return AfterValidator(check)
 
 
-def _later(what: str) -> BeforeValidator:
-    def refuse(value: object) -> object:
-        raise ValueError(f"{what}; remove the key ({value!r} was given)")
-
-    return BeforeValidator(refuse)
+def _refuse_free_edges(value: object) -> object:
+    raise ValueError(f"a cover with a size has free side edges, one without is wide; remove the key, not {value!r}")
 
 
-def _with_positions(value: object) -> object:
-    """Let a grid's keys be left out, which the table would else miss, where positions stand in for them."""
+def _refuse_even(value: int) -> int:
+    if value % 2 == 0:
+        raise ValueError(f"must be odd, not {value}")
+    return value
+
+
+def _refuse_other_degrees(coefficients: list[float]) -> list[float]:
+    if len(coefficients) != _COEFFICIENTS:
+        raise ValueError(f"takes {_COEFFICIENTS} numbers c0..c5 [1/N^k]")
+    return coefficients
+
+
+def _add_grid_keys(value: object) -> object:
+    """With `positions`, set missing keys of a grid to None, so that the table does not require them."""
     if isinstance(value, Mapping) and "positions" in value:
         return dict.fromkeys(("rows", "columns", "pitch")) | dict(value)
     return value
 
 
 def _lengths(value: object) -> tuple[float, float]:
-    """One length for both directions, or [x, y]."""
+    """Read one length for both directions, or [x, y] [m]."""
     pair = value if isinstance(value, list) else [value, value]
     if len(pair) != 2:  # noqa: PLR2004 -- x and y
         raise ValueError(f"must be one length or [x, y], not {value!r}")
@@ -91,12 +112,8 @@ def _lengths(value: object) -> tuple[float, float]:
     return numbers
 
 
-#: Pitch of texels or edge of a cover at most: beyond, the unit is wrong [m].
-_LONGEST = 1.0
-
-
 def _material(value: object, read_table: Callable[[object], Any]) -> Material:
-    """A name of the library, or a table of parameters."""
+    """Read the name of a material in the library, or a table of parameters."""
     if isinstance(value, Material):
         return value
     if isinstance(value, str):
@@ -110,6 +127,7 @@ def _material(value: object, read_table: Callable[[object], Any]) -> Material:
 Length = Annotated[float, _quantity("length")]
 Pressure = Annotated[float, _quantity("pressure")]
 Count = Annotated[int, Strict(), _bounded(1, 2**32)]
+OddCount = Annotated[Count, AfterValidator(_refuse_even)]
 Number = Annotated[float, Strict(), _bounded(-1e12, 1e12)]
 Ratio = Annotated[float, Strict(), _bounded(0, 0.5, " (0.5 is incompressible)")]
 Share = Annotated[float, Strict(), _bounded(0, 10)]
@@ -118,7 +136,7 @@ Lengths = Annotated[tuple[float, float], BeforeValidator(_lengths)]
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ArrayTable:
-    """`[array]`; a table of positions says how many texels there are, and how far apart, where these keys do not."""
+    """`[array]`: a grid by rows, columns and pitch, or any layout by a file of positions."""
 
     rows: Count | None
     columns: Count | None
@@ -131,7 +149,7 @@ class ArrayTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class MaterialTable:
-    """`material = { ... }`: the parameters of every model; `material` keeps those of the one that is named."""
+    """`material = { ... }`: it has a field for every parameter of every model; a model uses its own."""
 
     model: Annotated[str, _choice(*MODELS)]
     poisson_ratio: Ratio | None = None
@@ -154,12 +172,12 @@ class MaterialTable:
         """Make the material.
 
         Raises:
-            ValueError: If a parameter of the model is missing or one of another model is given.
+            ValueError: If a parameter of the model is missing, or a parameter of another model is given.
         """
         given = {name: value for name in _PARAMETERS if (value := getattr(self, name)) is not None}
         if self.poisson_ratio is None and self.model == "linear-elastic":
             raise ValueError("poisson_ratio is missing; write for example poisson_ratio = 0.49")
-        made = self._of_parameters(given) if self.hardness is None else self._of_hardness(given)
+        made = self._from_parameters(given) if self.hardness is None else self._from_hardness(given)
         return replace(
             made,
             source=made.source if self.source is None else self.source,
@@ -167,7 +185,7 @@ class MaterialTable:
             poisson_spread=self.poisson_spread,
         )
 
-    def _of_parameters(self, given: Mapping[str, Any]) -> Material:
+    def _from_parameters(self, given: Mapping[str, Any]) -> Material:
         wanted = MODELS[self.model]
         if set(given) != set(wanted):
             listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
@@ -181,10 +199,10 @@ class MaterialTable:
             poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
         )
 
-    def _of_hardness(self, given: Mapping[str, Any]) -> Material:
+    def _from_hardness(self, given: Mapping[str, Any]) -> Material:
         if given:
-            raise ValueError(f"hardness stands for the modulus; give it or {', '.join(sorted(given))}, not both")
-        return material_of_hardness(self.hardness, self.model, poisson_ratio=self.poisson_ratio, name=self.name)
+            raise ValueError(f"hardness replaces the modulus; give it or {', '.join(sorted(given))}, not both")
+        return material_from_hardness(self.hardness, self.model, poisson_ratio=self.poisson_ratio, name=self.name)
 
 
 @dataclass(config=_CONFIG, kw_only=True)
@@ -202,7 +220,7 @@ class CoverTable:
     layer: Annotated[list[LayerTable], Field(min_length=1)]
     base: Annotated[Literal["bonded", "sliding"], _choice("bonded", "sliding")] = "bonded"
     size: Lengths | None = None
-    free_edges: Annotated[object, _later("a cover with a size has free side edges, one without is wide")] = None
+    free_edges: Annotated[object, BeforeValidator(_refuse_free_edges)] = None
 
 
 def _frictionless(value: object) -> float:
@@ -232,8 +250,8 @@ class SpreadTable:
 
     sigma_x: Annotated[float, Strict(), _bounded(1e-3, 100)]
     sigma_y: Annotated[float, Strict(), _bounded(1e-3, 100)]
-    ksize_x: Count
-    ksize_y: Count
+    ksize_x: OddCount
+    ksize_y: OddCount
 
 
 @dataclass(config=_CONFIG, kw_only=True)
@@ -248,7 +266,7 @@ class ElectronicsTable:
     noise: Annotated[float, _quantity("force", positive=False)] = 0.0
     threshold: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
     saturation_band: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
-    characteristic: list[Number] | None = None
+    characteristic: Annotated[list[Number], AfterValidator(_refuse_other_degrees)] | None = None
     gains: list[Number] | None = None
 
 
@@ -256,7 +274,7 @@ class ElectronicsTable:
 class SensorTables:
     """A whole sensor file."""
 
-    array: Annotated[ArrayTable, BeforeValidator(_with_positions)]
+    array: Annotated[ArrayTable, BeforeValidator(_add_grid_keys)]
     cover: CoverTable
     electronics: ElectronicsTable
     contact: ContactTable = Field(default_factory=ContactTable)

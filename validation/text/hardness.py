@@ -1,4 +1,4 @@
-"""Hardness as text, `30 shore-a`, and the material that it stands for."""
+"""A hardness as text, `30 shore-a`, and a material with the modulus of that hardness."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from meshes import Material
 from meshes.hardness import HardnessModulus, modulus_from_hardness
 from validation.errors import InputError
 
-#: Models whose one modulus a hardness can give.
+#: Material models with a single modulus, which a hardness can replace.
 MODELS = ("linear-elastic", "neo-hookean")
 
 _HARDNESS = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(?:(shore)?[\s-]*([a-z]*|0+))?\s*", re.IGNORECASE)
@@ -20,8 +20,8 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
 
     Args:
         value: The text: `30 A`, `30 shore-a`.
-        place: Where the text stands; begins the message of a fault.
-        bare: Whether a number without its scale will do.
+        place: Where the text stands; a message begins with it.
+        bare: Whether a number without a scale is accepted.
 
     Raises:
         InputError: If it is no hardness, of another scale, or outside the range of the relations.
@@ -34,26 +34,26 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
     if not match[3] and not bare:
         raise InputError(f"{where}{value!r} has no scale; {_EXAMPLE}")
     if (match[3] or "a").lower() != "a":
-        raise InputError(f"{where}{value!r} is not on the Shore A scale, and only that has relations here; {_EXAMPLE}")
+        raise InputError(f"{where}{value!r} is not on the Shore A scale, the only one that is supported; {_EXAMPLE}")
     try:
         return modulus_from_hardness(float(match[1]))
     except ValueError as error:
         raise InputError(f"{where}{error}; take a named material (`softcover materials`) or give its modulus") from None
 
 
-def material_of_hardness(
+def material_from_hardness(
     hardness: HardnessModulus, model: str, *, poisson_ratio: float | None = None, name: str = ""
 ) -> Material:
     """A rubber of this hardness.
 
     Args:
-        hardness: What `read_hardness` found.
+        hardness: The hardness and its modulus.
         model: One of `MODELS`.
-        poisson_ratio: Incompressible when not given [-].
-        name: What to call it.
+        poisson_ratio: 0.5, which is incompressible, when not given [-].
+        name: Name of the material; made of model and hardness when not given.
 
     Raises:
-        InputError: If the model has more parameters than a hardness gives.
+        InputError: If the model has more than one modulus.
     """
     ratio = 0.5 if poisson_ratio is None else poisson_ratio
     modulus = hardness.youngs_modulus

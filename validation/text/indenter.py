@@ -1,7 +1,7 @@
 """Indenters and poses as text: `sphere:radius=5mm`, `box:size=10mmx10mmx5mm`, `--at=0.7mm,-1.1mm`.
 
-The shapes and their parameters are those of `meshes.indenters.by_name.SHAPES`, and two more:
-`prism`, whose corners are joined by `/`, and `mesh`, which is read from an STL file.
+Accepted are the shapes of `meshes.indenters.by_name.SHAPES` with the names of their fields as parameters; `prism`,
+whose corners are separated by `/`; and `mesh`, which reads an STL file.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from meshes import Indenter, Prism, read_stl
 from meshes.indenters.by_name import SHAPES
 from meshes.surfaces.stl import SIZES
 from validation.errors import InputError, nearest
-from validation.text.quantity import QuantityError, read_quantities, read_quantity
+from validation.text.quantity import Kind, read_quantities, read_quantity
 
-#: Numbers that a parameter takes, where it is not one.
-_SIZES = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
+#: Number of values of the parameters that have more than one [-].
+_VALUE_COUNTS = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
+#: An accepted text for each shape, for messages.
 _EXAMPLES = {
     "sphere": "sphere:radius=5mm",
     "cylinder": "cylinder:radius=4mm",
@@ -31,25 +32,25 @@ _EXAMPLES = {
     "prism": "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm",
     "mesh": "mesh:path=part.stl,unit=mm",
 }
-#: What makes each shape.
+#: The function that makes each shape.
 _MAKERS: Mapping[str, Any] = {**SHAPES, "prism": Prism, "mesh": read_stl}
-#: A comma in front of the next parameter's name; values may hold commas too.
-_NEXT = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
+#: A comma before the name of a parameter; commas inside values do not match.
+_PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Parameter:
-    """What a parameter's text holds, and whether it must be there."""
+    """The kind of a parameter's text, and whether the parameter is required."""
 
     kind: Literal["length", "angle", "points", "path", "unit"]
-    needed: bool
+    required: bool
 
 
-#: Parameters of `read_stl` as text.
-_OF_MESH = {
-    "path": _Parameter(kind="path", needed=True),
-    "unit": _Parameter(kind="unit", needed=False),
-    "axis": _Parameter(kind="length", needed=False),
+#: Parameters of the shape `mesh`.
+_MESH_PARAMETERS = {
+    "path": _Parameter(kind="path", required=True),
+    "unit": _Parameter(kind="unit", required=False),
+    "axis": _Parameter(kind="length", required=False),
 }
 
 
@@ -58,11 +59,11 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
 
     Args:
         text: The description.
-        place: What to call it in a fault.
+        place: Where the text stands; a message begins with it.
 
     Raises:
-        InputError: With one line per fault: an unknown shape or parameter, a missing one or one given twice, a bad
-            quantity, an unlikely size, a file that cannot be read.
+        InputError: With one line per fault: an unknown shape, a parameter that is unknown, missing or given twice, a
+            bad quantity, a width outside the accepted range, a file that cannot be read.
     """
     shape, _, rest = text.strip().partition(":")
     if shape not in _MAKERS:
@@ -72,44 +73,44 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     faults: list[str] = []
     values: dict[str, Any] = {}
     given: set[str] = set()
-    for part in filter(None, _NEXT.split(rest)):
+    for part in filter(None, _PARAMETER_COMMA.split(rest)):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if name in given:
-            faults.append(f"{place}: {shape}.{name} stands there twice; write for example {_example(shape)}")
+            faults.append(f"{place}: {shape}.{name} is given twice; write for example {_EXAMPLES[shape]}")
         given.add(name)
         if name not in known or not equals:
             hint = nearest(name, known)
-            faults.append(f"{place}: {shape} has no parameter {name!r}; {hint}; for example {_example(shape)}")
+            faults.append(f"{place}: {shape} has no parameter {name!r}; {hint}; for example {_EXAMPLES[shape]}")
             continue
         try:
-            values[name] = _value(shape, name, known[name], value, place)
-        except QuantityError as error:
-            faults.append(str(error))
+            values[name] = _read_value(shape, name, known[name], value, place)
+        except InputError as error:
+            faults += error.faults
     faults.extend(
-        f"{place}: {shape} needs {name}; write for example {_example(shape)}"
+        f"{place}: {shape} needs {name}; write for example {_EXAMPLES[shape]}"
         for name, parameter in known.items()
-        if parameter.needed and name not in given
+        if parameter.required and name not in given
     )
     if faults:
         raise InputError(*faults)
     try:
         made: Indenter = _MAKERS[shape](**values)
     except ValueError as error:
-        remedy = "" if shape == "mesh" else f"; write for example {_example(shape)}"
+        remedy = "" if shape == "mesh" else f"; write for example {_EXAMPLES[shape]}"
         raise InputError(f"{place}: {error}{remedy}") from None
     width = 2 * max(made.footprint)
     if shape != "mesh" and not SIZES[0] <= width <= SIZES[1]:
         low, high = (f"{1e3 * size:g}" for size in SIZES)
-        raise InputError(f"{place}: {1e3 * width:.3g} mm is no width for an indenter; accepted: {low}..{high} mm")
+        raise InputError(f"{place}: {1e3 * width:.3g} mm is not a possible width; accepted: {low}..{high} mm")
     return made
 
 
 def _parameters(shape: str) -> dict[str, _Parameter]:
-    """Parameters by name: fields that say what they measure."""
+    """Parameters by name: the fields of the shape that declare a quantity."""
     if shape == "mesh":
-        return _OF_MESH
+        return _MESH_PARAMETERS
     return {
-        field.name: _Parameter(kind=field.metadata["quantity"], needed=field.default is dataclasses.MISSING)
+        field.name: _Parameter(kind=field.metadata["quantity"], required=field.default is dataclasses.MISSING)
         for field in dataclasses.fields(_MAKERS[shape])
         if "quantity" in field.metadata
     }
@@ -121,7 +122,7 @@ def read_load(text: str, *, place: str = "--load") -> float:
     Raises:
         InputError: If it is not a positive force.
     """
-    return _positive(text, "force", place)
+    return _read_positive(text, "force", place)
 
 
 def read_depth(text: str, *, place: str = "--depth") -> float:
@@ -130,7 +131,7 @@ def read_depth(text: str, *, place: str = "--depth") -> float:
     Raises:
         InputError: If it is not a positive length.
     """
-    return _positive(text, "length", place)
+    return _read_positive(text, "length", place)
 
 
 def read_position(text: str, *, place: str = "--at") -> tuple[float, float]:
@@ -139,10 +140,7 @@ def read_position(text: str, *, place: str = "--at") -> tuple[float, float]:
     Raises:
         InputError: If it is not two lengths.
     """
-    try:
-        x, y = read_quantities(text, "length", 2, place=place)
-    except QuantityError as error:
-        raise InputError(str(error)) from None
+    x, y = read_quantities(text, "length", 2, place=place)
     return (x, y)
 
 
@@ -152,34 +150,28 @@ def read_yaw(text: str, *, place: str = "--yaw") -> float:
     Raises:
         InputError: If it is not an angle.
     """
-    try:
-        return read_quantity(text, "angle", place=place)
-    except QuantityError as error:
-        raise InputError(str(error)) from None
+    return read_quantity(text, "angle", place=place)
 
 
-def _positive(text: str, kind: Any, place: str) -> float:  # noqa: ANN401 -- a literal that read checks
-    try:
-        number = read_quantity(text, kind, place=place)
-    except QuantityError as error:
-        raise InputError(str(error)) from None
+def _read_positive(text: str, kind: Kind, place: str) -> float:
+    number = read_quantity(text, kind, place=place)
     if number <= 0:
         raise InputError(f"{place}: must be positive, not {text!r}")
     return number
 
 
-def _value(shape: str, name: str, parameter: _Parameter, text: str, place: str) -> Any:  # noqa: ANN401 -- by kind
-    where, count = f"{place}: {shape}.{name}", _SIZES.get((shape, name), 1)
+def _read_value(shape: str, name: str, parameter: _Parameter, text: str, place: str) -> Any:  # noqa: ANN401 -- by kind
+    where, count = f"{place}: {shape}.{name}", _VALUE_COUNTS.get((shape, name), 1)
     match parameter.kind:
         case "path":
             if not text:
-                raise QuantityError(f"{where}: names no file; write for example {_example(shape)}")
+                raise InputError(f"{where}: names no file; write for example {_EXAMPLES[shape]}")
             return text
         case "unit":
-            # "mm" as well as "0.5mm"
+            # both "mm" and "0.5mm" are accepted
             return read_quantity(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
         case "points":
-            return _points(text, where)
+            return _read_points(text, where)
         case "length" | "angle" as kind:
             if count == 1:
                 return read_quantity(text, kind, place=where)
@@ -187,18 +179,14 @@ def _value(shape: str, name: str, parameter: _Parameter, text: str, place: str) 
     raise AssertionError(f"{shape}.{name} measures {parameter.kind}")
 
 
-def _points(text: str, where: str) -> tuple[tuple[float, float], ...]:
-    """Corners `x,y/x,y/...`; a plain 0 needs no unit [m]."""
+def _read_points(text: str, where: str) -> tuple[tuple[float, float], ...]:
+    """Read corners `x,y/x,y/...` [m]; a plain 0 needs no unit."""
     corners: list[tuple[float, float]] = []
     for corner in text.split("/"):
         parts = [f"{part} m" if re.fullmatch(r"[-+]?0+\.?0*", part.strip()) else part for part in corner.split(",")]
         if len(parts) != 2:  # noqa: PLR2004 -- x and y
-            number, example = len(corners) + 1, _example("prism")
-            raise QuantityError(f"{where}: corner {number}, {corner!r}, is not 2 values; write for example {example}")
+            number, example = len(corners) + 1, _EXAMPLES["prism"]
+            raise InputError(f"{where}: corner {number}, {corner!r}, is not 2 values; write for example {example}")
         x, y = (read_quantity(part, "length", place=where) for part in parts)
         corners.append((x, y))
     return tuple(corners)
-
-
-def _example(shape: str) -> str:
-    return _EXAMPLES.get(shape, f"{shape}:...")

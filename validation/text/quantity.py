@@ -1,7 +1,7 @@
-"""Quantities as text: `2 mm`, `1 MPa`, `500 g`.  Read once, at the edge; inside everything is SI.
+"""Quantities as text, `2 mm`, `1 MPa`, `500 g`, converted to SI numbers.
 
-pint knows the units.  It is loaded on first use and its parsed definitions are kept in the user's cache
-folder, because reading them afresh takes longer than a small reference solution.
+The units come from pint.  It is loaded on first use, and its parsed definitions are kept in the user's cache folder:
+parsing them takes longer than a small reference solution.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from meshes.constants import STANDARD_GRAVITY
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     import pint
 
 Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
 
-#: What each kind looks like: an SI unit of its dimension and an example that is accepted.
+#: For each kind an SI unit of its dimension, and an accepted example for messages.
 _EXAMPLES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "length": ("m", "2 mm"),
@@ -37,39 +38,35 @@ _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*
 _SEPARATOR = re.compile(r"\s*[x\u00d7,]\s*(?=[-+.\d])")
 
 
-class QuantityError(ValueError):
-    """A text is not a quantity of the wanted kind."""
-
-
 def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
     """Read one quantity.
 
     A force may be given as the weight of a mass, `500 g`.
 
     Args:
-        value: The text; anything else is a fault that asks for a unit.
-        kind: What is measured.
-        place: Where the text stands; begins the message of a fault.
+        value: The text; a plain number is refused because it has no unit.
+        kind: The kind of quantity.
+        place: Where the text stands; a message begins with it.
 
     Returns:
-        The number in SI (angles in radians).
+        The number in SI units, angles in radians.
 
     Raises:
-        QuantityError: If the text has no number, no unit, an unknown unit or one of the wrong kind.
+        InputError: If the text has no number, no unit, an unknown unit or one of the wrong kind.
     """
     where = f"{place}: " if place else ""
     example = f"write for example '{_EXAMPLES[kind][1]}'"
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if isinstance(value, bool) or not isinstance(value, str | int | float) or (isinstance(value, str) and not match):
-        raise QuantityError(f"{where}{value!r} is not a {kind}; {example}")
+        raise InputError(f"{where}{value!r} is not a {kind}; {example}")
     if match is None or not match[2]:
-        raise QuantityError(f"{where}{value!r} has no unit; {example}")
+        raise InputError(f"{where}{value!r} has no unit; {example}")
     factor = _factor(match[2], kind)
     if factor is None:
-        raise QuantityError(f"{where}{match[2]!r} in {value!r} is not a unit of {kind}; {example}")
+        raise InputError(f"{where}{match[2]!r} in {value!r} is not a unit of {kind}; {example}")
     number = float(match[1]) * factor
     if not math.isfinite(number):
-        raise QuantityError(f"{where}{value!r} is too large; {example}")
+        raise InputError(f"{where}{value!r} is too large; {example}")
     return number
 
 
@@ -78,19 +75,19 @@ def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", j
 
     Args:
         value: The text.
-        kind: What is measured.
-        count: How many values there must be.
-        place: Where the text stands.
-        joint: What joins the values of the example in a fault's message.
+        kind: The kind of each quantity.
+        count: Number of quantities.
+        place: Where the text stands; a message begins with it.
+        joint: Separator in the example of a message.
 
     Raises:
-        QuantityError: As `read_quantity`, or if there are not `count` of them.
+        InputError: As `read_quantity`, or if the number of quantities differs from `count`.
     """
     parts = _SEPARATOR.split(value.strip()) if isinstance(value, str) else [value]
     if len(parts) != count:
         where = f"{place}: " if place else ""
         example = joint.join([_EXAMPLES[kind][1].replace(" ", "")] * count)
-        raise QuantityError(f"{where}{value!r} is not {count} values; write for example '{example}'")
+        raise InputError(f"{where}{value!r} is not {count} values; write for example '{example}'")
     return tuple(read_quantity(part, kind, place=place) for part in parts)
 
 
@@ -100,20 +97,20 @@ def _registry() -> pint.UnitRegistry[Any]:
 
     try:
         return pint.UnitRegistry(cache_folder=":auto:")
-    except OSError:  # no writable cache folder: only slower
+    except OSError:  # without a writable cache folder pint only starts slower
         return pint.UnitRegistry()
 
 
 @functools.cache
 def _factor(unit: str, kind: Kind) -> float | None:
-    """Factor from `unit` to SI, or None where the unit is unknown or measures something else."""
+    """Factor from `unit` to SI; None if the unit is unknown or of another kind."""
     registry = _registry()
     try:
         quantity = (1.0 * registry.parse_units(unit)).to_base_units()
     except Exception:  # noqa: BLE001 -- pint's parser raises many unrelated types on arbitrary text
         return None
     if quantity.dimensionality == registry.parse_units(_EXAMPLES[kind][0]).dimensionality:
-        # Angles and plain numbers share pint's dimension; only radians are an angle here.
+        # In pint, angles and plain numbers have the same dimension: accept radians for angles only.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
         return float(quantity.magnitude) * STANDARD_GRAVITY  # a weight given as a mass

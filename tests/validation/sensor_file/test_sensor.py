@@ -117,7 +117,7 @@ friction = 0.3
         ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\nnoise = 3', "electronics.noise: 3 has no unit"),
         ("[electronics]", "[cover]\nsize = ['6.7 mm', '30 mm']\n[electronics]", "leaves 6 texels uncovered in part"),
-        ("[electronics]", "[cover]\nsize = ['30 mm', '5 mm']\n[electronics]", "the texels take 6.8 mm x 10.2 mm"),
+        ("[electronics]", "[cover]\nsize = ['30 mm', '5 mm']\n[electronics]", "the texels need 6.8 mm x 10.2 mm"),
         ("[electronics]", "[cover]\nsize = '30'\n[electronics]", "cover.size: '30' has no unit"),
         ("[electronics]", "[cover]\nsize = ['1 mm']\n[electronics]", "cover.size: must be one length or [x, y]"),
         ("[electronics]", "[cover]\nsize = '0 mm'\n[electronics]", "cover.size: must be positive"),
@@ -175,7 +175,7 @@ def test_positions_alone_make_a_list_of_texels_as_large_as_they_may_be(sensor, t
     ):
         assert faults(sensor(text))[0].startswith(fault)
     (tmp_path / "texels.csv").write_text("x,y,z\n0,0,0\n0,0,0\n")
-    assert "same place" in faults(sensor(alone))[0]
+    assert "same centre" in faults(sensor(alone))[0]
 
 
 @pytest.mark.parametrize("text", ["", "a,b,c\n", "x,y,z\n1,2\n", "x,y,z\n1,2,nan\n", "x,y,z\n0,0,0\n"])

