@@ -3,7 +3,7 @@
 Ratios of medians of interleaved runs in processor time, so that a busy machine hits all alike.  1 kHz physics, 271 Hz
 frames, one core.  The picture shows cost and memory against the number of texels.
 
-    OMP_NUM_THREADS=1 python benchmarks/fastmodel_costs.py [--numpy] [--json FILE] [--picture FILE]
+    OMP_NUM_THREADS=1 python benchmarks/fastmodel_costs.py [--json FILE] [--picture FILE]
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def parameters(array: TexelArray) -> Parameters:
 class Scene:
     """A free 500 g body on an array; the time of one step of it."""
 
-    def __init__(self, settings: Parameters, shape: Indenter, method: str | None, *, native: bool | None) -> None:
+    def __init__(self, settings: Parameters, shape: Indenter, method: str | None) -> None:
         """Build it, with a sensor or, without a method, with a bare plate."""
         spec = mujoco.MjSpec()
         fastmodel.recommend_options(spec)
@@ -77,7 +77,7 @@ class Scene:
         if method is None:
             Plate().attach(spec.worldbody, settings.array, here, "plate")
         else:
-            self.sensor = fastmodel.attach(spec, "world", settings, contact=method, native=native)
+            self.sensor = fastmodel.attach(spec, "world", settings, contact=method)
         body = spec.worldbody.add_body(pos=[0.7e-3, -1.1e-3, 0])
         body.add_freejoint()
         body.mass, body.explicitinertial, body.inertia = 0.5, True, [2e-5] * 3
@@ -112,11 +112,11 @@ def interleaved(runs: dict[str, Callable[[], float]]) -> dict[str, float]:
     return {name: float(np.median(values)) for name, values in taken.items()}
 
 
-def methods(settings: Parameters, *, native: bool | None) -> list[dict[str, Any]]:
+def methods(settings: Parameters) -> list[dict[str, Any]]:
     """Every method on every shape, resting and sliding."""
     rows = []
     for name, shape in SHAPES.items():
-        scenes = {method or "bare": Scene(settings, shape, method, native=native) for method in (None, *METHODS)}
+        scenes = {method or "bare": Scene(settings, shape, method) for method in (None, *METHODS)}
         for sliding in (False, True):
             seconds = interleaved(
                 {key: lambda scene=scene, s=sliding: scene.run(STEPS, sliding=s) for key, scene in scenes.items()}
@@ -131,7 +131,7 @@ def methods(settings: Parameters, *, native: bool | None) -> list[dict[str, Any]
     return rows
 
 
-def chain(settings: Parameters, *, native: bool | None) -> dict[str, float]:
+def chain(settings: Parameters) -> dict[str, float]:
     """Boxes with and without everything after the physics, on the 20 mm face."""
     filtered = Parameters(
         array=settings.array,
@@ -139,8 +139,8 @@ def chain(settings: Parameters, *, native: bool | None) -> dict[str, float]:
         electronics=settings.electronics,
         filter=Butterworth(cutoff_hz=40.0, order=4),
     )
-    with_chain = Scene(filtered, SHAPES["20 mm face"], "boxes", native=native)
-    without = Scene(filtered, SHAPES["20 mm face"], "boxes", native=native)
+    with_chain = Scene(filtered, SHAPES["20 mm face"], "boxes")
+    without = Scene(filtered, SHAPES["20 mm face"], "boxes")
     without.sensor = None
     seconds = interleaved({"chain": lambda: with_chain.run(STEPS), "boxes": lambda: without.run(STEPS)})
     print(
@@ -149,15 +149,15 @@ def chain(settings: Parameters, *, native: bool | None) -> dict[str, float]:
     return seconds
 
 
-def texel_counts(*, native: bool | None) -> list[dict[str, float]]:
+def texel_counts() -> list[dict[str, float]]:
     """Cost and memory of the default against the number of texels, a 12 mm square sliding."""
     scenes = {}
     memory = {}
     for rows, columns in ((4, 3), (8, 4), (14, 6), (16, 16), (32, 32), (60, 60), (100, 100)):
         settings = parameters(TexelArray.grid(rows, columns, 3.4e-3))
-        Scene(settings, SHAPES["big square"], "cover", native=native)  # what is made once in a process
+        Scene(settings, SHAPES["big square"], "cover")  # what is made once in a process
         tracemalloc.start()
-        scenes[rows * columns] = Scene(settings, SHAPES["big square"], "cover", native=native)
+        scenes[rows * columns] = Scene(settings, SHAPES["big square"], "cover")
         memory[rows * columns] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     runs = {str(n): lambda scene=scene: scene.run(STEPS, sliding=True) for n, scene in scenes.items()}
@@ -196,16 +196,14 @@ def draw(rows: list[dict[str, float]], path: Path) -> None:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="what the fast model costs")
-    parser.add_argument("--numpy", action="store_true", help="without the native kernels")
     parser.add_argument("--json", type=Path, help="where to write every figure")
     parser.add_argument("--picture", type=Path, help="where to draw cost against texels")
     arguments = parser.parse_args()
-    native = False if arguments.numpy else None
     settings = parameters(ARRAYS["wts-0614-34"])
     result = {
-        "chain": chain(settings, native=native),
-        "methods": methods(settings, native=native),
-        "texel_counts": texel_counts(native=native),
+        "chain": chain(settings),
+        "methods": methods(settings),
+        "texel_counts": texel_counts(),
     }
     if arguments.picture is not None:
         draw(result["texel_counts"], arguments.picture)

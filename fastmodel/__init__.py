@@ -36,11 +36,13 @@ from importlib.metadata import version
 from fastmodel.adapters.batch import Batch
 from fastmodel.bench import FastIndentation, Placement, add_geoms, indent, indent_together
 from fastmodel.contact.area import AreaTexels
-from fastmodel.contact.boxes import BoxTexels, TexelContact
+from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
+from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import METHODS
 from fastmodel.contact.plate import Plate
 from fastmodel.errors import (
+    ArgumentTypeError,
     FastModelError,
     FilterError,
     LifeCycleError,
@@ -67,6 +69,7 @@ __all__ = [
     "METHODS",
     "WTS_0614_34",
     "AreaTexels",
+    "ArgumentTypeError",
     "Batch",
     "BoxTexels",
     "Butterworth",

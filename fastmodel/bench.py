@@ -1,8 +1,8 @@
-"""The guided rig: an indenter of the mass of its weight on a slide along the array's normal.
+"""Simulated bench tests: a weight in a guide presses on the array and comes to rest.
 
-This is the bench experiment (a dead weight let down in a guide) as a model of its own, frictionless like the
-reference and settled to rest.  What it returns is steady and before the electronics.  How far the indenter sinks
-means nothing here: with rigid texels that is an engine setting.
+The indenter has the mass of its weight and moves on a slide along the array's normal.  Contacts are frictionless, as in
+the reference.  Results are steady forces before the electronics.  With box texels the depth to which the indenter sinks
+has no meaning: MuJoCo's contact softness sets it, not the cover.
 """
 
 from __future__ import annotations
@@ -10,15 +10,14 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact.boxes import ContactReader, Reading, TexelContact
-from fastmodel.contact.methods import DEFAULT, choose
-from fastmodel.errors import FastModelError, MissedArrayError
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact
+from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose, about_z
 from fastmodel.sensor import recommend_options
@@ -27,16 +26,30 @@ from meshes.constants import STANDARD_GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Step of the rig's own model [s].
+#: Timestep of the bench model [s].
 TIMESTEP = 1e-3
-#: Time that is given to come to rest [s].
+#: Longest time in which an indenter may come to rest [s].
 SETTLE_TIME = 1.0
-#: Time over which forces are averaged where contacts keep flickering [s].
+#: Time over which forces are averaged if the indenter does not come to rest [s].
 AVERAGE_TIME = 1.0
-#: Distance of the mean force from the load that still counts as carried [-].
-CARRIED = 1e-3
-#: Acceleration over gravity, and speed [m/s], below which the indenter rests [-].
+#: Largest relative difference between mean force and load at which the load counts as carried [-].
+LOAD_TOLERANCE = 1e-3
+#: Largest acceleration over gravity [-], and largest speed [m/s], at which an indenter counts as resting.
 REST = 1e-6
+#: Tolerance of MuJoCo's solver on the bench [-].
+SOLVER_TOLERANCE = 1e-12
+#: Radius of gyration of a guided indenter [m].  It never turns, so that any value serves.
+GYRATION_RADIUS = 1e-3
+#: Prefix of the names of the array's geoms.
+_ARRAY = "array"
+#: MuJoCo's geom type of each kind of primitive.
+_GEOMS = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "hull": mujoco.mjtGeom.mjGEOM_MESH,
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,14 +58,14 @@ class FastIndentation:
 
     Attributes:
         contact_forces: Force that presses on each texel before spread, shape (n,) [N].
-        texel_forces: After spread, shape (n,); masked texels are zero [N].
-        outside: Force that no texel feels after spread [N].
-        total_force: All force that presses on the array and its margin: the weight [N].
-        chatter: Standard deviation of the total force over time where contacts flickered and forces are means,
-            over the load; zero where the indenter came to rest [-].
-        depth: Approach of the indenter from first touch of the undeformed cover; None where the method has none that
-            means anything, or for several or tilting indenters [m].
-        method: Name of the contact method, or its settings.
+        texel_forces: Force on each texel after spread, shape (n,); masked texels are zero [N].
+        outside: Force after spread that no texel measures [N].
+        total_force: Total force that presses on the array and its margin; equals the weight [N].
+        chatter: Standard deviation of the total force over time, over the load, if the indenter did not come to rest
+            and forces are means over time; zero if it rested [-].
+        depth: Approach of the indenter since its first touch of the undeformed cover [m]; None for methods without a
+            meaningful depth, and for several or tilting indenters.
+        method: Name of the contact method, or its settings as text.
         seconds: Wall time [s].
     """
 
@@ -68,15 +81,16 @@ class FastIndentation:
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """One indenter of several that press at once.
+    """One of several indenters that press at once.
 
     Attributes:
         indenter: The shape.
-        load: Its weight [N].
-        at: Its axis in the array's frame [m].
-        yaw: Its turn about that axis [rad].
-        guided: Whether it can only move along the array's normal; else it may tilt about both other axes as well.
-        centre: Where its weight acts, from its axis, in its own frame [m].
+        load: Weight of the indenter [N].
+        at: Position of the indenter's axis in the array's frame [m].
+        yaw: Rotation of the indenter about that axis [rad].
+        guided: Whether the indenter moves along the array's normal only.  Otherwise it may also tilt about both axes in
+            the array's plane.
+        centre: Position of the centre of gravity relative to the axis, in the indenter's frame [m].
     """
 
     indenter: Indenter
@@ -96,21 +110,22 @@ def indent(
     yaw: float = 0.0,
     method: str | TexelContact = DEFAULT,
 ) -> FastIndentation:
-    """Let an indenter down on the array, guided along the array's z axis, and wait until it rests.
+    """Lower a guided indenter onto the array and wait until it rests.
 
     Args:
         parameters: The array and its cover.
         indenter: The shape.
-        load: Its weight [N].
-        at: Its axis in the array's frame [m].
-        yaw: Its turn about that axis [rad].
-        method: Contact method, by name (`fastmodel.METHODS`) or as settings; the best one that the parameters allow
-            when not given.
+        load: Weight of the indenter [N].
+        at: Position of the indenter's axis in the array's frame [m].
+        yaw: Rotation of the indenter about that axis [rad].
+        method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
+            parameters allow.
 
     Raises:
-        FastModelError: If the load is not positive or a number not finite.
-        MissedArrayError: If the indenter finds no texel under it, or does not come to rest on them.
-        UnknownNameError: If the method's name is unknown.
+        ArgumentTypeError: If an argument has a wrong type.
+        FastModelError: If the load is not positive or a number is not finite.
+        MissedArrayError: If no texel is under the indenter, or the texels do not carry the load.
+        UnknownNameError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
     placement = Placement(indenter=indenter, load=load, at=at, yaw=yaw)
@@ -120,7 +135,7 @@ def indent(
 def indent_together(
     parameters: Parameters, placements: Sequence[Placement], *, method: str | TexelContact = DEFAULT
 ) -> FastIndentation:
-    """Let several indenters down at once, guided or free to tilt.
+    """Lower several indenters at once, each guided or free to tilt, and wait until they rest.
 
     Args:
         parameters: The array and its cover.
@@ -128,21 +143,20 @@ def indent_together(
         method: Contact method, as for `indent`.
 
     Raises:
-        FastModelError: If a load is not positive or a number not finite.
-        MissedArrayError: If an indenter finds no texel under it, or does not come to rest on them.
-        UnknownNameError: If the method's name is unknown.
+        ArgumentTypeError: If an argument has a wrong type.
+        FastModelError: If a load is not positive or a number is not finite.
+        MissedArrayError: If no texel is under an indenter, or the texels do not carry the load.
+        UnknownNameError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
     started = time.perf_counter()
-    for each in placements:
-        if not 0 < each.load < np.inf or not np.isfinite([*each.at, each.yaw, *each.centre]).all():
-            raise FastModelError(
-                f"load must be positive and at, yaw finite; not {each.load} N, {each.at} m, {each.yaw} rad"
-            )
-    name, chosen = choose(method, parameters)
-    model = _model(parameters, placements, chosen)
-    reader = chosen.bind(model, parameters.array, _ARRAY, cells=parameters.cells, native=False)
-    reading, chatter = _settle(model, reader, sum(each.load for each in placements))
+    check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
+    for placement in placements:
+        _check_placement(placement)
+    name, chosen = choose_method(method, parameters)
+    model = _build_model(parameters, placements, chosen)
+    reader = chosen.bind(model, parameters.array, _ARRAY, cells=parameters.cells)
+    reading, chatter = _settle(model, reader, sum(placement.load for placement in placements))
     texel_forces = reading.texel_forces
     if texel_forces is None:
         texel_forces = parameters.spread.operator(parameters.array) @ reading.contact_forces
@@ -159,12 +173,46 @@ def indent_together(
     )
 
 
-def add_geoms(spec: Any, body: Any, indenter: Indenter, *, name: str = "indenter") -> None:  # noqa: ANN401 -- MjSpec, mjsBody
-    """Make an indenter's solids massless geoms of a body.
+def add_indenter(
+    spec: mujoco.MjSpec,
+    indenter: Indenter,
+    load: float,
+    *,
+    at: tuple[float, float] = (0.0, 0.0),
+    height: float = 0.0,
+    yaw: float = 0.0,
+    name: str = "indenter",
+) -> mujoco.MjsBody:
+    """Add an indenter to the world: a body with the mass of its weight on a slide along z.
+
+    The mass matters: a light body under a large force would pass through the texels within two steps.
 
     Args:
-        spec: The `mujoco.MjSpec` to edit; shapes that no primitive gives become meshes of it.
-        body: Its body.
+        spec: The spec to edit.
+        indenter: The shape.
+        load: Weight of the indenter [N].
+        at: Position of its axis [m].
+        height: Height of its lowest point [m].
+        yaw: Rotation about its axis [rad].
+        name: Name of the body, of its slide, and prefix of its meshes.
+
+    Returns:
+        The body.
+    """
+    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=about_z(yaw))
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.mass, body.explicitinertial = load / STANDARD_GRAVITY, True
+    body.inertia = [body.mass * GYRATION_RADIUS**2] * 3
+    add_geoms(spec, body, indenter, name=name)
+    return body
+
+
+def add_geoms(spec: mujoco.MjSpec, body: mujoco.MjsBody, indenter: Indenter, *, name: str = "indenter") -> None:
+    """Add the solids of an indenter to a body, as geoms without mass.
+
+    Args:
+        spec: The spec to edit.  Shapes that are no MuJoCo primitive become meshes of the spec.
+        body: A body of the spec.
         indenter: The shape.
         name: Prefix of the meshes' names.
     """
@@ -183,64 +231,66 @@ def add_geoms(spec: Any, body: Any, indenter: Indenter, *, name: str = "indenter
         )
 
 
-_ARRAY = "array"
-_GEOMS = {
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "hull": mujoco.mjtGeom.mjGEOM_MESH,
-}
+def _check_placement(placement: Placement) -> None:
+    numbers = [placement.load, *placement.at, placement.yaw, *placement.centre]
+    for number in numbers:
+        check_type("load, at, yaw or centre", number, (int, float, np.number), "a number in N, m or rad")
+    if not hasattr(placement.indenter, "primitives"):
+        check_type("indenter", placement.indenter, (), "a shape such as meshes.Sphere(radius=5e-3)")
+    if not placement.load > 0 or not np.isfinite(numbers).all():
+        raise FastModelError(
+            f"load must be positive and at, yaw finite; not {placement.load} N, {placement.at} m, {placement.yaw} rad"
+        )
 
 
-def _model(parameters: Parameters, placements: Sequence[Placement], method: TexelContact) -> Any:  # noqa: ANN401 -- MjModel
+def _build_model(parameters: Parameters, placements: Sequence[Placement], method: TexelContact) -> mujoco.MjModel:
+    """The array on the fixed world, and the indenters above it."""
     spec = mujoco.MjSpec()
     recommend_options(spec)
     spec.option.timestep = TIMESTEP
     spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
-    spec.option.tolerance = 1e-12
-    here = Pose.of((0, 0, 0), (1, 0, 0, 0))
-    method.attach(spec.worldbody, parameters.array, here, _ARRAY)
+    spec.option.tolerance = SOLVER_TOLERANCE
+    method.attach(spec.worldbody, parameters.array, Pose.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
     for number, placement in enumerate(placements):
-        _add_body(spec, parameters, placement, f"indenter{number}")
+        height = _choose_height(parameters, placement)
+        name = f"indenter{number}"
+        body = add_indenter(
+            spec, placement.indenter, placement.load, at=placement.at, height=height, yaw=placement.yaw, name=name
+        )
+        if not placement.guided:
+            body.ipos = [*placement.centre, 0.0]
+            for axis in ((1, 0, 0), (0, 1, 0)):
+                body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
+            body.inertia = [body.mass * max(placement.indenter.footprint) ** 2] * 3
     for geom in spec.geoms:
-        # Frictionless, like the reference: with friction an indenter's edge can hook on the side of a box and lift it.
+        # With friction the edge of an indenter can hook on the side of a box and lift it.
         geom.condim = 1
     return spec.compile()
 
 
-def _add_body(spec: Any, parameters: Parameters, placement: Placement, name: str) -> None:  # noqa: ANN401 -- MjSpec
-    at = placement.at
-    height = _touch_height(parameters, placement.indenter, at)
-    body = spec.worldbody.add_body(name=name, pos=[at[0], at[1], height], quat=about_z(placement.yaw))
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    # The mass of its weight, as on the bench: a light indenter under a large force tunnels through the texels.
-    mass = placement.load / STANDARD_GRAVITY
-    body.mass, body.explicitinertial = mass, True
-    body.inertia = [1e-6 * mass] * 3
-    if not placement.guided:
-        body.ipos = [*placement.centre, 0.0]
-        for axis in ((1, 0, 0), (0, 1, 0)):
-            body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
-        body.inertia = [mass * max(placement.indenter.footprint) ** 2] * 3
-    add_geoms(spec, body, placement.indenter, name=name)
-
-
-def _touch_height(parameters: Parameters, indenter: Indenter, at: tuple[float, float]) -> float:
-    """Height that keeps the indenter clear of a curved array; the surface itself on a flat one [m]."""
+def _choose_height(parameters: Parameters, placement: Placement) -> float:
+    """Start height: the surface of a flat array; on a curved one a height at which nothing touches yet [m]."""
     array = parameters.array
     if array.planar:
         return 0.0
-    reach = np.hypot(*indenter.footprint) + max(array.pitch)
-    under = np.hypot(array.centres[:, 0] - at[0], array.centres[:, 1] - at[1]) <= reach
+    reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
+    under = np.hypot(*(array.centres[:, :2] - placement.at).T) <= reach
     return float(array.centres[under, 2].max(initial=0.0)) + max(array.pitch)
 
 
-def _settle(model: Any, reader: ContactReader, load: float) -> tuple[Reading, float]:  # noqa: ANN401 -- MjModel
-    """Step until the indenters rest: the reading there and its chatter.
+def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:
+    """Step until the indenters rest, and return the reading and its chatter (see `FastIndentation`).
 
-    Where a face hovers at the edge of touching one more texel, contacts come and go for ever.  The mean over time
-    is the steady force then, because it carries exactly the weight.
+    A face that just touches one more texel can make and lose this contact for ever.  Then the mean over time is the
+    steady force, because the mean carries exactly the weight.
+
+    Args:
+        model: The model with array and indenters.
+        reader: The contact method.
+        load: Weight of all indenters [N].
+
+    Raises:
+        MissedArrayError: If the texels do not carry the load.
     """
     data = mujoco.MjData(model)
     for _ in range(int(SETTLE_TIME / TIMESTEP)):
@@ -249,24 +299,22 @@ def _settle(model: Any, reader: ContactReader, load: float) -> tuple[Reading, fl
             reading = reader.read(data)
             if reading.contact_forces.any():
                 return reading, 0.0
-    taken = [_step(model, data, reader) for _ in range(int(AVERAGE_TIME / TIMESTEP))]
-    totals = np.array([each.carried for each in taken])
-    felt = np.array([each.contact_forces for each in taken])
-    if abs(totals.mean() / load - 1) > CARRIED or not felt.any():
+    readings = []
+    for _ in range(int(AVERAGE_TIME / TIMESTEP)):
+        mujoco.mj_step(model, data)
+        readings.append(reader.read(data))
+    totals = np.array([reading.carried for reading in readings])
+    contact_forces = np.mean([reading.contact_forces for reading in readings], axis=0)
+    if abs(totals.mean() / load - 1) > LOAD_TOLERANCE or not contact_forces.any():
         raise MissedArrayError(
-            f"the indenter did not come to rest on the texels: they carry {felt.sum(axis=1).mean():.4g} N of "
+            f"the indenter did not come to rest on the texels: they carry {contact_forces.sum():.4g} N of "
             f"{load:.4g} N; 'at' must lie on the array"
         )
-    spread = [each.texel_forces for each in taken if each.texel_forces is not None]
+    spread = [reading.texel_forces for reading in readings if reading.texel_forces is not None]
     mean = Reading(
-        contact_forces=felt.mean(axis=0),
+        contact_forces=contact_forces,
         texel_forces=np.mean(spread, axis=0) if spread else None,
         carried=float(totals.mean()),
-        approach=taken[-1].approach,
+        approach=readings[-1].approach,
     )
     return mean, float(totals.std() / load)
-
-
-def _step(model: Any, data: Any, reader: ContactReader) -> Reading:  # noqa: ANN401 -- MjModel and MjData
-    mujoco.mj_step(model, data)
-    return reader.read(data)

@@ -1,4 +1,4 @@
-"""What can be wrong with what a user hands over; each message says what, where and what would be accepted."""
+"""Errors about a user's input.  Each message says what is wrong, where, and what would be accepted."""
 
 from __future__ import annotations
 
@@ -6,15 +6,19 @@ from collections.abc import Iterable
 
 
 class FastModelError(ValueError):
-    """Base of every error that this package raises about its input."""
+    """Base of all errors that this package raises about its input."""
+
+
+class ArgumentTypeError(FastModelError, TypeError):
+    """An argument of a wrong type."""
 
 
 class ParametersError(FastModelError):
-    """A parameters folder is missing, damaged or holds values that make no sense."""
+    """A parameters folder that is missing or damaged, or holds values out of range."""
 
 
 class FilterError(FastModelError):
-    """A filter that cannot exist at this sampling rate."""
+    """A filter that cannot exist at the given sampling rate."""
 
 
 class ShapeError(FastModelError):
@@ -22,13 +26,13 @@ class ShapeError(FastModelError):
 
 
 class UnknownNameError(FastModelError):
-    """A name that the model or this package does not know."""
+    """A name that does not exist in the model or in this package."""
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
-        """Say which names would be accepted.
+        """Compose the message.
 
         Args:
-            kind: What the name should have been, for example "body".
+            kind: What is named, for example "body".
             name: The name that was given.
             valid: The names that exist.
         """
@@ -40,12 +44,28 @@ class LifeCycleError(FastModelError):
 
 
 class OverlapError(FastModelError):
-    """Texels that lie on top of one another, so that a force would be felt twice."""
+    """Texels that overlap, so that one force would be measured twice."""
 
 
 class StateError(FastModelError):
-    """The simulation's state is not finite."""
+    """A simulation state that is not finite."""
 
 
 class MissedArrayError(FastModelError):
-    """An indenter that came to rest on no texel."""
+    """An indenter that came to rest beside the texels."""
+
+
+def check_type(name: str, value: object, expected: type | tuple[type, ...], wanted: str) -> None:
+    """Check the type of an argument.
+
+    Args:
+        name: Name of the argument.
+        value: Its value.
+        expected: The type, or the types, that are accepted.
+        wanted: The accepted types in words, for the message.
+
+    Raises:
+        ArgumentTypeError: If the value has another type.
+    """
+    if not isinstance(value, expected):
+        raise ArgumentTypeError(f"{name} must be {wanted}, not {type(value).__name__}")

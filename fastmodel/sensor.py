@@ -1,27 +1,31 @@
-"""A tactile array in a MuJoCo model: attach, bind, step, frame.
+"""A tactile array in a MuJoCo model.
 
-The life has two phases, as `mujoco.MjSpec` wants it.  `attach` edits a spec before it is compiled; `bind` finds
-the array in the compiled model; then `step` follows every `mj_step`, and `frame` is the latest frame.
+A sensor is made in two phases.  `attach` edits a `mujoco.MjSpec` before it is compiled, and `Sensor.bind` finds the
+array in the compiled model.  Then `Sensor.step` is called after every `mj_step`, and `Sensor.frame` returns the latest
+frame.
 
-Three clocks run.  Contact forces are formed on every n-th physics step, and the filter runs at that rate.  Frames
-fall due at the sensor's own rate and carry the true time of the values in them: 271 frames/s on a 1 ms clock come
-3 and 4 ms apart.  Spread and filter commute, so the spread runs once per frame.
+Three clocks run.  The physics has its timestep.  Contact forces are sampled, and filtered, on every n-th physics step.
+Frames are made at the sensor's own rate and carry the true time of their sample: at 271 frames/s and a timestep of 1 ms
+they are 3 or 4 ms apart.
 """
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import math
+import threading
 import warnings
-from typing import Any
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact.boxes import ContactReader, Reading, TexelContact
-from fastmodel.contact.methods import DEFAULT, choose
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact
+from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.contact.overlap import refuse_overlaps
-from fastmodel.errors import FastModelError, LifeCycleError, StateError, UnknownNameError
+from fastmodel.errors import FastModelError, LifeCycleError, StateError, UnknownNameError, check_type
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
 from fastmodel.signal.chain import SignalChain
@@ -29,17 +33,24 @@ from fastmodel.signal.frame import Frame
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Share of a time step by which clocks may disagree [-].
-_TICK = 1e-3
+#: Tolerance for comparisons of clocks, as a share of a time step or of a frame period [-].
+_CLOCK_TOLERANCE = 1e-3
+#: Lowest sampling rate of costly contact methods over the filter's cut-off: the highest frequency that samples
+#: represent is half the sampling rate, and stays at twice the cut-off or above [-].
+_SAMPLES_PER_CUTOFF = 4.0
+#: Time after which `bind` reports that kernels are being compiled [s].
+_COMPILATION_TIME = 2.0
+
+_LOG = logging.getLogger(__name__)
 
 
 class OptionWarning(UserWarning):
-    """The model's own options cost accuracy; nothing was changed."""
+    """Options of the model or of the sensor that cost accuracy; nothing was changed."""
 
 
 def attach(
-    spec: Any,  # noqa: ANN401 -- MjSpec
-    body: Any,  # noqa: ANN401 -- str or mjsBody
+    spec: mujoco.MjSpec,
+    body: str | mujoco.MjsBody,
     parameters: Parameters,
     *,
     name: str = "sensor",
@@ -47,125 +58,138 @@ def attach(
     quaternion: npt.ArrayLike = (1.0, 0.0, 0.0, 0.0),
     contact: str | TexelContact = DEFAULT,
     every: int | None = None,
-    native: bool | None = None,
 ) -> Sensor:
-    """Put a tactile array on a body of a spec that is not compiled yet.
+    """Add a tactile array to a body of a spec that is not compiled yet.
 
-    Nothing that belongs to the whole model is changed: no solver, cone, integrator or timestep.
+    Options of the whole model (solver, cone, integrator, timestep) stay as they are; see `recommend_options`.
 
     Args:
-        spec: The `mujoco.MjSpec` to edit.
-        body: A body of it, or its name; "world" for the fixed world.
+        spec: The spec to edit.
+        body: The body that carries the array, or its name; "world" for the fixed world.
         parameters: The array and its cover.
-        name: What to call it; geoms are named after it.
+        name: Name of the sensor, and prefix of its geoms' names.
         position: Origin of the array's frame in the body's, shape (3,) [m].
         quaternion: Orientation of the array's frame in the body's, scalar first, shape (4,) [-].
-        contact: Contact method, by name (`fastmodel.METHODS`) or as settings; the best one that the parameters allow
-            when not given.
-        every: Form contact forces on every n-th physics step; when not given on every one with the boxes, else as
-            rarely as the frame rate and four times the filter's cut-off allow [-].
-        native: True for numba kernels, False for numpy, None for whichever is there.
+        contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
+            parameters allow.
+        every: Number of physics steps between two samples of the contact forces [-].  By default 1 for the boxes, and
+            for the other methods the largest number that frame rate and filter allow.
 
     Raises:
+        ArgumentTypeError: If an argument has a wrong type.
         UnknownNameError: If the body or the contact method does not exist.
-        OverlapError: If texels lie on top of one another.
-        FastModelError: If the name is taken, `every` is not a positive whole number, or the pose is not one.
+        OverlapError: If texels overlap.
+        FastModelError: If the body belongs to another spec, the name is taken, `every` is not a positive whole number,
+            or position and quaternion are not a pose.
     """
-    _, method = choose(contact, parameters)
-    if every is not None and (every != int(every) or every < 1):
-        raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
+    _check_spec(spec)
+    check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
+    check_type("name", name, str, "a str")
+    _, method = choose_method(contact, parameters)
+    if every is not None:
+        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
+        if every != int(every) or every < 1:
+            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     refuse_overlaps(parameters.array)
-    method.attach(_find_body(spec, body), parameters.array, _pose(position, quaternion), name)
-    return Sensor(name=name, parameters=parameters, contact=method, every=every, native=native)
+    method.attach(_find_body(spec, body), parameters.array, _make_pose(position, quaternion), name)
+    return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
 
-def recommend_options(spec: Any) -> None:  # noqa: ANN401 -- MjSpec
-    """Set the solver options under which contact forces are steadiest, for who asks for it.
+def recommend_options(spec: mujoco.MjSpec) -> None:
+    """Set the solver options under which contact forces are steadiest: elliptic cones, Newton, impratio 10.
 
-    Elliptic cones, Newton and impratio 10: the total force of a sliding indenter then varies by 0.13 %, against
-    1.7 % with MuJoCo's defaults.
+    The total force of a sliding indenter then has a standard deviation of 0.13 % of its mean, compared with 1.7 % under
+    MuJoCo's defaults.
 
     Args:
-        spec: The `mujoco.MjSpec` to edit.
+        spec: The spec to edit.
+
+    Raises:
+        ArgumentTypeError: If the argument has a wrong type.
     """
+    _check_spec(spec)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.impratio = 10.0
 
 
 class Sensor:
-    """An attached array.  Made by `attach`; several may live in one model, each on its own.
+    """An attached array; made by `attach`.  A model may have several, independent of one another.
 
     Attributes:
-        name: What it is called.
+        name: Name of the sensor.
         parameters: The array and its cover.
     """
 
-    def __init__(
-        self, *, name: str, parameters: Parameters, contact: TexelContact, every: int | None, native: bool | None
-    ) -> None:
-        """Remember the settings; `attach` is the way in."""
+    def __init__(self, *, name: str, parameters: Parameters, contact: TexelContact, every: int | None) -> None:
+        """Store the settings; `attach` describes them."""
         self.name = name
         self.parameters = parameters
         self._contact = contact
         self._every = every
-        self._native = native
-        self._running: _Running | None = None
+        self._running: _RunningSensor | None = None
 
     def twin(self) -> Sensor:
-        """The same array once more, not bound: for another copy of the world, see `Batch`."""
-        return Sensor(
-            name=self.name, parameters=self.parameters, contact=self._contact, every=self._every, native=self._native
-        )
+        """Make another, unbound sensor of the same array, for another copy of the world; see `Batch`."""
+        return Sensor(name=self.name, parameters=self.parameters, contact=self._contact, every=self._every)
 
-    def bind(self, model: Any) -> Sensor:  # noqa: ANN401 -- MjModel
-        """Find the array in the compiled model and start at rest.
+    def bind(self, model: mujoco.MjModel) -> Sensor:
+        """Find the array in the compiled model, compile the kernels, and start at rest.
+
+        The first call on a machine compiles the kernels, which may take several seconds; later processes load them
+        from disk.
 
         Args:
-            model: The compiled `mujoco.MjModel`.
+            model: The compiled model.
 
         Returns:
             The sensor itself.
 
         Raises:
+            ArgumentTypeError: If the argument has a wrong type.
             LifeCycleError: If the model was not compiled from the spec with this array.
-            FilterError: If the filter's cut-off is not below half the rate it runs at.
+            ParametersError: If the contact method needs cover data that the parameters lack.
+            FilterError: If the filter's cut-off is not below half the sampling rate.
         """
+        check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
         parameters = self.parameters
-        reader = self._contact.bind(model, parameters.array, self.name, cells=parameters.cells, native=self._native)
-        every = self._every or _rarely(parameters, self._contact, model)
-        self._running = _Running(parameters, reader, model, every, native=self._native)
-        _warn(parameters, model, every)
+        reader = self._contact.bind(model, parameters.array, self.name, cells=parameters.cells)
+        with _report_slow_compilation(self.name):
+            reader.compile_kernels(mujoco.MjData(model))
+        every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
+        self._running = _RunningSensor(self.name, parameters, reader, model, every)
+        _warn_of_options(parameters, model, every)
         return self
 
-    def step(self, data: Any) -> bool:  # noqa: ANN401 -- MjData
-        """Take in one physics step; call it after every `mj_step`.
+    def step(self, data: mujoco.MjData) -> bool:
+        """Take in one physics step; call this after every `mj_step`.
 
         Args:
-            data: The `mujoco.MjData` that was stepped.
+            data: The state that was stepped.
 
         Returns:
-            Whether a new frame is there.
+            Whether a new frame was made.
 
         Raises:
-            LifeCycleError: If the sensor is not bound to this data's model, or the step does not follow the
-                last one on the clock.
+            ArgumentTypeError: If the argument has a wrong type.
+            LifeCycleError: If the sensor is not bound to the model of this state, or the step does not follow the
+                previous one on the clock.
             StateError: If a contact force is not finite.
         """
-        return (self._running or self._bound()).step(data, self.name)
+        return self._bound().step(data)
 
     def frame(self) -> Frame:
-        """The latest frame; before the first one, that of the array at rest.
+        """The latest frame; before the first one, the frame of the array at rest.
 
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().latest
+        return self._bound().frame
 
     def contact_forces(self) -> FloatArray:
-        """Contact force on each texel at the last sample, before filter and spread, shape (n,) [N].
+        """Contact force on each texel at the latest sample, before filter and spread, shape (n,) [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -173,7 +197,7 @@ class Sensor:
         return self._bound().reading.contact_forces.copy()
 
     def carried(self) -> float:
-        """Everything that pressed on the array and its margin at the last sample [N].
+        """Total force that pressed on the array and its margin at the latest sample [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -181,7 +205,7 @@ class Sensor:
         return self._bound().reading.carried
 
     def outside(self) -> float:
-        """Filtered contact force of the latest frame that no texel feels [N].
+        """Filtered contact force of the latest frame that no texel measures [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -189,126 +213,143 @@ class Sensor:
         return self._bound().chain.outside
 
     def reset(self, contact_forces: npt.ArrayLike = 0.0) -> None:
-        """Start again, as after `mj_resetData`: clocks, filter, noise.
+        """Restart clocks, filter, hysteresis and noise, as after `mj_resetData`.
 
         Args:
-            contact_forces: Force on each texel under which the filter has long been at rest, a number or
+            contact_forces: Constant force on each texel for which the filter is in its steady state, a number or
                 shape (n,) [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
+            StateError: If a force is not finite.
         """
         self._bound().reset(np.asarray(contact_forces, dtype=np.float64))
 
-    def _bound(self) -> _Running:
+    def _bound(self) -> _RunningSensor:
         if self._running is None:
             raise LifeCycleError(f"sensor {self.name!r} is not bound; call bind(model) after compiling")
         return self._running
 
 
-class _Running:
-    """The state of a bound sensor."""
+class _RunningSensor:
+    """The state of a bound sensor.
+
+    Attributes:
+        reading: The contact forces of the latest sample.
+        chain: The signal chain.
+        frame: The latest frame.
+    """
 
     def __init__(
-        self,
-        parameters: Parameters,
-        reader: ContactReader,
-        model: Any,  # noqa: ANN401 -- MjModel
-        every: int,
-        *,
-        native: bool | None,
+        self, name: str, parameters: Parameters, reader: ContactReader, model: mujoco.MjModel, every: int
     ) -> None:
-        self._array = parameters.array
-        self._reader = reader
-        self._model = model
-        self._data: Any = None
-        self._every = every
-        self._timestep = float(model.opt.timestep)
-        self._slack, self._rate = _TICK * self._timestep, parameters.electronics.rate_hz
-        spreads = reader.at_rest(np.zeros(parameters.array.count)).texel_forces is None
-        self.chain = SignalChain(parameters, 1.0 / (every * self._timestep), spreads=spreads, native=native)
+        self._name, self._count, self._reader, self._model = name, parameters.array.count, reader, model
+        self._every, self._timestep = every, float(model.opt.timestep)
+        self._tolerance, self._rate = _CLOCK_TOLERANCE * self._timestep, parameters.electronics.rate_hz
+        self._data: mujoco.MjData | None = None
+        spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
+        self.chain = SignalChain(parameters, 1.0 / (every * self._timestep), spreads=spreads)
         self.reset(np.zeros(()))
 
     def reset(self, contact_forces: FloatArray) -> None:
-        settled = np.broadcast_to(contact_forces, (self._array.count,))
+        settled = np.broadcast_to(contact_forces, (self._count,))
         if not np.isfinite(settled).all():
             raise StateError("contact forces to start from must be finite")
-        signals = np.empty(self._array.count + 1)
-        self._rests: Reading | None = self._reader.at_rest(settled)
-        self._rests.fill(signals)
-        self.chain.settle(signals)
-        self._steps = 0
-        self._time = self._start = np.nan
-        self._frames = 0
+        self.reading: Reading = self._reader.at_rest(settled)
+        self.chain.settle(self.reading)
+        self._steps = self._frames = 0
+        self._time = self._start = math.nan
         self._sampled_at = 0.0
-        self.latest = self.chain.frame(self._sampled_at, noisy=False)
+        self.frame: Frame = self.chain.frame(self._sampled_at, noisy=False)
 
-    @property
-    def reading(self) -> Reading:
-        """That of the last sample; before the first one, that of the array at rest."""
-        return self._reader.latest if self._rests is None else self._rests
-
-    def step(self, data: Any, name: str) -> bool:  # noqa: ANN401 -- MjData
+    def step(self, data: mujoco.MjData) -> bool:
+        if data is not self._data:
+            self._check_data(data)
         now = data.time
-        # as a rule nothing is wrong: then one comparison tells
-        if data is not self._data or not abs(now - self._time - self._timestep) <= self._slack:
-            self._check_clock(data, now, name)
+        if not abs(now - self._time - self._timestep) <= self._tolerance:
+            self._check_clock(now)
         self._time = now
         if self._steps % self._every == 0:
-            if not math.isfinite(self._reader.sample(data, self.chain.room())):
-                raise StateError(f"sensor {name!r}: contact forces are not finite at t = {now:g} s")
-            self._rests = None
-            self.chain.take()
-            self._sampled_at = now
+            reading = self._reader.read(data)
+            if not math.isfinite(reading.carried):
+                raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
+            self.chain.take(reading)
+            self.reading, self._sampled_at = reading, now
         self._steps += 1
-        due = int((self._sampled_at - self._start) * self._rate + _TICK)
+        due = int((self._sampled_at - self._start) * self._rate + _CLOCK_TOLERANCE)
         if due <= self._frames:
             return False
         self._frames = due
-        self.latest = self.chain.frame(self._sampled_at)
+        self.frame = self.chain.frame(self._sampled_at)
         return True
 
-    def _check_clock(self, data: Any, now: float, name: str) -> None:  # noqa: ANN401 -- MjData
+    def _check_data(self, data: mujoco.MjData) -> None:
+        """Check a state that was not seen before, and remember it."""
+        check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
         if data.model is not self._model:
-            raise LifeCycleError(f"sensor {name!r} is bound to another model; call bind(model) again")
+            raise LifeCycleError(f"sensor {self._name!r} is bound to another model; call bind(model) again")
         self._data = data
-        if math.isnan(self._time):
-            self._start = now - self._timestep
-        elif not abs(now - self._time - self._timestep) <= self._slack:
+
+    def _check_clock(self, now: float) -> None:
+        """Start the clock on the first step; on any other step raise the error about a clock that jumped."""
+        if not math.isnan(self._time):
             raise LifeCycleError(
-                f"sensor {name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step of "
-                f"{self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
+                f"sensor {self._name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "
+                f"of {self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
             )
+        self._start = now - self._timestep
 
 
-def _rarely(parameters: Parameters, contact: TexelContact, model: Any) -> int:  # noqa: ANN401 -- MjModel
-    """Physics steps between readings of a method: one, or as many as frames and filter allow where reading is dear."""
+def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: float) -> int:
+    """Number of physics steps between two samples of a contact method."""
     if not contact.costly:
         return 1
     wanted = parameters.electronics.rate_hz
     if parameters.filter is not None:
-        wanted = max(wanted, 4 * parameters.filter.cutoff_hz)
-    return max(1, int((1 + _TICK) / (wanted * model.opt.timestep)))
+        wanted = max(wanted, _SAMPLES_PER_CUTOFF * parameters.filter.cutoff_hz)
+    return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * timestep)))
 
 
-def _find_body(spec: Any, body: Any) -> Any:  # noqa: ANN401 -- mjsBody
-    if not isinstance(body, str):
-        return body
-    found = spec.body(body)
-    if found is None:
-        raise UnknownNameError("body", body, [known.name for known in spec.bodies])
-    return found
+def _check_spec(spec: mujoco.MjSpec) -> None:
+    check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
 
 
-def _pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
+def _find_body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
+    """The body of a spec that was given by name or as itself."""
+    check_type("body", body, (str, mujoco.MjsBody), "the name of a body or a mujoco.MjsBody (a site has it as .parent)")
+    if isinstance(body, str):
+        found = spec.body(body)
+        if found is None:
+            raise UnknownNameError("body", body, [known.name for known in spec.bodies])
+        return found
+    if body not in spec.bodies:
+        raise FastModelError(f"body {body.name!r} belongs to another spec than the one to attach to")
+    return body
+
+
+def _make_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
     try:
         return Pose.of(position, quaternion)
     except ValueError as error:
         raise FastModelError(str(error)) from error
 
 
-def _warn(parameters: Parameters, model: Any, every: int) -> None:  # noqa: ANN401 -- MjModel
-    """Say what costs accuracy; change nothing."""
+@contextlib.contextmanager
+def _report_slow_compilation(name: str) -> Iterator[None]:
+    """Log a message if the body of the `with` statement takes longer than `_COMPILATION_TIME`."""
+    timer = threading.Timer(
+        _COMPILATION_TIME,
+        lambda: _LOG.warning("sensor %r: compiling the contact kernels; later runs load them from disk", name),
+    )
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _warn_of_options(parameters: Parameters, model: mujoco.MjModel, every: int) -> None:
+    """Warn of options that cost accuracy."""
     rate = parameters.electronics.rate_hz
     sampled = 1.0 / (every * model.opt.timestep)
     messages = []
@@ -319,7 +360,7 @@ def _warn(parameters: Parameters, model: Any, every: int) -> None:  # noqa: ANN4
         )
     if parameters.filter is not None and parameters.filter.cutoff_hz > rate / 2:
         messages.append(f"cutoff_hz {parameters.filter.cutoff_hz:g} exceeds half the frame rate of {rate:g} Hz")
-    if rate > sampled * (1 + _TICK):
-        messages.append(f"frames come at {sampled:g} Hz, not {rate:g} Hz: forces are formed no more often")
+    if rate > sampled * (1 + _CLOCK_TOLERANCE):
+        messages.append(f"frames come at {sampled:g} Hz, not {rate:g} Hz: contact forces are sampled no more often")
     for message in messages:
         warnings.warn(message, OptionWarning, stacklevel=3)

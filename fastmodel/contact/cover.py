@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact.boxes import ContactReader, Reading
+from fastmodel.contact.interface import ContactReader, Reading
 from fastmodel.contact.panel_layout import Layout, ScatteredBase, ScatteredGrid, lay_out, panels
 from fastmodel.contact.panels import FacetReader
 from fastmodel.contact.plate import Plate, PlateReader, Touching
@@ -57,7 +57,6 @@ class Foundation:
     per_texel: int | None = None
 
     costly: ClassVar[bool] = True
-    honours: ClassVar[tuple[str, ...]] = ("Fz", "Mx", "My")
 
     def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
         """Add the plate to a body of the spec."""
@@ -111,7 +110,6 @@ class CoverContact:
     steps: int = 100
 
     costly: ClassVar[bool] = True
-    honours: ClassVar[tuple[str, ...]] = ("Fz", "Mx", "My")
 
     def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
         """Add the plate to a body of the spec."""
@@ -201,7 +199,7 @@ class _SurfaceReader:
         self._first, self._most = first, _MOST * first
         self._reach: dict[int, float] = {}
         self._held: Held | None = None
-        self._nothing = self._latest = self.at_rest(np.zeros(ground.grid.texels))
+        self._nothing = self.at_rest(np.zeros(ground.grid.texels))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         self._reach.clear()
@@ -213,13 +211,8 @@ class _SurfaceReader:
             carried=float(contact_forces.sum()),
         )
 
-    @property
-    def latest(self) -> Reading:
-        return self._latest
-
-    def sample(self, data: Any, signals: FloatArray) -> float:  # noqa: ANN401
-        self._latest = self.read(data)
-        return self._latest.fill(signals)
+    def compile_kernels(self, data: Any) -> None:  # noqa: ANN401 -- MjData
+        self.read(data)
 
     def read(self, data: Any) -> Reading:  # noqa: ANN401
         touching = self._touching.touching(data)

@@ -1,4 +1,4 @@
-"""The contact methods by name, and which one is used when none is named."""
+"""The contact methods by name, and the choice of the default one."""
 
 from __future__ import annotations
 
@@ -7,49 +7,52 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from fastmodel.contact.area import AreaTexels
-from fastmodel.contact.boxes import BoxTexels, TexelContact
+from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
-from fastmodel.errors import UnknownNameError
+from fastmodel.contact.interface import TexelContact
+from fastmodel.errors import ArgumentTypeError, UnknownNameError
 from fastmodel.parameters import Parameters
 
 #: Contact methods by name.
 METHODS: Mapping[str, TexelContact] = MappingProxyType(
     {"boxes": BoxTexels(), "area": AreaTexels(), "foundation": Foundation(), "cover": CoverContact()}
 )
-#: Name of the best method that the parameters allow.
+#: Name that stands for the best method that the parameters allow.
 DEFAULT = "default"
 
 
-def choose(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
-    """A contact method by name, or the one given.
+def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
+    """Find a contact method by name, or take the given settings.
 
-    `default` is `cover` where the parameters hold the cover's cells, and the boxes of the 2015 report elsewhere.
+    The name `default` stands for `cover` if the parameters hold the cover's cells, otherwise for `boxes`.
 
     Args:
         method: Name or settings.
-        parameters: What it is for.
+        parameters: The array and its cover.
 
     Returns:
-        Its name (settings as text) and itself.
+        The name of the method (settings as text) and its settings.
 
     Raises:
-        UnknownNameError: If there is none of that name.
+        ArgumentTypeError: If the method is neither a name nor settings.
+        UnknownNameError: If no method has this name.
     """
     if not isinstance(method, str):
+        if isinstance(method, type) or not (hasattr(method, "attach") and hasattr(method, "bind")):
+            raise ArgumentTypeError(
+                f"the contact method must be a name of fastmodel.METHODS or settings such as fastmodel.BoxTexels(), "
+                f"not {method!r}"
+            )
         return repr(method), method
     if method == DEFAULT:
-        method = _best(parameters)
+        method = "boxes" if parameters.cells is None else "cover"
     if method not in METHODS:
         raise UnknownNameError("contact method", method, (DEFAULT, *METHODS))
-    return method, _within_sides(METHODS[method], parameters)
+    return method, _end_plate_at_edges(METHODS[method], parameters)
 
 
-def _within_sides(method: TexelContact, parameters: Parameters) -> TexelContact:
-    """The method with a plate that ends with the array where the cover has side edges."""
+def _end_plate_at_edges(method: TexelContact, parameters: Parameters) -> TexelContact:
+    """The method, with a plate that ends with the array if the cover has side edges."""
     if parameters.cells is None or parameters.cells.table is None or not isinstance(method, CoverContact | Foundation):
         return method
     return dataclasses.replace(method, plate=dataclasses.replace(method.plate, margin=0))
-
-
-def _best(parameters: Parameters) -> str:
-    return "boxes" if parameters.cells is None else "cover"

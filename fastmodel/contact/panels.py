@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact.box_forces import decode
 from fastmodel.contact.panel_layout import Facet, Layout
 from fastmodel.contact.plate import Plate, PlateReader, Touching
+from fastmodel.contact.plate_forces import decode
 from fastmodel.pressure.gap_sampling import Load, Samples, Standing, sample
 from meshes import TexelArray
 

@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.compiled import choose_kernel
-from fastmodel.contact.boxes import NO_FRICTION
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panel_layout import Panel, panels
 from fastmodel.contact.plate_forces import plate_loops, plate_numpy, poses_loops, poses_numpy
@@ -203,7 +202,7 @@ class PlateReader:
             contact.efc_address,
             contact.dim,
             contact.frame,
-            contact.friction if self._pyramidal else NO_FRICTION,
+            contact.friction,
             contact.pos,
             data.efc_force,
             self._pyramidal,

@@ -13,10 +13,29 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact.box_forces import decode
-
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+
+def decode(efc_force: FloatArray, address: IntArray, friction: FloatArray, size: int, *, pyramidal: bool) -> FloatArray:
+    """Normal and tangential forces in the contact frame, shape (k, 1) or (k, 3) [N].
+
+    Args:
+        efc_force: Constraint forces [N].
+        address: First row of each contact, shape (k,).
+        friction: Friction coefficients, shape (k, 5) [-].
+        size: Dimension of all these contacts.
+        pyramidal: Whether rows are edges of a pyramid.
+    """
+    kept = min(size, 3)
+    if size == 1 or not pyramidal:
+        # MuJoCo lays rows out in the order of contacts: this span says that no others lie between
+        if len(address) and address[-1] - address[0] == size * (len(address) - 1):
+            return efc_force[address[0] : address[-1] + size].reshape(-1, size)[:, :kept]
+        return np.asarray(efc_force[address[:, None] + np.arange(kept)])
+    edges = efc_force[address[:, None] + np.arange(2 * (size - 1))]
+    tangential = friction[:, : kept - 1] * (edges[:, : 2 * kept - 2 : 2] - edges[:, 1 : 2 * kept - 2 : 2])
+    return np.concatenate([edges.sum(axis=1, keepdims=True), tangential], axis=1)
 
 
 def plate_numpy(  # noqa: PLR0917 -- numba kernels take positions

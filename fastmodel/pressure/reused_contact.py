@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.compiled import choose_kernel
-from fastmodel.contact.boxes import Reading
+from fastmodel.contact.interface import Reading
 from fastmodel.contact.plate import Touching
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.gap_sampling import Load, Samples

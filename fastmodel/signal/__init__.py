@@ -1,1 +1,1 @@
-"""From texel forces to frames: low-pass filter, point spread, electronics."""
+"""Conversion of contact forces to frames: low-pass filter, point spread, electronics."""

@@ -1,59 +1,53 @@
 """From texel forces to the sensor's integers and grey levels.
 
-Per texel: hysteresis -> temperature -> noise -> characteristic -> gain -> threshold -> saturation -> whole counts ->
-8-bit grey.  Hysteresis and temperature are off unless asked for.
+Each texel passes the stages hysteresis, temperature, noise, characteristic, gain, threshold, saturation, rounding to
+whole counts, and 8-bit grey, in this order.  Hysteresis, temperature and noise are off by default.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.compiled import find_kernel
 from fastmodel.errors import ShapeError
-from fastmodel.signal.loops import convert_loops
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+GreyArray = npt.NDArray[np.uint8]
 
-#: Types of counts and grey levels; as objects, since numpy takes longer over classes.
-COUNTS, GREY = np.dtype(np.int64), np.dtype(np.uint8)
-#: Number of coefficients of the report's 5th-degree characteristic.
+#: Grey level of white in an 8-bit image [-].
+WHITE = 255
+#: Clip sharply if the bend is narrower than this [-]: counts are whole numbers, so that it makes no difference.
+_SHARP = 1e-6
+#: Number of coefficients of the 5th-degree characteristic of the 2015 report [-].
 _COEFFICIENTS = 6
-
-#: Counts up to which grey levels are looked up in a table [-].
-_TABLE_MOST = 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True)
 class Electronics:
-    """What the sensor does with a texel's force.
+    """The conversion of a texel's force to counts.
 
     Attributes:
         rate_hz: Frames per second [Hz].
         sensitivity: Slope of the linear characteristic, counts = sensitivity * force + offset [1/N].
-        offset: Count that the characteristic gives at no force; negative makes a dead zone [-].
+        offset: Counts at zero force; a negative offset makes a dead zone [-].
         output_max: Largest count that the sensor delivers; white in the image [-].
-        bits: Bits of the converter: no count exceeds 2^bits - 1 [-].
-        noise: Standard deviation of the Gaussian noise on every texel force and frame [N].
-        threshold: Counts that the firmware subtracts; whatever lies below reads zero [-].
-        saturation_band: Counts below `output_max` over which saturation sets in softly; 0 for a sharp
-            clip [-].
-        characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, instead of the straight line
-            [1/N^k]; None for the line.
-        gains: One factor per texel on the counts before the threshold, shape (n,) [-]; None for ones.
-        seed: Seed of the noise; the same seed gives the same frames [-].
-        hysteresis_share: Share of the force that goes through play, as in a gear: it follows the force only after that
-            has turned by `hysteresis_width`, rises late and falls late; 0 for none, at most 1 [-].
-        hysteresis_width: Half width of the play; the loop between loading and unloading is twice this times the share
-            high [N].
-        temperature_coefficient: Change of the felt force with temperature, over the force; 0 for none [1/K].
-        temperature_excess: Temperature above the one at which the characteristic was taken [K].
+        bits: Resolution of the converter: no count exceeds 2^bits - 1 [-].
+        noise: Standard deviation of the Gaussian noise on each texel force of each frame [N].
+        threshold: Counts that the firmware subtracts; negative results read zero [-].
+        saturation_band: Counts below `output_max` over which the characteristic bends into saturation; 0 clips
+            sharply [-].
+        characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, which replaces the straight line [1/N^k];
+            None for the line.
+        gains: One factor per texel on the counts, applied before the threshold, shape (n,) [-]; None for ones.
+        seed: Seed of the noise; equal seeds give equal frames [-].
+        hysteresis_share: Share of the force that passes through a play operator, 0..1; 0 for no hysteresis [-].
+        hysteresis_width: Half width of the play operator.  Unloading and loading curves differ by twice this width
+            times the share [N].
+        temperature_coefficient: Relative change of the measured force per kelvin; 0 for none [1/K].
+        temperature_excess: Temperature above the one at which the characteristic was measured [K].
     """
 
     rate_hz: float
@@ -120,23 +114,19 @@ class Electronics:
 
     @property
     def temperature_gain(self) -> float:
-        """Factor of the temperature on the felt force: 1 + coefficient times excess [-]."""
+        """Factor of the temperature on the measured force: 1 + coefficient * excess [-]."""
         return 1.0 + self.temperature_coefficient * self.temperature_excess
 
-    @property
-    def plain(self) -> bool:
-        """Whether forces are felt as they are: without hysteresis, temperature and noise."""
-        return self.hysteresis_share == 0 and self.temperature_coefficient == 0 and self.noise == 0
+    def apply_hysteresis(self, forces: FloatArray, play: FloatArray) -> FloatArray:
+        """Apply rate-independent hysteresis, same shape [N].
 
-    def lag(self, forces: FloatArray, play: FloatArray) -> FloatArray:
-        """Forces as felt after hysteresis, same shape [N].
-
-        One play operator (Prandtl 1928): its output stays until the input comes within the half width from either
-        side.  It has no rate: only the order of loads counts.
+        A share of the force passes through a play operator: its output stays constant until the input is farther
+        away than the half width, and then follows at that distance.
+        Source: Visintin, Differential Models of Hysteresis (1994), section III.2.
 
         Args:
             forces: Texel forces of the next frame, shape (n,) [N].
-            play: Where each texel's play stands, shape (n,); moved in place [N].
+            play: Output of each texel's play operator, shape (n,); updated in place [N].
         """
         if self.hysteresis_share == 0:
             return forces
@@ -147,118 +137,59 @@ class Electronics:
         """Counts of texels under given forces, shape (..., n) to (..., n) [-].
 
         Args:
-            forces: Texel forces after filter and spread [N].
-            noise: Source of the noise; without one the counts are free of noise.
+            forces: Texel forces after filter, spread and hysteresis [N].
+            noise: Source of the noise; None for counts without noise.
 
         Raises:
-            ShapeError: If there are gains for another number of texels.
+            ShapeError: If the gains are for another number of texels.
         """
-        return self._converted(self.felt(np.asarray(forces, dtype=np.float64), noise))
-
-    def felt(self, forces: FloatArray, noise: np.random.Generator | None = None) -> FloatArray:
-        """Forces as felt at the sensor's temperature and with its noise, same shape [N].
-
-        Args:
-            forces: Texel forces after hysteresis [N].
-            noise: Source of the noise; without one there is none.
-        """
-        if self.temperature_coefficient != 0:
-            forces = forces * self.temperature_gain
+        measured = np.asarray(forces, dtype=np.float64) * self.temperature_gain
         if noise is not None and self.noise > 0:
-            forces = forces + noise.normal(0.0, self.noise, forces.shape)
-        return forces
-
-    def converter(
-        self, active: npt.NDArray[np.bool_], *, native: bool | None = None
-    ) -> Callable[[FloatArray], tuple[IntArray, npt.NDArray[np.uint8]]]:
-        """A function from felt forces to counts and grey levels of one array, all of shape (n,).
-
-        Args:
-            active: Which texels measure, shape (n,); the others read zero.
-            native: True for the numba kernel, False for numpy, None for whichever is there.
-
-        Raises:
-            ShapeError: If there are gains for another number of texels.
-        """
-        kernel, count = find_kernel(convert_loops, native=native), len(active)
-        coefficients, gains, numbers = self.numbers(count)
-        if kernel is None:
-            dead = None if active.all() else ~active
-
-            def convert(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
-                counts = self._converted(felt)
-                if dead is not None:
-                    counts[dead] = 0
-                return counts, self.image(counts)
-
-            return convert
-
-        def convert_natively(felt: FloatArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
-            counts, image = np.empty(count, COUNTS), np.empty((1, count), GREY)
-            kernel(felt, coefficients, gains, numbers, active, counts, image)
-            return counts, image[0]
-
-        return convert_natively
-
-    def numbers(self, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What compiled loops convert with: coefficients, gains and the rest, see `convert_loops`.
-
-        Args:
-            count: Number of texels [-].
-
-        Raises:
-            ShapeError: If there are gains for another number of texels.
-        """
-        return (
-            np.array(self.characteristic or (self.offset, self.sensitivity), dtype=np.float64),
-            np.zeros(0) if self.gains is None else self._gains((count,)),
-            np.array([self.threshold, self.saturation_band, self.output_max], dtype=np.float64),
-        )
-
-    def _converted(self, felt: FloatArray) -> IntArray:
-        signal = self._characteristic(felt)
-        if self.gains is not None:
-            signal = signal * self._gains(felt.shape)
-        if self.threshold != 0:
-            signal = signal - self.threshold
-        counts = self._saturate(np.maximum(signal, 0.0))
-        return np.rint(counts, out=counts).astype(np.int64)
-
-    def image(self, counts: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-        """Grey levels round(255 counts / output_max), same shape [-]."""
-        counts = np.asarray(counts)
-        if counts.dtype == np.int64 and self.output_max < _TABLE_MOST:
-            return self._grey_levels.take(counts, mode="clip")
-        return self._grey(counts)
-
-    @cached_property
-    def _grey_levels(self) -> npt.NDArray[np.uint8]:
-        """Grey level of every count from 0 to `output_max`: looking up costs a fifth of working out."""
-        return self._grey(np.arange(self.output_max + 1))
-
-    def _grey(self, counts: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-        grey = np.rint(255.0 * counts.astype(np.float64) / self.output_max)
-        return np.minimum(np.maximum(grey, 0), 255).astype(np.uint8)
-
-    def _characteristic(self, force: FloatArray) -> FloatArray:
+            measured = measured + noise.normal(0.0, self.noise, measured.shape)
         if self.characteristic is None:
-            return self.sensitivity * force + self.offset
-        return np.asarray(np.polynomial.polynomial.polyval(force, self.characteristic))
+            signal = self.sensitivity * measured + self.offset
+        else:
+            signal = np.asarray(np.polynomial.polynomial.polyval(measured, self.characteristic), dtype=np.float64)
+        if self.gains is not None:
+            if measured.shape[-1:] != (len(self.gains),):
+                raise ShapeError(f"there are gains for {len(self.gains)} texels, but forces of shape {measured.shape}")
+            signal = signal * np.asarray(self.gains)
+        signal = np.maximum(signal - self.threshold, 0.0)
+        return np.rint(saturate(signal, self.output_max, self.saturation_band)).astype(np.int64)
 
-    def _gains(self, shape: tuple[int, ...]) -> FloatArray:
-        gains = np.asarray(self.gains)
-        if shape[-1:] != gains.shape:
-            raise ShapeError(f"there are gains for {len(gains)} texels, but forces of shape {shape}")
-        return gains
-
-    def _saturate(self, signal: FloatArray) -> FloatArray:
-        """Clip sharply, or bend with slope one into an exponential approach over the band."""
-        if self.saturation_band == 0:
-            return np.minimum(signal, self.output_max)
-        knee = self.output_max - self.saturation_band
-        excess = np.maximum(signal - knee, 0.0) / self.saturation_band
-        return np.where(signal > knee, knee - self.saturation_band * np.expm1(-excess), signal)
+    def image(self, counts: npt.ArrayLike) -> GreyArray:
+        """Grey levels of counts, with white at `output_max`, same shape [-]."""
+        return grey_levels(counts, self.output_max)
 
 
-#: The 2015 report's line of the Weiss WTS 0614-34: zero below 0.185 N, saturated from 1.646 N.
+def saturate(counts: FloatArray, output_max: float, band: float) -> FloatArray:
+    """Limit counts to a largest value, same shape [-].
+
+    Counts up to the knee output_max - band pass unchanged.  Above it the curve continues with slope one and approaches
+    the largest count exponentially: output_max - band exp(-(counts - knee) / band).
+
+    Args:
+        counts: Unlimited counts, any shape [-].
+        output_max: Largest count [-].
+        band: Width of the bend; 0 clips sharply [-].
+    """
+    if band < _SHARP:
+        return np.minimum(counts, output_max)
+    knee = output_max - band
+    bent = knee - band * np.expm1(-np.maximum(counts - knee, 0.0) / band)
+    return np.where(counts > knee, bent, counts)
+
+
+def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
+    """Grey levels round(255 values / full_scale), limited to 0..255, same shape [-].
+
+    Args:
+        values: Counts [-] or forces [N], any shape.
+        full_scale: Positive value that is white, in the same unit.
+    """
+    ratio = np.asarray(values, dtype=np.float64) / full_scale
+    return np.asarray(np.rint(WHITE * np.minimum(np.maximum(ratio, 0.0), 1.0)), dtype=np.uint8)
+
+
+#: Characteristic of the Weiss WTS 0614-34 in the 2015 report: zero below 0.185 N, saturated from 1.646 N.
 WTS_0614_34 = Electronics(rate_hz=271.0, sensitivity=2665.7, offset=-493.87, output_max=3895, bits=12)

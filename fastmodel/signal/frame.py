@@ -10,15 +10,15 @@ import numpy.typing as npt
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """What a tactile array delivers at one instant.
+    """The values that a tactile array delivers at one instant.
 
     Attributes:
-        time: When the values were latched: simulation time, or the real sensor's own clock [s].
-        counts: The sensor's integers, shape (n,), row-major, x fastest [-].
-        image: The same as grey levels, shape (rows, columns), uint8, row 0 at the smallest y [-].
-        texel_forces: Filtered and spread texel forces before the electronics, shape (n,) [N]; None where
-            only counts exist, as on a real sensor.  A texel force may be slightly negative (a nearly
-            incompressible cover pulls around the load); counts never are.
+        time: Time at which the values were sampled: simulation time, or the real sensor's own clock [s].
+        counts: Output of the sensor, shape (n,), row-major, x fastest [-].
+        image: The counts as grey levels, shape (rows, columns), uint8, row 0 at the smallest y [-].
+        texel_forces: Filtered and spread texel forces before the electronics, shape (n,) [N]; None if only counts are
+            known, as on a real sensor.  A texel force may be slightly negative, because a nearly incompressible cover
+            pulls on the texels around the load.  Counts are never negative.
     """
 
     time: float
@@ -27,7 +27,7 @@ class Frame:
     texel_forces: npt.NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        """Freeze the arrays, so that a frame that was handed out never changes."""
+        """Make the arrays read-only, so that a frame never changes."""
         self.counts.setflags(write=False)
         self.image.setflags(write=False)
         if self.texel_forces is not None:

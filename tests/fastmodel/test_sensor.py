@@ -282,9 +282,3 @@ def test_any_linear_operator_serves_at_run_time():
     tabulated = dataclasses.replace(PARAMETERS, spread=fastmodel.Tabulated(matrix=matrix.copy()))
     one, other = run(*ball_on_array(), 100)[-1], run(*ball_on_array(tabulated), 100)[-1]
     assert np.array_equal(one.counts, other.counts)
-
-
-def test_native_and_numpy_paths_agree():
-    pytest.importorskip("numba")
-    one, other = (run(*ball_on_array(native=native), 300)[-1] for native in (True, False))
-    assert np.allclose(one.texel_forces, other.texel_forces, atol=1e-12)

@@ -89,14 +89,14 @@ def _refuse_early(description: SensorDescription) -> None:
 
 def _write(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
     """Write the model; the name of the contact method that it is for, None where the format has its own."""
-    from fastmodel.contact.methods import choose
+    from fastmodel.contact.methods import choose_method
     from validation.cli.mjcf import write_mjcf
     from validation.output_folder import write_text
 
     if form == "gazebo":
         write_text(path, _plugin_block(parameters))
         return None
-    used, _ = choose(method, parameters)
+    used, _ = choose_method(method, parameters)
     write_mjcf(parameters, path, name=path.stem, method=used)
     return used
 

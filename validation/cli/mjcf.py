@@ -6,7 +6,7 @@ from pathlib import Path
 
 import fastmodel
 from fastmodel import Parameters
-from fastmodel.contact.boxes import TexelContact
+from fastmodel.contact.interface import TexelContact
 from validation.output_folder import write_text
 
 

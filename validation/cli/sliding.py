@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from fastmodel import Parameters, Sensor, add_geoms, attach, recommend_options
-from fastmodel.contact.boxes import TexelContact
+from fastmodel.contact.interface import TexelContact
 from meshes import Indenter, TexelArray
 from meshes.constants import STANDARD_GRAVITY
 

@@ -157,16 +157,6 @@ def test_resting_does_not_chatter():
     assert np.ptp(late, axis=0).max() < 1e-3 * late.max()
 
 
-@pytest.mark.parametrize("method", ["foundation", "cover"])
-def test_numpy_and_numba_agree(method):
-    pytest.importorskip("numba")
-    plain, fast = (
-        run(*scene(np.array([1.0, 0, 0, 0]), method, speed=10e-3, native=native), 120)[-1].texel_forces
-        for native in (False, True)
-    )
-    np.testing.assert_allclose(plain, fast, atol=1e-6)
-
-
 def test_a_held_start_is_at_rest():
     sensor, _, _ = scene(np.array([1.0, 0, 0, 0]))
     forces = np.zeros(84)

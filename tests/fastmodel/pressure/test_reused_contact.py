@@ -152,7 +152,7 @@ def pressed_ball(method):
     spec = mujoco.MjSpec()
     spec.option.timestep = 1e-3
     fastmodel.recommend_options(spec)
-    sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method, native=False)
+    sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method)
     ball = spec.worldbody.add_body(name="ball", pos=[0.4e-3, -0.3e-3, 10.05e-3])
     ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[10e-3, 0, 0], mass=0.05)
@@ -187,7 +187,7 @@ def guided(geoms):
     table = spec.worldbody.add_body(name="table")
     table.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=20)
     table.mass, table.explicitinertial, table.inertia = 0.5, True, [1e-4] * 3
-    sensor = fastmodel.attach(spec, "table", parameters(filter=None), contact="cover", every=1, native=False)
+    sensor = fastmodel.attach(spec, "table", parameters(filter=None), contact="cover", every=1)
     tool = spec.worldbody.add_body(name="tool", pos=[0.3e-3, -0.4e-3, 0.5e-3], mocap=True)
     for kind, size, y in geoms:
         tool.add_geom(type=kind, size=size, pos=[0, y, size[1] or size[0]])

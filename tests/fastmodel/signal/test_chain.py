@@ -3,10 +3,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters
-from fastmodel.signal.butterworth import BLOCK, FilterBank
+from fastmodel.contact.interface import Reading
 from fastmodel.signal.chain import SignalChain
 from meshes import TexelArray
 
@@ -19,138 +21,130 @@ PARAMETERS = Parameters(
     filter=Butterworth(cutoff_hz=40.0, order=5),
 )
 RATE = 1000.0
+#: Force beside the texels in every sample [N].
+BESIDE = 0.25
 
 
-@pytest.fixture(params=[False, True], ids=["numpy", "numba"])
-def native(request):
-    if request.param:
-        pytest.importorskip("numba")
-    return request.param
+def random_forces(count, seed=0):
+    return np.random.default_rng(seed).uniform(0, 1.5, (count, ARRAY.count))
 
 
-def samples(count, seed=0):
-    """Random forces on each texel and their sum with something outside."""
-    forces = np.random.default_rng(seed).uniform(0, 1.5, (count, ARRAY.count))
-    return np.column_stack([forces, forces.sum(axis=1) + 0.25])
+def resting_chain(parameters=PARAMETERS, *, spreads=True):
+    chain = SignalChain(parameters, RATE, spreads=spreads)
+    chain.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
+    return chain
 
 
-def chain(native, parameters=PARAMETERS, *, spreads=True):
-    made = SignalChain(parameters, RATE, spreads=spreads, native=native)
-    made.settle(np.zeros(ARRAY.count + 1))
-    return made
-
-
-def frames(made, signals, every):
-    """A frame after so many samples each, and what is outside then."""
+def run(chain, forces, every):
+    """A frame after every so many samples, and the force outside at that frame."""
     found = []
-    for k, signal in enumerate(signals):
-        made.room()[:] = signal
-        made.take()
+    for k, sample in enumerate(forces):
+        chain.take(Reading(sample, None, sample.sum() + BESIDE))
         if (k + 1) % every == 0:
-            found.append((made.frame(k / RATE), made.outside))
+            found.append((chain.frame(k / RATE), chain.outside))
     return found
 
 
-@pytest.mark.parametrize("every", [1, 3, BLOCK, BLOCK + 1, 3 * BLOCK - 1])
-def test_samples_that_wait_are_filtered_as_if_one_by_one(native, every):
-    signals = samples(4 * every)
+@pytest.mark.parametrize("every", [1, 3, 8])
+def test_a_frame_is_the_filtered_sample_spread_by_the_operator(every):
+    forces = random_forces(4 * every)
+    signals = np.column_stack([forces, forces.sum(axis=1) + BESIDE])
     filtered = sosfilt(butter(5, 40.0, fs=RATE, output="sos"), signals, axis=0)[every - 1 :: every]
     operator = PARAMETERS.spread.operator(ARRAY)
-    for (frame, outside), expected in zip(frames(chain(native), signals, every), filtered, strict=True):
+    for (frame, outside), expected in zip(run(resting_chain(), forces, every), filtered, strict=True):
         np.testing.assert_allclose(frame.texel_forces, operator @ expected[:-1], atol=1e-12)
         assert outside == pytest.approx(expected[-1] - frame.texel_forces.sum(), abs=1e-12)
 
 
-def test_when_frames_are_made_changes_no_bit_of_those_made_later():
-    pytest.importorskip("numba")
-    signals = samples(24)
-    often, rarely = (frames(chain(native=True), signals, every)[-1][0] for every in (2, 12))
-    np.testing.assert_array_equal(often.texel_forces, rarely.texel_forces)
+def test_making_frames_changes_no_bit_of_later_frames():
+    forces = random_forces(24)
+    often, seldom = (run(resting_chain(), forces, every)[-1][0] for every in (2, 12))
+    np.testing.assert_array_equal(often.texel_forces, seldom.texel_forces)
+    np.testing.assert_array_equal(often.counts, seldom.counts)
 
 
-@pytest.mark.parametrize("spreads", [True, False])
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000), st.floats(-3, 3))
+def test_spread_and_filter_commute(seed, factor):
+    """Filtering spread forces gives the same as spreading filtered forces, and both are linear."""
+    forces = factor * random_forces(10, seed)
+    operator = PARAMETERS.spread.operator(ARRAY)
+    after = run(resting_chain(), forces, 10)[-1][0].texel_forces
+    before = run(resting_chain(spreads=False), forces @ operator.T, 10)[-1][0].texel_forces
+    np.testing.assert_allclose(after, before, atol=1e-12)
+
+
+def test_forces_that_the_method_has_spread_are_not_spread_again():
+    chain = resting_chain(spreads=False)
+    spread = random_forces(1)[0]
+    for _ in range(400):
+        chain.take(Reading(np.zeros(ARRAY.count), spread, spread.sum() + BESIDE))
+    np.testing.assert_allclose(chain.frame(0.4).texel_forces, spread, rtol=1e-6)
+    assert chain.outside == pytest.approx(BESIDE, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
-        {"gains": tuple(np.linspace(0.5, 1.5, 20)), "threshold": 30.0, "saturation_band": 500.0},
+        {"noise": 0.01},
+        {"hysteresis_share": 0.4, "hysteresis_width": 0.05},
+        {"temperature_coefficient": 0.01, "temperature_excess": 8.0},
+        {"gains": tuple(np.linspace(0.5, 1.5, 20))},
+        {"threshold": 30.0},
+        {"saturation_band": 3000.0},
         {"characteristic": (-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5)},
-        {"noise": 0.01},
-        {"hysteresis_share": 0.4, "hysteresis_width": 0.05},
-        {"temperature_coefficient": 0.01, "temperature_excess": 8.0},
     ],
+    ids=lambda changes: next(iter(changes)),
 )
-def test_compiled_and_numpy_chains_give_the_same_frames(changes, spreads):
-    pytest.importorskip("numba")
+def test_every_stage_of_the_electronics_changes_counts_and_no_force(changes):
     parameters = dataclasses.replace(PARAMETERS, electronics=dataclasses.replace(WTS_0614_34, **changes))
-    plain, fast = (frames(chain(native, parameters, spreads=spreads), samples(40), 4) for native in (False, True))
-    for (one, outside), (other, beside) in zip(plain, fast, strict=True):
-        np.testing.assert_allclose(one.texel_forces, other.texel_forces, atol=1e-12)
-        np.testing.assert_array_equal(one.counts, other.counts)
-        np.testing.assert_array_equal(one.image, other.image)
-        assert one.image.shape == other.image.shape == (5, 4)
-        assert outside == pytest.approx(beside, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"noise": 0.01},
-        {"hysteresis_share": 0.4, "hysteresis_width": 0.05},
-        {"temperature_coefficient": 0.01, "temperature_excess": 8.0},
-    ],
-)
-def test_no_stage_is_left_out(changes, native):
-    parameters = dataclasses.replace(PARAMETERS, electronics=dataclasses.replace(WTS_0614_34, **changes))
-    bare, full = (frames(chain(native, given), samples(12), 4)[-1][0] for given in (PARAMETERS, parameters))
-    np.testing.assert_allclose(bare.texel_forces, full.texel_forces, atol=1e-12)
+    bare, full = (run(resting_chain(given), random_forces(120), 40)[-1][0] for given in (PARAMETERS, parameters))
+    np.testing.assert_array_equal(bare.texel_forces, full.texel_forces)
     assert (bare.counts != full.counts).any()
 
 
-def test_without_a_filter_the_latest_sample_passes(native):
-    made = chain(native, dataclasses.replace(PARAMETERS, filter=None), spreads=False)
-    signals = samples(2 * BLOCK + 3)
-    for k, (frame, outside) in enumerate(frames(made, signals, 5)):
-        np.testing.assert_array_equal(frame.texel_forces, signals[5 * k + 4, :-1])
-        assert outside == pytest.approx(0.25)
+def test_without_a_filter_the_latest_sample_passes():
+    forces = random_forces(19)
+    for k, (frame, outside) in enumerate(
+        run(resting_chain(dataclasses.replace(PARAMETERS, filter=None), spreads=False), forces, 5)
+    ):
+        np.testing.assert_array_equal(frame.texel_forces, forces[5 * k + 4])
+        assert outside == pytest.approx(BESIDE)
 
 
-def test_a_sample_that_was_not_taken_in_leaves_no_trace(native):
-    made = chain(native)
-    before = frames(made, samples(3), 3)[-1][0]
-    made.room()[:] = np.nan
-    np.testing.assert_array_equal(made.frame(0.0).texel_forces, before.texel_forces)
+def test_masked_texels_count_nothing_and_the_others_do():
+    frame, _ = run(resting_chain(spreads=False), np.ones((40, ARRAY.count)), 40)[0]
+    assert np.all(frame.counts[~ARRAY.active] == 0)
+    assert np.all(frame.counts[ARRAY.active] > 0)
+    np.testing.assert_array_equal(frame.image, WTS_0614_34.image(frame.counts).reshape(5, 4))
 
 
-def test_frames_stay_as_they_were_handed_out(native):
-    made = chain(native, spreads=False)
-    first = frames(made, samples(3), 3)[-1][0]
+def test_settling_resets_hysteresis_and_noise():
+    electronics = dataclasses.replace(WTS_0614_34, noise=0.05, hysteresis_share=0.5, hysteresis_width=0.2)
+    chain = resting_chain(dataclasses.replace(PARAMETERS, electronics=electronics))
+    first = run(chain, random_forces(12), 4)
+    chain.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
+    again = run(chain, random_forces(12), 4)
+    for (one, _), (other, _) in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.counts, other.counts)
+
+
+def test_frames_stay_as_they_were_returned():
+    chain = resting_chain(spreads=False)
+    first = run(chain, random_forces(3), 3)[-1][0]
     kept = [values.copy() for values in (first.texel_forces, first.counts, first.image)]
-    frames(made, samples(3, seed=1), 3)
+    run(chain, random_forces(3, seed=1), 3)
     for values, before in zip((first.texel_forces, first.counts, first.image), kept, strict=True):
         np.testing.assert_array_equal(values, before)
         assert not values.flags.writeable
 
 
-def test_a_copy_of_a_filter_goes_on_like_the_original_and_alone(native):
-    original = FilterBank(PARAMETERS.filter, RATE, 3, native=native)
-    original.settle([1.0, 2.0, 3.0])
+def test_a_copy_of_a_chain_continues_like_the_original_and_on_its_own():
+    original = resting_chain()
+    forces = random_forces(12)
+    run(original, forces[:6], 4)
     twin = copy.deepcopy(original)
-    for values in samples(5)[:, :3]:
-        kept = twin.filtered.copy()
-        filtered = original.step(values)
-        np.testing.assert_array_equal(twin.filtered, kept)
-        np.testing.assert_array_equal(twin.step(values), filtered)
-
-
-def test_a_copy_of_a_chain_goes_on_with_the_samples_that_wait(native):
-    original = chain(native)
-    signals = samples(12)
-    frames(original, signals[:6], 4)
-    twin = copy.deepcopy(original)
-    for (frame, outside), (other, beside) in zip(
-        frames(original, signals[6:], 3), frames(twin, signals[6:], 3), strict=True
-    ):
+    for (frame, outside), (other, beside) in zip(run(original, forces[6:], 3), run(twin, forces[6:], 3), strict=True):
         np.testing.assert_array_equal(frame.texel_forces, other.texel_forces)
         np.testing.assert_array_equal(frame.counts, other.counts)
         assert outside == beside

@@ -2,21 +2,23 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fastmodel.errors import ShapeError
-from fastmodel.signal.electronics import WTS_0614_34, Electronics
+from fastmodel.signal.electronics import WTS_0614_34, Electronics, grey_levels, saturate
 
 PLAIN = Electronics(rate_hz=100.0, sensitivity=1000.0)
 
 
-def test_the_reports_line():
+def test_the_line_of_the_2015_report():
     forces = np.array([0.0, 0.18, 0.19, 1.0, 1.64, 1.65, 5.0, -0.3])
     counts = WTS_0614_34.counts(forces)
     assert counts.tolist() == [0, 0, 13, 2172, 3878, 3895, 3895, 0]
     assert np.issubdtype(counts.dtype, np.integer)
 
 
-def test_image_is_grey_of_full_output():
+def test_white_is_the_largest_count():
     image = WTS_0614_34.image([[0, 3895], [1948, 1]])
     assert image.dtype == np.uint8
     assert image.tolist() == [[0, 255], [128, 0]]
@@ -61,27 +63,27 @@ def test_every_fault_is_listed():
         Electronics(rate_hz=1, sensitivity=1, characteristic=(1.0, 2.0))
 
 
-def test_hysteresis_is_a_loop_of_the_stated_height_that_knows_no_rate():
+def test_hysteresis_is_a_loop_of_the_stated_height_at_any_rate():
     electronics = dataclasses.replace(PLAIN, hysteresis_share=0.4, hysteresis_width=0.05)
     play = np.zeros(1)
-    loading = [electronics.lag(np.array([f]), play)[0] for f in np.linspace(0, 1, 11)]
-    unloading = [electronics.lag(np.array([f]), play)[0] for f in np.linspace(1, 0, 11)][::-1]
+    loading = [electronics.apply_hysteresis(np.array([f]), play)[0] for f in np.linspace(0, 1, 11)]
+    unloading = [electronics.apply_hysteresis(np.array([f]), play)[0] for f in np.linspace(1, 0, 11)][::-1]
     height = np.subtract(unloading, loading)[2:-2]
     np.testing.assert_allclose(height, 2 * 0.4 * 0.05)
-    assert unloading[0] == pytest.approx(0.4 * 0.05)  # what stays when the load has gone
+    assert unloading[0] == pytest.approx(0.4 * 0.05)  # the remanence
     slow, quick = np.zeros(1), np.zeros(1)
     for f in np.linspace(0, 1, 500):
-        electronics.lag(np.array([f]), slow)
-    electronics.lag(np.ones(1), quick)
+        electronics.apply_hysteresis(np.array([f]), slow)
+    electronics.apply_hysteresis(np.ones(1), quick)
     assert slow == pytest.approx(quick)
 
 
-def test_without_hysteresis_forces_pass_as_they_are():
+def test_without_hysteresis_forces_pass_unchanged():
     forces, play = np.array([0.3, -0.1]), np.zeros(2)
-    assert PLAIN.lag(forces, play) is forces
+    assert PLAIN.apply_hysteresis(forces, play) is forces
 
 
-def test_warmth_scales_the_felt_force():
+def test_temperature_scales_the_measured_force():
     warm = dataclasses.replace(PLAIN, temperature_coefficient=0.004, temperature_excess=25.0)
     forces = np.array([0.5, 1.0])
     np.testing.assert_array_equal(warm.counts(forces), PLAIN.counts(1.1 * forces))
@@ -96,27 +98,34 @@ def test_warmth_scales_the_felt_force():
         {"temperature_excess": float("nan"), "temperature_coefficient": 1.0},
     ],
 )
-def test_stages_that_make_no_sense_are_refused(wrong):
+def test_stages_out_of_range_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         dataclasses.replace(PLAIN, **wrong)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"characteristic": (-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5)},
-        {"gains": tuple(np.linspace(0.5, 1.5, 40)), "threshold": 30.0},
-        {"saturation_band": 500.0, "temperature_coefficient": 0.01, "temperature_excess": 5.0},
-    ],
-)
-def test_the_compiled_conversion_is_the_same(changes):
-    pytest.importorskip("numba")
-    chain = dataclasses.replace(WTS_0614_34, **changes)
-    active = np.arange(40) % 7 != 3
-    felt = chain.felt(np.linspace(-0.1, 3.0, 40))
-    plain, fast = (chain.converter(active, native=native)(felt) for native in (False, True))
-    np.testing.assert_array_equal(fast[0], plain[0])
-    np.testing.assert_array_equal(fast[1], plain[1])
-    assert fast[1].dtype == plain[1].dtype
-    np.testing.assert_array_equal(plain[0], np.where(active, chain.counts(np.linspace(-0.1, 3.0, 40)), 0))
+@given(st.lists(st.floats(-1, 5), min_size=2, max_size=20), st.floats(0, 3000), st.floats(0, 300))
+def test_counts_rise_with_force_within_their_range(forces, band, threshold):
+    electronics = dataclasses.replace(WTS_0614_34, saturation_band=band, threshold=threshold)
+    counts = electronics.counts(np.sort(forces))
+    assert np.all(np.diff(counts) >= 0)
+    assert counts.min() >= 0
+    assert counts.max() <= electronics.output_max
+
+
+@given(st.floats(0.19, 1.64))
+def test_the_line_is_inverted_within_half_a_count(force):
+    counts = int(WTS_0614_34.counts([force])[0])
+    assert (counts - WTS_0614_34.offset) / WTS_0614_34.sensitivity == pytest.approx(force, abs=0.5001 / 2665.7)
+
+
+@given(st.floats(0, 1e4), st.floats(1, 4000))
+def test_soft_saturation_never_exceeds_the_sharp_clip_nor_undercuts_the_knee(counts, band):
+    soft, sharp = saturate(np.array([counts]), 4000.0, band)[0], min(counts, 4000.0)
+    assert min(counts, 4000.0 - band) - 1e-9 <= soft <= sharp + 1e-9
+
+
+@given(st.floats(-10, 10), st.floats(0.1, 5), st.floats(0.01, 100))
+def test_grey_levels_depend_on_the_ratio_to_the_full_scale_only(value, full_scale, factor):
+    one, other = (int(grey_levels([scale * value], scale * full_scale)[0]) for scale in (1.0, factor))
+    assert abs(one - other) <= 1  # rounding of the ratio may pass the border between two levels
+    assert one == min(max(round(255 * value / full_scale), 0), 255) or abs(255 * value / full_scale % 1 - 0.5) < 1e-9

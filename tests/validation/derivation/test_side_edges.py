@@ -9,7 +9,7 @@ import pytest
 
 import fastmodel
 from fastmodel import ShapeError, Tabulated
-from fastmodel.contact.methods import choose
+from fastmodel.contact.methods import choose_method
 from fastmodel.pressure.base_forces import BaseForces
 from fastmodel.pressure.cell_grid import CellGrid
 from meshes import Sphere, TexelArray
@@ -74,7 +74,7 @@ def test_written_folder_carries_the_sides_to_the_fast_model(derivation, tmp_path
     again = fastmodel.load(tmp_path)
     assert np.array_equal(again.cells.table, cells.table)
     assert np.array_equal(again.spread.operator(array), derivation.parameters.spread.matrix)
-    name, method = choose("default", again)
+    name, method = choose_method("default", again)
     assert (name, method.plate.margin) == ("cover", 0)
     pressed = fastmodel.indent(again, Sphere(radius=4e-3), load=0.5)
     assert pressed.texel_forces.sum() + pressed.outside == pytest.approx(0.5, rel=1e-3)
