@@ -30,7 +30,7 @@ def main() -> None:
     """Solve, press, and write the picture beside this file."""
     derivation = derive(load("wts-0614-34"))
     array = derivation.parameters.array
-    reference = fem_reference.indentation.press(derivation.sensor.cover, array, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
+    reference = fem_reference.press(derivation.sensor.cover, array, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
     fast = fastmodel.indent(derivation.parameters, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
     figure, axes = plt.subplots(
         1, 4, figsize=(10, 3.6), layout="constrained", gridspec_kw={"width_ratios": [1.9, 1, 1, 1]}
@@ -47,7 +47,7 @@ def main() -> None:
 
 def draw_spread(axis: Axes, derivation: Derivation) -> None:
     """Draw base pressure per unit point load over the distance from it."""
-    response = fem_reference.linear_response.point_spread(derivation.sensor.cover)
+    response = fem_reference.point_spread(derivation.sensor.cover)
     radius = np.linspace(0, 6e-3, 200)
     exact = closed_form.point_response(derivation.sensor.cover, radius)
     axis.plot(radius * 1e3, response.pressure(radius) * 1e-6, label="finite elements", linewidth=2)

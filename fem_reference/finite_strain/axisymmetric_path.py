@@ -87,17 +87,17 @@ def press_axisymmetric(
         radii = grade_outward(size, 1.25 * radius, reach, growth)
     mesh, region = tensor_mesh(thin, elements_per_thickness, radii, top=top)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
-    obstacle = Obstacle(indenter=path.indenter, fillet=fillet, unit=units.length, steepness=path.steepness)
+    obstacle = Obstacle(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
     problem = Problem(
         solid=Solid.of_cover(elements, path.cover, units),
         contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, friction=path.friction),
         fixed=held(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
-        steepness=path.steepness,
+        load_scale=path.load_scale,
     )
-    aims = [units.target(value, path.control) for value in path.scaled]
+    aims = [units.target(value, path.control) for value in path.scaled_targets]
     guesses = () if coarse is None or path.friction else coarse.guesses(elements)
-    first = 0.02 * path.steepness
+    first = 0.02 * path.load_scale
     reached = problem.follow(aims, control=path.control, first=first, guesses=guesses, progress=progress)
     states = [_state(elements, units, obstacle, each) for each in reached]
     return states, Coarse(elements=elements, path=reached)

@@ -59,7 +59,7 @@ class SolidState:
 class Steepened(Protocol):
     """What comes down on a block, and can do so with all its heights scaled."""
 
-    def with_steepness(self, steepness: float) -> Rigid:
+    def with_load_scale(self, load_scale: float) -> Rigid:
         """The same with that factor on its heights [-]."""
 
 

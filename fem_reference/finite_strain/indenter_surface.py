@@ -47,25 +47,25 @@ class Obstacle:
         indenter: The shape.
         fillet: Radius of the rounding of sharp edges, in `unit`.
         unit: Length that positions and heights are counted in [m].
-        steepness: Factor on all heights.  Small-strain contact is homogeneous: a thousandth of the heights under a
+        load_scale: Factor on all heights.  Small-strain contact is homogeneous: a thousandth of the heights under a
             thousandth of the load gives the small-strain solution for the whole of both, divided by a thousand [-].
     """
 
     indenter: Indenter
     fillet: float
     unit: float = 1.0
-    steepness: float = 1.0
+    load_scale: float = 1.0
 
-    def with_steepness(self, steepness: float) -> Obstacle:
+    def with_load_scale(self, load_scale: float) -> Obstacle:
         """The same shape with that factor on all heights [-]."""
-        return replace(self, steepness=steepness)
+        return replace(self, load_scale=load_scale)
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape [m]."""
         if isinstance(self.indenter, Flat):
             beyond = self.indenter.beyond(self.fillet * self.unit, x * self.unit, y * self.unit) / self.unit
-            return self.steepness * _rounded_edge(beyond, self.fillet)
-        return self.steepness * (self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y))
+            return self.load_scale * _rounded_edge(beyond, self.fillet)
+        return self.load_scale * (self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y))
 
     def at(self, x: FloatArray, y: FloatArray) -> Height:
         """Height with its derivatives, by central differences over a hundredth of the fillet.

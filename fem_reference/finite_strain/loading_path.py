@@ -1,4 +1,4 @@
-"""What is pressed how far, for every solver at finite strain or with friction."""
+"""The problem statement that all solvers of an indentation share: cover, indenter, targets and friction."""
 
 from __future__ import annotations
 
@@ -8,47 +8,53 @@ from typing import Literal
 
 from meshes import Cover, Indenter
 
-#: Factor on heights and targets that leaves no strain to speak of [-].
-_REST = 1e-3
+#: Whether loads or depths are prescribed.
+Control = Literal["load", "depth"]
+
+#: Scale factor on geometry and load that makes the nonlinear solve effectively small-strain [-].
+_SMALL_STRAIN_SCALE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadingPath:
-    """One path of loads or depths.
+    """A path of ascending loads or depths of one indenter on one cover.
+
+    Small-strain contact is homogeneous: if the indenter's heights and the load or depth are multiplied by a factor, the
+    displacements are as well.  A solver for finite strain therefore returns the small-strain solution, times
+    `load_scale`, if that factor is small.
 
     Attributes:
-        cover: The cover; a small-strain material counts as neo-Hookean with the same moduli.
+        cover: The cover; solvers for finite strain treat a small-strain material as neo-Hookean with the same moduli.
         indenter: The shape.
         targets: Loads [N] or depths [m], ascending.
-        control: Which of the two.
-        friction: Coefficient of Coulomb's law, inf for no slip [-].
-        steepness: Factor on targets and on the indenter's heights; far below one there is no strain to speak of and the
-            answer, divided by it again, is that of small strain [-].
+        control: Whether the targets are loads or depths.
+        friction: Coefficient of Coulomb friction, inf for no slip [-].
+        load_scale: Factor on the targets and on the indenter's heights [-].
     """
 
     cover: Cover
     indenter: Indenter
     targets: tuple[float, ...]
-    control: Literal["load", "depth"]
+    control: Control
     friction: float = 0.0
-    steepness: float = 1.0
+    load_scale: float = 1.0
 
     @property
-    def scaled(self) -> list[float]:
-        """What the solver is asked for [N] or [m]."""
-        return [self.steepness * target for target in self.targets]
+    def scaled_targets(self) -> list[float]:
+        """Targets times the load scale, as the solver sees them [N] or [m]."""
+        return [self.load_scale * target for target in self.targets]
 
     @property
-    def at_its_strain(self) -> LoadingPath:
-        """The path at the strain that the materials ask for: small where all of them are small-strain models."""
-        return replace(self, steepness=_REST) if self.cover.small_strain_only else self
+    def at_model_strain(self) -> LoadingPath:
+        """The path at the strain that its material models describe: small if all layers are small-strain models."""
+        return replace(self, load_scale=_SMALL_STRAIN_SCALE) if self.cover.small_strain_only else self
 
     @property
-    def at_rest(self) -> LoadingPath:
-        """The frictionless path at small strain."""
-        return replace(self, friction=0.0, steepness=_REST)
+    def baseline(self) -> LoadingPath:
+        """The same path without friction and at small strain."""
+        return replace(self, friction=0.0, load_scale=_SMALL_STRAIN_SCALE)
 
 
-def with_grid(progress: Callable[[str], None] | None, n: int) -> Callable[[str], None] | None:
-    """`progress` with the grid named first."""
-    return None if progress is None else lambda text: progress(f"{n} elements through the cover: {text}")
+def name_grid(progress: Callable[[str], None] | None, count: int) -> Callable[[str], None] | None:
+    """Return `progress` with the number of elements through the cover put before each line; None stays None."""
+    return None if progress is None else lambda text: progress(f"{count} elements through the cover: {text}")

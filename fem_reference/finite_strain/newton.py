@@ -143,7 +143,7 @@ class Problem:
         contact: The top and the obstacle, in `units`.
         fixed: Held unknowns.
         units: What one stands for in lengths and stresses here; messages are in SI.
-        steepness: Factor on heights and targets, which messages undo [-].
+        load_scale: Factor on heights and targets, which messages undo [-].
         overlap: Overlap that counts as none, relative to the depth [-].
     """
 
@@ -151,7 +151,7 @@ class Problem:
     contact: SurfaceContact
     fixed: npt.NDArray[np.int64]
     units: Units
-    steepness: float = 1.0
+    load_scale: float = 1.0
     overlap: float = OVERLAP
     _last: list[ConstrainedSystem] = field(default_factory=list, init=False, repr=False)
 
@@ -188,7 +188,7 @@ class Problem:
         return out
 
     def _where(self, here: Equilibrium) -> str:
-        force, length = self.units.force / self.steepness, self.units.length / self.steepness
+        force, length = self.units.force / self.load_scale, self.units.length / self.load_scale
         return f"{here.load * force:.3g} N at {here.depth * length * 1e3:.3g} mm"
 
     def _from_guess(self, guess: Guess, target: float, control: str, before: Equilibrium | None) -> Equilibrium | None:
@@ -252,7 +252,7 @@ class Problem:
             if control == "depth" or here.load <= most:
                 self.contact.settle(here.touch)
                 return here
-        raise PathError(f"no convergence even at a depth of {step * self.units.length / self.steepness:.3g} m", None)
+        raise PathError(f"no convergence even at a depth of {step * self.units.length / self.load_scale:.3g} m", None)
 
     def _tightened(self, here: Equilibrium, control: str) -> Equilibrium:
         """Augment until the overlap is negligible beside the depth, then meet the balance closely."""

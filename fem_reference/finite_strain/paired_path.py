@@ -83,13 +83,13 @@ def press_pair(
     units = Units.of(path.cover)
     elements = meshed(block, units.thin(path.cover), elements_per_thickness)
     solid = Solid.of_cover(elements, path.cover, units)
-    at_rest = path.at_rest
+    at_rest = path.baseline
     undeformed = np.zeros(elements.displacements + elements.pressures)
-    guesses = [Guess(state=undeformed, depth=at_rest.steepness * depth / units.length) for depth in approaches]
+    guesses = [Guess(state=undeformed, depth=at_rest.load_scale * depth / units.length) for depth in approaches]
     linear = solid.at_rest
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
     rest = _followed(at_rest, block, linear, guesses=guesses, progress=tell)
-    small = path.steepness == at_rest.steepness
+    small = path.load_scale == at_rest.load_scale
     starts = [] if path.friction else _starts(path, block, rest, elements, before)  # slip depends on the way
     deep = _followed(path, block, linear if small else solid, guesses=starts, progress=progress)
     states = [[solid_state(elements, units, each, block) for each in reached] for reached in (rest, deep)]
@@ -97,8 +97,8 @@ def press_pair(
 
 
 def _ratio(path: LoadingPath) -> float:
-    """A path's steepness over that of its small-strain twin [-]."""
-    return path.steepness / path.at_rest.steepness
+    """A path's load_scale over that of its small-strain twin [-]."""
+    return path.load_scale / path.baseline.load_scale
 
 
 def _starts(
@@ -109,7 +109,7 @@ def _starts(
     scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in map(first_solved, rest)]
     nothing = Guess(state=np.zeros_like(rest[0].state), depth=0.0)
     changes = [nothing] * len(rest) if before is None else before.changes(elements)
-    obstacle = block.obstacle.with_steepness(path.steepness)
+    obstacle = block.obstacle.with_load_scale(path.load_scale)
     return [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
 
 
@@ -142,7 +142,7 @@ def _followed(
     contact = SurfaceContact(
         solid.elements,
         1.0,
-        block.obstacle.with_steepness(path.steepness),
+        block.obstacle.with_load_scale(path.load_scale),
         penalty=PENALTY / block.size,
         multiple=block.multiple,
         friction=path.friction,
@@ -152,8 +152,8 @@ def _followed(
         contact=contact,
         fixed=held(units.thin(path.cover), solid.elements, block),
         units=units,
-        steepness=path.steepness,
+        load_scale=path.load_scale,
         overlap=_OVERLAP_ALONG if path.friction else _OVERLAP,
     )
-    aims = [units.target(value, path.control) for value in path.scaled]
-    return problem.follow(aims, control=path.control, first=0.02 * path.steepness, guesses=guesses, progress=progress)
+    aims = [units.target(value, path.control) for value in path.scaled_targets]
+    return problem.follow(aims, control=path.control, first=0.02 * path.load_scale, guesses=guesses, progress=progress)

@@ -1,8 +1,8 @@
-"""Pressing covers of limited size in three dimensions, at finite strain or with friction.
+"""Indentation of a cover of limited size in three dimensions, at finite strain or with friction.
 
-No two places on such a cover are alike, so the mesh lies in the array's frame, ends at the free side faces, and every
-pose is solved.  Where shape and pose mirror in the cover's own middle planes, a half or a quarter is enough.  The
-grids are coarse beside those of small strain, so each is taken as a correction of the converged small-strain answer.
+The solution depends on where the indenter stands.  The mesh therefore lies in the array's frame, ends at the free side
+faces, and is solved for every pose.  If shape and pose are symmetric in the cover's middle planes, a half or a quarter
+is meshed.  Each grid corrects the accurate small-strain solution, see `correction`.
 """
 
 from __future__ import annotations
@@ -11,74 +11,38 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference import result_store
 from fem_reference.elements.grading import fill_by_spacing
 from fem_reference.elements.line import Line, recover_pressure
 from fem_reference.elements.scaling import Units
 from fem_reference.finite_strain.block_path import Block
 from fem_reference.finite_strain.indenter_surface import Height, Obstacle
-from fem_reference.finite_strain.loading_path import LoadingPath, with_grid
-from fem_reference.finite_strain.paired_path import press_pair
-from fem_reference.indentation import finite_strain, small_strain
-from fem_reference.indentation.grid_solution import Level, shared_out
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.newton import OVERLAP
+from fem_reference.indentation import small_strain
+from fem_reference.indentation.correction import (
+    SOLID_GRIDS,
+    BlockModel,
+    correct_path,
+    solve_block_pair,
+)
+from fem_reference.indentation.grid_solution import BasePressure, GridStudy
+from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
 from fem_reference.small_strain_contact.free_edges import mirrored
-from meshes import Cover, Indenter, TexelArray
+from meshes import TexelArray
 from meshes.indenters.indenter import Flat
 from meshes.pose import Place, Pose
 
 FloatArray = npt.NDArray[np.float64]
 
-GRIDS = finite_strain.SOLID_GRIDS
-#: Growth of elements away from contact and sides.
+#: Element size at the edge of a contact: over the fillet where the edge lies on mesh lines, else over the element size
+#: in the contact [-].
+_EDGE, _INSIDE = 0.6, 0.5
+#: Increase of the element size per distance from the contact's edge and from the sides [-].
 _GROWTH = 0.4
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BoundedLevel:
-    """One grid's answer for one pose.
-
-    Attributes:
-        total_force: Force on the indenter [N].
-        depth: Approach from first touch [m].
-        area: Reference area that touches [m2].
-        overlap: Mean distance that contact left between the surfaces, over the depth [-].
-        pose: Where the indenter stands.
-        x: Nodes of the base along x in the array's frame, side to side, shape (m,) [m].
-        y: Nodes along y, shape (n,) [m].
-        pressure: Base pressure at the nodes, which integrates to the reactions exactly, shape (m, n) [Pa].
-        half: Half widths of the indenter [m].
-    """
-
-    total_force: float
-    depth: float
-    area: float
-    overlap: float
-    pose: Pose
-    x: FloatArray
-    y: FloatArray
-    pressure: FloatArray
-    half: tuple[float, float]
-
-    @property
-    def surface(self) -> FloatArray:
-        """The base pressure's nodes under the shape, as a stand-in for where it touches, shape (m, 3)."""
-        return shared_out(self, self.pose)
-
-    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:  # noqa: ARG002
-        """Integrate the base pressure over each texel; the pose is the one that was solved."""
-        shares = []
-        for axis, nodes in enumerate((self.x, self.y)):
-            line = Line(edges=nodes[::2], order=2)
-            centres, half = array.centres[:, axis], array.texel_size[axis] / 2
-            values, place = np.unique(centres, return_inverse=True)
-            shares.append(np.array([line.integral(c - half, c + half) for c in values])[place])
-        force = np.einsum("na,nb,ab->n", *shares, self.pressure, optimize=True)
-        return np.where(array.active, force, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,9 +57,9 @@ class PosedObstacle:
     obstacle: Obstacle
     pose: Pose
 
-    def with_steepness(self, steepness: float) -> PosedObstacle:
+    def with_load_scale(self, load_scale: float) -> PosedObstacle:
         """The same with that factor on all heights [-]."""
-        return replace(self, obstacle=self.obstacle.with_steepness(steepness))
+        return replace(self, obstacle=self.obstacle.with_load_scale(load_scale))
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape."""
@@ -113,115 +77,82 @@ class PosedObstacle:
         )
 
 
-def levels(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
-    control: Literal["load", "depth"],
-    progress: Callable[[str], None] | None,
-    *,
-    place: Place,
-    friction: float = 0.0,
-) -> list[list[Level]]:
-    """The path on three grids, from the store where it is known; a list of grids for every target.
+def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
+    """Solve a path on three grids for one pose and state how the grids converge.
 
     Raises:
-        ValueError: If the cover could slide away on its base.
+        ValueError: If no symmetry keeps a sliding cover from moving sideways on its base.
     """
-    if cover.base == "sliding" and not all(mirrored(indenter, place.pose)):
+    cover, indenter, pose = path.cover, path.indenter, place.pose
+    if cover.base == "sliding" and not all(mirrored(indenter, pose)):
         raise ValueError(
             "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
-    path = LoadingPath(cover=cover, indenter=indenter, targets=tuple(targets), control=control, friction=friction)
-    known = small_strain.levels(cover, indenter, targets, control, progress, place=place)
-    return finite_strain.corrected(path, known, partial(_both, place=place, progress=progress))
-
-
-def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for all solvers
-    """Element sizes of the three grids, relative to the thickness [-]."""
-    return [1 / n for n in GRIDS]
-
-
-def least_order(indenter: Indenter) -> float:  # noqa: ARG001 -- one interface for all solvers
-    """Smallest order of convergence believed: every answer is a correction, as in `press_finite` [-]."""
-    return 2.0
-
-
-def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:
-    """How sharp edges and facets were treated."""
-    return finite_strain.rounded(indenter, finite_strain.solid_fillet(cover, indenter))
-
-
-def _both(
-    path: LoadingPath, approaches: Sequence[float], place: Place, progress: Callable[[str], None] | None
-) -> finite_strain.Twice:
-    inputs = {"path": path, "grids": GRIDS, "pose": place.pose}
-    data = result_store.fetch("bounded-press", inputs, lambda: _solve(path, approaches, place, progress))
-    rest, deep = (
-        [[_level(data, each, place.pose, f"{name}_{n}_{i}") for n in GRIDS] for i in range(len(path.targets))]
-        for name, each in (("rest", path.at_rest), ("deep", path))
-    )
-    return rest, deep
-
-
-def _solve(
-    path: LoadingPath, approaches: Sequence[float], place: Place, progress: Callable[[str], None] | None
-) -> dict[str, Any]:
-    last = path.targets[-1]
-    known = small_strain.levels(path.cover, path.indenter, [last], path.control, progress, place=place)
-    out: dict[str, Any] = {}
-    pair = None
-    for n in GRIDS:
-        block = _block(path, place.pose, known[0][0].surface, elements=n)
-        rest, deep, pair = press_pair(
-            path, block, approaches, elements_per_thickness=n, before=pair, progress=with_grid(progress, n)
-        )
-        for name, states in (("rest", rest), ("deep", deep)):
-            for i, state in enumerate(states):
-                here = f"{name}_{n}_{i}"
-                x, y, pressure = _base_pressure(state.lines, state.forces, block.mirrored)
-                out |= {f"x_{here}": x, f"y_{here}": y, f"pressure_{here}": pressure}
-                out[f"scalars_{here}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
-    return out
-
-
-def _level(data: dict[str, Any], path: LoadingPath, pose: Pose, here: str) -> Level:
-    load, depth, area, overlap = (float(value) for value in data[f"scalars_{here}"])
-    return BoundedLevel(
-        total_force=load / path.steepness,
-        depth=depth / path.steepness,
-        area=area,
-        overlap=overlap,
+    accurate = small_strain.solve_path(path, place, progress)
+    fillet = choose_solid_fillet(cover.thickness, indenter)
+    points = accurate[-1][0].contact[:, :2]
+    if isinstance(indenter, Flat):
+        points = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * indenter.footprint
+    model = BlockModel(
+        kind="bounded-press",
+        inputs={"pose": pose},
         pose=pose,
-        x=data[f"x_{here}"],
-        y=data[f"y_{here}"],
-        pressure=data[f"pressure_{here}"] / path.steepness,
-        half=path.indenter.footprint,
+        lay_out=lambda count: _lay_out(path, pose, points, count, scale_fillet(fillet, count, SOLID_GRIDS)),
+        read_pressure=lambda state, block: _base_pressure(state.lines, state.forces, block.mirrored),
+        integrate=lambda base: partial(integrate_nodal, base),
+    )
+    return GridStudy(
+        solutions=correct_path(path, accurate, partial(solve_block_pair, model=model, progress=progress)),
+        sizes=[1 / count for count in SOLID_GRIDS],
+        least_order=1.0 if path.friction else 2.0,
+        least_overlap=OVERLAP,
+        assumptions=state_rounding(indenter, fillet),
     )
 
 
-def _block(path: LoadingPath, pose: Pose, surface: FloatArray, *, elements: int) -> Block:
-    """The whole cover, or the half or quarter that is enough; fine around the small-strain contact."""
+def integrate_nodal(base: BasePressure, array: TexelArray, pose: Pose) -> FloatArray:  # noqa: ARG001 -- one signature
+    """Integrate a base pressure, known in the array's frame for one pose, over each texel, shape (n,) [N].
+
+    Args:
+        base: Nodes along x and y, side to side [m], and nodal values of the biquadratic pressure [Pa].
+        array: The texels.
+        pose: Not used; the solution holds for the pose that was solved.
+    """
+    *lines, pressure = base
+    integrals = []
+    for axis, nodes in enumerate(lines):
+        line = Line(edges=nodes[::2], order=2)
+        centres, half = array.centres[:, axis], array.texel_size[axis] / 2
+        values, position = np.unique(centres, return_inverse=True)
+        integrals.append(np.array([line.integral(c - half, c + half) for c in values])[position])
+    force = np.einsum("na,nb,ab->n", *integrals, pressure, optimize=True)
+    return np.where(array.active, force, 0.0)
+
+
+def _lay_out(path: LoadingPath, pose: Pose, contact: FloatArray, count: int, fillet: float) -> Block:
+    """Lay out the whole cover, or the half or quarter that symmetry leaves, with small elements around the contact.
+
+    Args:
+        path: What is pressed.
+        pose: Pose of the indenter in the array's frame.
+        contact: Points that the contact extends to, in the indenter's frame, shape (m, 2) [m].
+        count: Elements through the cover [-].
+        fillet: Radius of rounded edges [m].
+    """
     cover, indenter = path.cover, path.indenter
     unit = Units.of(cover).length
-    flat = isinstance(indenter, Flat)
-    points = surface[:, :2]
-    if flat:
-        signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        points = signs * np.array(indenter.footprint)
-    placed = np.stack(pose.placed(*points.T)) / unit
+    placed = np.stack(pose.placed(*contact.T)) / unit
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
-    along = pose.square and not indenter.axisymmetric
-    fillet = finite_strain.on_grid(finite_strain.solid_fillet(cover, indenter), elements, GRIDS) / unit
-    size = min(1.0, float((high - low).min())) / elements
-    fine = 0.6 * fillet if flat and along else 0.5 * size
-    even = mirrored(indenter, pose)
-    sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=even[axis]) for axis in (0, 1)]
-    obstacle = Obstacle(indenter=indenter, fillet=fillet, unit=unit)
+    size = min(1.0, float((high - low).min())) / count
+    edge_on_line = isinstance(indenter, Flat) and pose.square and not indenter.axisymmetric
+    fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
+    symmetric = mirrored(indenter, pose)
+    sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=symmetric[axis]) for axis in (0, 1)]
+    obstacle = Obstacle(indenter=indenter, fillet=fillet / unit, unit=unit)
     posed = PosedObstacle(obstacle=obstacle, pose=replace(pose, at=(pose.at[0] / unit, pose.at[1] / unit)))
-    return Block(sides=sides, mirrored=even, size=size, obstacle=posed, free=True)
+    return Block(sides=sides, mirrored=symmetric, size=size, obstacle=posed, free=True)
 
 
 def _side(span: tuple[float, float], end: float, steps: tuple[float, float], *, mirror: bool) -> FloatArray:

@@ -1,161 +1,141 @@
-"""Small-strain pressing: contact on cells, base forces superposed.
+"""Indentation at small strain: contact on square cells, base forces by superposition.
 
-On a wide cover the contact is the same everywhere; on one of limited size the side edges add to how the top yields, and
-the base forces come from the three-dimensional solution.
+On a wide cover the contact solution is the same everywhere.  On a cover of limited size the free side edges make the
+top more compliant, and the base forces come from a three-dimensional solution.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fem_reference import result_store
-from fem_reference.indentation.grid_solution import Level, ScaledLevel
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence
 from fem_reference.linear_response.point_spread import PointSpread, decay_length, point_spread
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, is_flat, solve_contact
-from meshes import Cover, Indenter, TexelArray
+from meshes import TexelArray
 from meshes.pose import Place, Pose
 
 FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[str], None] | None
 
-#: Cells across the contact on the three grids; the last one is the answer.  Sixteenths of the width fall between cells
-#: on each, so that the legs of most letters and brackets are cut where they end.
+#: Cells across the contact on the three grids, coarsest first.  All are multiples of 16, because the edges of many
+#: letters and brackets lie at sixteenths of the width and then fall between cells.
 CELLS = (64, 96, 144)
+#: Depth over thickness at which flat faces are solved.  The value is arbitrary because the solution is linear [-].
+_FLAT_DEPTH = 1e-2
+#: Size of the window in which the contact is searched over the estimated size of the contact [-].
+_WINDOW = 1.35
+#: Extent of a contact over that of its window above which the window may cut the contact off; one to two cells less
+#: than the window [-].
+_FULL = 0.98
+#: Size of the bins that contact forces are gathered into before superposition, over the thickness.  The base response
+#: to a force is about one thickness wide, so the bins are much smaller than that [-].
+_BIN = 1 / 16
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LinearLevel:
-    """One grid's answer: where the cells touch, and how the cover spreads them; the last pose's forces are kept."""
-
-    patch: ContactPatch
-    spread: PointSpread | SolidInfluence
-    _last: list[tuple[TexelArray, Pose, FloatArray]] = field(default_factory=list, init=False, repr=False)
-
-    @property
-    def total_force(self) -> float:
-        """Force on the indenter [N]."""
-        return self.patch.total_force
-
-    @property
-    def depth(self) -> float:
-        """Approach from first touch [m]."""
-        return self.patch.depth
-
-    @property
-    def area(self) -> float:
-        """Contact area [m2]."""
-        return self.patch.area
-
-    @property
-    def overlap(self) -> float:
-        """Cells touch without overlap [-]."""
-        return 0.0
-
-    @property
-    def surface(self) -> FloatArray:
-        """Touching cells in the indenter's frame: x, y [m], force [N], shape (m, 3)."""
-        return np.column_stack([self.patch.x, self.patch.y, self.patch.force])
-
-    def texel_forces(self, array: TexelArray, at: tuple[float, float], yaw: float) -> FloatArray:
-        """Superpose the base response of every cell, gathered into bins far smaller than the response is wide."""
-        pose = Pose(at=at, yaw=yaw)
-        for known, where, forces in self._last:
-            if known is array and where == pose:
-                return forces
-        x, y, each = self.surface.T
-        place = np.column_stack(pose.placed(x, y))
-        _, group = np.unique(np.round(place / (self.spread.thickness / 16)), axis=0, return_inverse=True)
-        force = np.bincount(group, each)
-        centre = np.column_stack([np.bincount(group, place[:, i] * each) / force for i in range(2)])
-        forces = np.asarray(force @ self.spread.texel_influence(array, centre))
-        self._last[:] = [(array, pose, forces)]
-        return forces
+def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy:
+    """Solve a frictionless path on three grids and state how the grids converge."""
+    base_response = _solve_base_response(path, place, progress)
+    return GridStudy(
+        solutions=solve_path(path, place, progress),
+        sizes=[1 / cells for cells in CELLS],
+        least_order=1.0,
+        extrapolate=is_flat(path.indenter),
+        base_error=base_response.error_estimate["peak_texel"],
+        assumptions={},
+    )
 
 
-def levels(
-    cover: Cover,
-    indenter: Indenter,
-    targets: Sequence[float],
-    control: Literal["load", "depth"],
-    progress: Callable[[str], None] | None,
-    *,
-    place: Place | None = None,
-) -> list[list[Level]]:
-    """The contact on three grids for every target, from the store where it is known.
+def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> list[list[GridSolution]]:
+    """Solve a frictionless path, or read it from the result store.
 
-    A cover of limited size needs the place; its levels hold for that place only.  A flat face is solved at one depth,
-    and scaled: the contact is the face at any load.
+    The contact area under a flat face does not depend on the load, so a flat face is solved once and scaled.
+
+    Args:
+        path: Cover, indenter and targets.
+        place: Texels and pose.  Required on a cover of limited size, where the solution holds for this place only.
+        progress: Called with a line of text before each solve.
+
+    Returns:
+        For each target the solutions on the three grids, coarsest first.
     """
-    spread = _spread(cover, place, progress)
+    base_response = _solve_base_response(path, place, progress)
 
-    def solved(target: float, control: Literal["load", "depth"]) -> list[Level]:
-        patches = _patches(cover, indenter, target, control, progress, place=place)
-        return [LinearLevel(patch=patch, spread=spread) for patch in patches]
+    def solve(target: LoadingPath) -> list[GridSolution]:
+        return [_build_solution(patch, base_response) for patch in _solve_contact(target, place, progress)]
 
-    if not is_flat(indenter):
-        return [solved(target, control) for target in targets]
-    known = solved(_FLAT_DEPTH * cover.thickness, "depth")
-    reached = [each.depth if control == "depth" else each.total_force for each in known]
+    if not is_flat(path.indenter):
+        return [solve(replace(path, targets=(target,))) for target in path.targets]
+    grids = solve(replace(path, targets=(_FLAT_DEPTH * path.cover.thickness,), control="depth"))
+    reached = [each.depth if path.control == "depth" else each.total_force for each in grids]
     return [
-        [ScaledLevel(level=each, factor=target / one) for each, one in zip(known, reached, strict=True)]
-        for target in targets
+        [scale_solution(each, target / value) for each, value in zip(grids, reached, strict=True)]
+        for target in path.targets
     ]
 
 
-#: Depth over thickness at which flat faces are solved; small strain knows no scale [-].
-_FLAT_DEPTH = 1e-2
+def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
+    """Return the contact points at the path's last target on the coarsest grid, to lay out finer meshes.
+
+    Returns:
+        Positions in the indenter's frame, shape (m, 2) [m].
+    """
+    patch = _solve_contact(replace(path, targets=path.targets[-1:]), place, progress)[0]
+    return np.column_stack([patch.x, patch.y])
 
 
-def sizes(indenter: Indenter) -> list[float]:  # noqa: ARG001 -- one interface for both solvers
-    """Cell sizes of the three grids, relative to the contact [-]."""
-    return [1 / cells for cells in CELLS]
+def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInfluence) -> GridSolution:
+    """Describe a solved contact; the texel forces of the last array and pose are remembered."""
+    contact = np.column_stack([patch.x, patch.y, patch.force])
+    return GridSolution(
+        total_force=patch.total_force,
+        depth=patch.depth,
+        area=patch.area,
+        overlap=0.0,
+        contact=contact,
+        texel_forces=lru_cache(maxsize=1)(partial(_superpose, contact, base_response)),
+    )
 
 
-def least_order(indenter: Indenter) -> float:  # noqa: ARG001 -- one interface for both solvers
-    """Smallest order of convergence believed of the three grids [-]."""
-    return 1.0
+def _superpose(
+    contact: FloatArray, base_response: PointSpread | SolidInfluence, array: TexelArray, pose: Pose
+) -> FloatArray:
+    """Superpose the base response to all contact forces; nearby forces are first gathered into their centroid."""
+    x, y, cell_force = contact.T
+    position = np.column_stack(pose.placed(x, y))
+    _, group = np.unique(np.round(position / (base_response.thickness * _BIN)), axis=0, return_inverse=True)
+    force = np.bincount(group, cell_force)
+    centroid = np.column_stack([np.bincount(group, position[:, i] * cell_force) / force for i in range(2)])
+    return np.asarray(force @ base_response.texel_influence(array, centroid))
 
 
-def assumptions(cover: Cover, indenter: Indenter) -> dict[str, str]:  # noqa: ARG001 -- one interface for both solvers
-    """Nothing beyond what every result states."""
-    return {}
+def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> PointSpread | SolidInfluence:
+    if path.cover.size is None:
+        return point_spread(path.cover, progress=progress)
+    return solid_influence(path.cover, _require_place(place).array, progress=progress)
 
 
-def base_error(cover: Cover, place: Place | None = None) -> float:
-    """Relative error of a texel that the spread adds to the contact's [-]."""
-    return _spread(cover, place, None).error_estimate["peak_texel"]
-
-
-def _spread(cover: Cover, place: Place | None, progress: Callable[[str], None] | None) -> PointSpread | SolidInfluence:
-    if cover.size is None:
-        return point_spread(cover, progress=progress)
-    return solid_influence(cover, _known(place).array, progress=progress)
-
-
-def _known(place: Place | None) -> Place:
+def _require_place(place: Place | None) -> Place:
     if place is None:
-        raise ValueError("a cover of limited size is not alike everywhere: say where the indenter stands")
+        raise ValueError("the solution on a cover of limited size depends on the place: give the indenter's pose")
     return place
 
 
-def _patches(
-    cover: Cover,
-    indenter: Indenter,
-    target: float,
-    control: Literal["load", "depth"],
-    progress: Callable[[str], None] | None,
-    *,
-    place: Place | None,
-) -> list[ContactPatch]:
-    aim = {control: target}
-    load, depth = aim.get("load"), aim.get("depth")
+def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress) -> list[ContactPatch]:
+    """Solve the contact of a path's only target on the three grids, or read it from the store."""
+    cover, indenter = path.cover, path.indenter
+    target = path.targets[0]
+    load, depth = (target, None) if path.control == "load" else (None, target)
 
     def compute() -> dict[str, Any]:
         if progress is not None:
@@ -164,58 +144,48 @@ def _patches(
         surface = surface_compliance(replace(cover, size=None), reach)
         out: dict[str, Any] = {}
         for grid, cells in enumerate(CELLS):
-            with np.errstate(over="ignore", invalid="ignore"):  # an absurd load pierces any cover, which is told below
+            with np.errstate(over="ignore", invalid="ignore"):  # an extreme load pierces the cover; `press` refuses it
                 if cover.size is None:
                     patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
                 else:
                     patch = _touch_near_sides(
-                        surface, cover, indenter, _known(place), grid=grid, load=load, depth=depth
+                        surface, path, _require_place(place).pose, grid=grid, load=load, depth=depth
                     )
             out[f"cells_{cells}"] = np.column_stack([patch.x, patch.y, patch.force])
             out[f"scalars_{cells}"] = np.array([patch.cell, patch.depth])
         return out
 
-    inputs = {"cover": cover, "indenter": indenter, control: target, "cells": CELLS}
+    inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": CELLS}
     if cover.size is not None:
-        inputs["pose"] = _known(place).pose
+        inputs["pose"] = _require_place(place).pose
     data = result_store.fetch("contact", inputs, compute)
-    found = []
+    patches = []
     for cells in CELLS:
         x, y, force = data[f"cells_{cells}"].T
         cell, approach = data[f"scalars_{cells}"]
-        found.append(ContactPatch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
-    return found
+        patches.append(ContactPatch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
+    return patches
 
 
 def _touch_near_sides(
-    surface: SurfaceCompliance,
-    cover: Cover,
-    indenter: Indenter,
-    place: Place,
-    *,
-    grid: int,
-    load: float | None,
-    depth: float | None,
+    surface: SurfaceCompliance, path: LoadingPath, pose: Pose, *, grid: int, load: float | None, depth: float | None
 ) -> ContactPatch:
-    """Contact on a cover of limited size, in a rectangle that grows until it holds the contact."""
-    whole = np.array(bound_contact(indenter, cover.thickness))
-    half = whole
+    """Solve the contact on a cover of limited size, in a rectangular window that grows until it holds the contact."""
+    indenter = path.indenter
+    largest = np.array(bound_contact(indenter, path.cover.thickness))
+    half = largest
     if not is_flat(indenter):
-        wide = solve_contact(surface, indenter, cells=CELLS[0], load=load, depth=depth)
-        half = np.minimum(whole, _ROOM * _extent(wide))
+        on_wide_cover = solve_contact(surface, indenter, cells=CELLS[0], load=load, depth=depth)
+        half = np.minimum(largest, _WINDOW * _measure_extent(on_wide_cover))
     while True:
-        sides = SideEdges(cover=cover, indenter=indenter, pose=place.pose, half=half, grid=grid)
+        sides = SideEdges(cover=path.cover, indenter=indenter, pose=pose, half=half, grid=grid)
         patch = solve_contact(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
-        full = _extent(patch) > 0.98 * half  # within a cell or two of the rectangle
-        if is_flat(indenter) or not (full & (half < whole)).any():
+        cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
+        if is_flat(indenter) or not cut_off.any():
             return sides.kept(patch)
-        half = np.minimum(whole, _ROOM * half)
+        half = np.minimum(largest, _WINDOW * half)
 
 
-#: Room around an expected contact [-].
-_ROOM = 1.35
-
-
-def _extent(patch: ContactPatch) -> FloatArray:
-    """Half widths of a contact around the axis [m]."""
+def _measure_extent(patch: ContactPatch) -> FloatArray:
+    """Half widths of a contact around the indenter's axis, shape (2,) [m]."""
     return np.array([np.abs(patch.x).max(), np.abs(patch.y).max()]) + patch.cell / 2

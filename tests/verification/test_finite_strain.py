@@ -126,7 +126,7 @@ def test_the_contact_edge_is_found_between_the_nodes_at_every_depth(elements):
     edges = np.linspace(0.75e-3, 1.35e-3, 11)
     depths = [closed_form.sphere(cover, radius, edge).depth for edge in edges]
     path = LoadingPath(
-        cover=cover, indenter=Sphere(radius=radius), targets=tuple(depths), control="depth", steepness=1e-3
+        cover=cover, indenter=Sphere(radius=radius), targets=tuple(depths), control="depth", load_scale=1e-3
     )
     states, _ = press_axisymmetric(
         path,

@@ -38,7 +38,7 @@ def pressed(indenter, friction, *, nu=0.3, depth=2e-6, elements=4, fillet=None):
     cover, radius = rubber(nu), indenter.radius
     states, solved = press_axisymmetric(
         LoadingPath(
-            cover=cover, indenter=indenter, targets=(depth,), control="depth", friction=friction, steepness=REST
+            cover=cover, indenter=indenter, targets=(depth,), control="depth", friction=friction, load_scale=REST
         ),
         elements_per_thickness=elements,
         contact_radius=radius,
@@ -171,7 +171,7 @@ def test_a_box_and_a_cylinder_without_slip_stiffen_alike():
     block = lay_out(
         path, elements_per_thickness=3, contact_half=box.footprint, fillet=0.4e-3, reach=7 * decay_length(cover)
     )
-    slides, sticks, _ = press_pair(replace(path, steepness=REST), block, [20e-6], elements_per_thickness=3)
+    slides, sticks, _ = press_pair(replace(path, load_scale=REST), block, [20e-6], elements_per_thickness=3)
     loads = [slides[0].load, sticks[0].load]
     round_one = [
         pressed(Cylinder(radius=3e-3), f, nu=0.49, depth=20e-6, elements=6, fillet=0.4e-3)[0] for f in (0.0, np.inf)

@@ -14,6 +14,7 @@ from fem_reference.finite_strain.newton import Guess
 from fem_reference.finite_strain.paired_path import Pair, _changed, press_pair
 from fem_reference.indentation import small_strain
 from meshes import Box, Cover, Cylinder, Layer, Material, TexelArray
+from meshes.pose import Pose
 
 FACE = Box(size=(3e-3, 2e-3, 5e-3))
 RUBBER = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 0.4e6}, poisson_ratio=0.45)
@@ -100,7 +101,7 @@ def _linear(elements, slope):
 
 def test_points_that_touched_lie_on_the_obstacle_where_they_have_moved_to(pressed):
     pair = pressed[2]
-    obstacle = block(2).obstacle.with_steepness(1.0)
+    obstacle = block(2).obstacle.with_load_scale(1.0)
     rest = pair.rest[1].pressed
     still = Guess(state=pair.ratio * rest.state, depth=pair.ratio * rest.depth)
     change = Guess(state=0.02 * _linear(pair.elements, np.eye(3)), depth=0.01)
@@ -149,14 +150,15 @@ def test_a_guess_that_leads_nowhere_costs_time_alone(pressed, caplog):
 def test_another_load_of_a_flat_face_is_the_first_scaled(control):
     linear = replace(RUBBER, model="linear-elastic", parameters={"youngs_modulus": 1e6})
     cover = Cover(layers=(Layer(thickness=2e-3, material=linear),))
-    targets = [1.0, 2.5] if control == "load" else [0.1e-3, 0.25e-3]
-    both = small_strain.levels(cover, Cylinder(radius=2e-3), targets, control, None)
-    alone = small_strain.levels(cover, Cylinder(radius=2e-3), targets[1:], control, None)
+    targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
+    flat = LoadingPath(cover=cover, indenter=Cylinder(radius=2e-3), targets=targets, control=control)
+    both = small_strain.solve_path(flat, None, None)
+    alone = small_strain.solve_path(replace(flat, targets=targets[1:]), None, None)
     array = TexelArray.grid(6, 6, pitch=3.4e-3)
     for scaled, solved in zip(both[1], alone[0], strict=True):
         for name in ("total_force", "depth", "area"):
             assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
-        assert scaled.surface == pytest.approx(solved.surface, rel=1e-6)
-        forces = scaled.texel_forces(array, (1e-3, 0.0), 0.0)
-        assert forces == pytest.approx(solved.texel_forces(array, (1e-3, 0.0), 0.0), rel=1e-6)
+        assert scaled.contact == pytest.approx(solved.contact, rel=1e-6)
+        forces = scaled.texel_forces(array, Pose(at=(1e-3, 0.0)))
+        assert forces == pytest.approx(solved.texel_forces(array, Pose(at=(1e-3, 0.0))), rel=1e-6)
         assert forces.sum() == pytest.approx(scaled.total_force, rel=2e-2)

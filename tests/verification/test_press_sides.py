@@ -9,7 +9,7 @@ import pytest
 
 from fem_reference import press
 from fem_reference.finite_strain.indenter_surface import Obstacle
-from fem_reference.indentation.finite_cover import BoundedLevel, PosedObstacle, _base_pressure, _side
+from fem_reference.indentation.finite_cover import PosedObstacle, _base_pressure, _side, integrate_nodal
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, mirrored
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
@@ -148,11 +148,7 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
     half = np.linspace(0, 6e-3, 9)
     whole = np.linspace(-5e-3, 5e-3, 7)
     forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
-    x, y, pressure = _base_pressure([half, whole], forces, (True, False))
-    level = BoundedLevel(
-        total_force=1.0, depth=1e-3, overlap=0.0, area=1e-6, pose=Pose(), x=x, y=y, pressure=pressure, half=(1e-3, 1e-3)
-    )
-    felt = level.texel_forces(array, (0.0, 0.0), 0.0)
+    felt = integrate_nodal(_base_pressure([half, whole], forces, (True, False)), array, Pose())
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
     assert array.image(felt)[:, ::-1] == pytest.approx(array.image(felt))
 

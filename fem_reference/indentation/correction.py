@@ -1,0 +1,184 @@
+"""Solutions at finite strain or with friction, as corrections of accurate small-strain solutions.
+
+Under sharp edges, and in three dimensions, grids of finite strain are too coarse to be used directly.  Each grid is
+therefore solved twice, once without friction at small strain (the baseline) and once as asked for, and the difference
+corrects the small-strain solution, see `correct_solution`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference import result_store
+from fem_reference.finite_strain.block_path import Block, SolidState
+from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
+from fem_reference.finite_strain.paired_path import press_pair
+from fem_reference.indentation.grid_solution import (
+    BasePressure,
+    GridSolution,
+    TexelForces,
+    correct_solution,
+    distribute_force,
+    extrapolate_solutions,
+)
+from fem_reference.indentation.small_strain import CELLS
+from fem_reference.small_strain_contact.frictionless import is_flat
+from meshes.pose import Pose
+
+FloatArray = npt.NDArray[np.float64]
+#: A path solved on three grids, twice: the baseline and as asked for.  Each is a list of grids for every target.
+SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
+
+#: Elements through the cover on the three grids in three dimensions; the last one is the answer [-].
+SOLID_GRIDS = (2, 3, 4)
+#: Depth over thickness under a flat face below which the effect of finite strain is lost in the error of the grids [-].
+_SMALLEST_RESOLVED_DEPTH = 0.04
+#: Targets up to this factor above the smallest resolved one are solved instead of it, to save a solve [-].
+_SHARED_TARGET = 2.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockModel:
+    """How a path is solved on three-dimensional grids and how its base pressure is used.
+
+    Attributes:
+        kind: Kind of entry in the result store.
+        inputs: Inputs of the entry besides path and grids.
+        pose: Pose of the indenter in the frame of the mesh.
+        lay_out: Returns the block for a number of elements through the cover.
+        read_pressure: Returns the base pressure of a state on a block.
+        integrate: Returns the texel forces due to a base pressure.
+    """
+
+    kind: str
+    inputs: Mapping[str, Any]
+    pose: Pose
+    lay_out: Callable[[int], Block]
+    read_pressure: Callable[[SolidState, Block], BasePressure]
+    integrate: Callable[[BasePressure], TexelForces]
+
+
+def correct_path(
+    path: LoadingPath,
+    accurate: Sequence[Sequence[GridSolution]],
+    solve: Callable[[LoadingPath, Sequence[float]], SolvedPair],
+) -> list[list[GridSolution]]:
+    """Solve a path as corrections of its frictionless small-strain solution.
+
+    Under a flat face without friction, small loads are corrected by the scaled effect at a larger load, which the grids
+    can resolve.  The contact area under a flat face is that of the small-strain solution.
+
+    Args:
+        path: What is asked for.
+        accurate: Small-strain solutions of every target, coarsest grid first.
+        solve: Solves baseline and full path on three coarse grids, given the path and the small-strain depth at each
+            of its targets [m].
+
+    Returns:
+        For each target one corrected solution per coarse grid.
+    """
+    flat = is_flat(path.indenter)
+    solved_targets = list(path.targets)
+    if flat and not path.friction:
+        least_depth = _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
+        solved_targets = _raise_targets(path.targets, [grids[-1].depth / least_depth for grids in accurate])
+    approach = {
+        solved: grids[-1].depth * solved / target
+        for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True)
+    }
+    stops = sorted(approach)
+    baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
+    out = []
+    for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
+        limit = extrapolate_solutions(grids, [1 / cells for cells in CELLS]) if flat else grids[-1]
+        index = stops.index(solved)
+        out.append(
+            [
+                correct_solution(
+                    limit,
+                    baseline=without,
+                    full=with_effect,
+                    control=path.control,
+                    share=target / solved,
+                    area=grid.area if flat else None,
+                )
+                for without, with_effect, grid in zip(baseline[index], full[index], grids, strict=True)
+            ]
+        )
+    return out
+
+
+def solve_block_pair(
+    path: LoadingPath, approaches: Sequence[float], model: BlockModel, progress: Callable[[str], None] | None
+) -> SolvedPair:
+    """Solve baseline and full path on three three-dimensional grids, or read them from the result store.
+
+    Args:
+        path: What is asked for.
+        approaches: Small-strain depth at each target [m].
+        model: How the path is meshed and its base pressure is used.
+        progress: Called with a line of text after each step.
+    """
+
+    def compute() -> dict[str, Any]:
+        out: dict[str, Any] = {}
+        coarser = None
+        for count in SOLID_GRIDS:
+            block = model.lay_out(count)
+            baseline, full, coarser = press_pair(
+                path,
+                block,
+                approaches,
+                elements_per_thickness=count,
+                before=coarser,
+                progress=name_grid(progress, count),
+            )
+            for name, states in (("baseline", baseline), ("full", full)):
+                for i, state in enumerate(states):
+                    key = f"{name}_{count}_{i}"
+                    x, y, pressure = model.read_pressure(state, block)
+                    out |= {f"x_{key}": x, f"y_{key}": y, f"pressure_{key}": pressure}
+                    out[f"scalars_{key}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
+        return out
+
+    data = result_store.fetch(model.kind, {"path": path, "grids": SOLID_GRIDS, **model.inputs}, compute)
+    baseline, full = (
+        [
+            [_read_solution(data, f"{name}_{count}_{i}", each, model) for count in SOLID_GRIDS]
+            for i in range(len(path.targets))
+        ]
+        for name, each in (("baseline", path.baseline), ("full", path))
+    )
+    return baseline, full
+
+
+def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, model: BlockModel) -> GridSolution:
+    """Return one stored solution, divided by the path's load scale."""
+    load, depth, area, overlap = (float(value) for value in data[f"scalars_{key}"])
+    force = load / path.load_scale
+    base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
+    return GridSolution(
+        total_force=force,
+        depth=depth / path.load_scale,
+        area=area,
+        overlap=overlap,
+        contact=distribute_force(force, base, path.indenter.footprint, model.pose),
+        texel_forces=model.integrate(base),
+    )
+
+
+def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -> list[float]:
+    """Replace targets that are too small to be resolved by one larger target.
+
+    Args:
+        targets: Loads or depths, ascending.
+        relative_depths: Small-strain depth at each target over the smallest resolved depth [-].
+    """
+    least = targets[0] / relative_depths[0]
+    shared = next((target for target in targets if least <= target <= _SHARED_TARGET * least), least)
+    return [target if target >= least else shared for target in targets]
