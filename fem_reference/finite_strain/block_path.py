@@ -182,8 +182,10 @@ def solid_state(elements: MixedElements, units: Units, reached: Equilibrium, blo
     """A converged target in SI units, mirrored halves included; given in thicknesses and shear moduli."""
     x, y, z = elements.nodes.T
     base = np.flatnonzero(z < 1e-9 * z.max())
-    base = base[np.lexsort((y[base], x[base]))]
-    lines = [np.unique(np.round(place[base], 12)) for place in (x, y)]
+    # Positions on one line of the mesh differ by rounding, so they must be rounded before they are sorted.
+    placed = np.round(np.stack([x[base], y[base]]), 12)
+    base = base[np.lexsort((placed[1], placed[0]))]
+    lines = [np.unique(place) for place in placed]
     forces = reached.reaction[3 * base + 2].reshape(len(lines[0]), len(lines[1]))
     points, pressure = _pressure(lines, forces)
     for axis in range(2):
