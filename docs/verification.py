@@ -15,9 +15,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fem_reference import closed_form, compress_disk, point_spread, press
-from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
+from meshes import Box, Cover, Cylinder, Layer, Material, Roller, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
-from meshes.indenters.indenter import Roller
 
 ARRAY = ARRAYS["wts-0614-34"]
 RATIOS = (0.0, 0.3, 0.45, 0.49, 0.499, 0.5)

@@ -1,20 +1,27 @@
-"""What things look like: texel arrays, covers and indenters, as plain numpy data.
+"""Texel arrays, covers, materials and indenters, as plain numpy data.
 
-Nothing here knows a model. `fem_reference` and `fastmodel` both read these classes, so that one definition of
-a shape serves both.  Array frame: x along columns, y along rows, z out of the cover, origin in the array's
-centre.  Texel order is row-major, x fastest; images are `[row, column]` with row 0 at the smallest y.
+Both models, `fem_reference` and `fastmodel`, read these classes, so that a shape is defined once for both.  In the
+array's frame x goes along columns, y along rows and z out of the cover; the origin is the array's centre.  Texels are
+in row-major order, x fastest.  Images are indexed `[row, column]`, row 0 at the smallest y.
 """
 
 from importlib.metadata import version
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
-from meshes.indenters.flat_faces import LetterH, Nut
-from meshes.indenters.indenter import Box, Cone, Cylinder, Indenter, Primitive, Roller, RoundedTip, Sphere
+from meshes.indenters.box import Box
+from meshes.indenters.cone import Cone
+from meshes.indenters.cylinder import Cylinder
+from meshes.indenters.indenter import FlatPunch, Indenter, Primitive
+from meshes.indenters.letter_h import LetterH
+from meshes.indenters.nut import Nut
 from meshes.indenters.prism import Prism
+from meshes.indenters.roller import Roller
+from meshes.indenters.rounded_tip import RoundedTip
+from meshes.indenters.sphere import Sphere
+from meshes.indenters.triangle_mesh import TriangleMesh
 from meshes.material import Material
 from meshes.surfaces.stl import read_stl
-from meshes.surfaces.triangle_mesh import TriangleMesh
 
 __version__ = version("softcover")
 
@@ -23,6 +30,7 @@ __all__ = [
     "Cone",
     "Cover",
     "Cylinder",
+    "FlatPunch",
     "Indenter",
     "Layer",
     "LetterH",

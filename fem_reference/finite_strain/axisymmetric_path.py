@@ -18,7 +18,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import Coarse
 from fem_reference.finite_strain.newton import Equilibrium, Problem
 from fem_reference.linear_response.axisymmetric import BaseResponse, base_response, held, tensor_mesh
-from meshes.indenters.indenter import Flat
+from meshes import FlatPunch
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def press_axisymmetric(
     size = min(1.0, radius) / elements_per_thickness
     growth = 1 + 1.2 / elements_per_thickness
     top = size
-    if isinstance(path.indenter, Flat):
+    if isinstance(path.indenter, FlatPunch):
         top = _FINE * fillet
         radii = grade_around_edge(top, size, radius, reach, growth)
     else:
@@ -133,7 +133,7 @@ def _area(obstacle: Obstacle, top: FloatArray, reached: Equilibrium) -> float:
     gap = 1 - reached.depth + obstacle.height(r, np.zeros_like(r)) - z
     shut = np.flatnonzero(gap < _OPEN * reached.depth)
     first = int(shut.max()) + 1 if shut.size else 0
-    if isinstance(obstacle.indenter, Flat) or first == 0 or first + _BESIDE > len(r):
+    if isinstance(obstacle.indenter, FlatPunch) or first == 0 or first + _BESIDE > len(r):
         return reached.touch.area
     near = slice(first, first + _BESIDE)
     slope, start = np.polyfit(r[near], gap[near] ** (2 / 3), 1)

@@ -21,8 +21,7 @@ from fem_reference.finite_strain.contact import Rigid
 from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import Equilibrium
-from meshes import Cover, Indenter
-from meshes.indenters.indenter import Flat
+from meshes import Cover, FlatPunch
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -87,16 +86,6 @@ class Block:
         return float((1 + self.mirrored[0]) * (1 + self.mirrored[1]))
 
 
-def mirrors(indenter: Indenter) -> tuple[bool, bool]:
-    """Whether the shape is its own mirror image in the planes x = 0 and y = 0."""
-    half = indenter.footprint
-    x, y = np.meshgrid(np.linspace(-half[0], half[0], 61), np.linspace(-half[1], half[1], 61))
-    # a face's gap jumps on its outline, where rounding tells what is inside; the distance from it does not
-    gap = indenter.inside(x, y) if isinstance(indenter, Flat) else np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
-    scale = 1e-9 + 1e-6 * max(half)
-    return bool(np.abs(gap - gap[:, ::-1]).max() < scale), bool(np.abs(gap - gap[::-1]).max() < scale)
-
-
 def lay_out(
     path: LoadingPath, *, elements_per_thickness: int, contact_half: tuple[float, float], fillet: float, reach: float
 ) -> Block:
@@ -109,13 +98,13 @@ def lay_out(
         fillet: Radius of the rounding of sharp edges [m].
         reach: Distance from the contact to the outer boundary [m].
     """
-    mirrored = mirrors(path.indenter)
+    mirrored = path.indenter.mirror_symmetry
     unit = Units.of(path.cover).length
     fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
     size = min(1.0, 2 * min(halves)) / elements_per_thickness
-    fine = _FINE * fillet if isinstance(path.indenter, Flat) else 0.5 * size
+    fine = _FINE * fillet if isinstance(path.indenter, FlatPunch) else 0.5 * size
     most = 1.2 * size
-    if isinstance(path.indenter, Flat) and not _rectangular(path.indenter, path.indenter.footprint):
+    if isinstance(path.indenter, FlatPunch) and not _rectangular(path.indenter, path.indenter.footprint):
         fine = most = max(min(size, _EVEN * fillet), _finest(halves, mirrored) / elements_per_thickness)
     sides = [grade_contact(half, reach, fine=fine, most=most) for half in halves]
     return Block(
@@ -140,12 +129,12 @@ def _finest(halves: Sequence[float], mirrored: tuple[bool, bool]) -> float:
 _MOST = 6
 
 
-def _rectangular(shape: Flat, footprint: tuple[float, float]) -> bool:
+def _rectangular(shape: FlatPunch, footprint: tuple[float, float]) -> bool:
     """Whether a face fills the rectangle around it, so that its outline lies on the lines of a mesh."""
     half = np.array(footprint)
     corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
-    filled = abs(float(shape.inside(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_LINE * half.min()
-    return filled and bool((np.abs(shape.inside(*corners.T)) < _ON_LINE * half.min()).all())
+    filled = abs(float(shape.signed_distance(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_LINE * half.min()
+    return filled and bool((np.abs(shape.signed_distance(*corners.T)) < _ON_LINE * half.min()).all())
 
 
 #: Distance over the half width that counts as none [-].

@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.finite_strain.smoothed_heightmap import Relief
-from meshes import Indenter
-from meshes.indenters.indenter import Flat
+from meshes import FlatPunch, Indenter
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -62,8 +61,9 @@ class Obstacle:
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape [m]."""
-        if isinstance(self.indenter, Flat):
-            beyond = self.indenter.beyond(self.fillet * self.unit, x * self.unit, y * self.unit) / self.unit
+        if isinstance(self.indenter, FlatPunch):
+            x, y = x * self.unit, y * self.unit
+            beyond = self.indenter.distance_from_inset(self.fillet * self.unit, x, y) / self.unit
             return self.load_scale * _rounded_edge(beyond, self.fillet)
         return self.load_scale * (self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y))
 

@@ -27,7 +27,6 @@ from fem_reference.indentation.grid_solution import (
     extrapolate_solutions,
 )
 from fem_reference.indentation.small_strain import CELLS
-from fem_reference.small_strain_contact.frictionless import is_flat
 from meshes.pose import Pose
 
 FloatArray = npt.NDArray[np.float64]
@@ -82,7 +81,7 @@ def correct_path(
     Returns:
         For each target one corrected solution per coarse grid.
     """
-    flat = is_flat(path.indenter)
+    flat = path.indenter.is_flat
     solved_targets = list(path.targets)
     if flat and not path.friction:
         least_depth = _SMALLEST_RESOLVED_DEPTH * path.cover.thickness

@@ -32,8 +32,7 @@ from fem_reference.indentation.correction import (
 from fem_reference.indentation.grid_solution import BasePressure, GridStudy
 from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
 from fem_reference.small_strain_contact.free_edges import mirrored
-from meshes import TexelArray
-from meshes.indenters.indenter import Flat
+from meshes import FlatPunch, TexelArray
 from meshes.pose import Place, Pose
 
 FloatArray = npt.NDArray[np.float64]
@@ -92,7 +91,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
     accurate = small_strain.solve_path(path, place, progress)
     fillet = choose_solid_fillet(cover.thickness, indenter)
     points = accurate[-1][0].contact[:, :2]
-    if isinstance(indenter, Flat):
+    if isinstance(indenter, FlatPunch):
         points = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * indenter.footprint
     model = BlockModel(
         kind="bounded-press",
@@ -146,7 +145,7 @@ def _lay_out(path: LoadingPath, pose: Pose, contact: FloatArray, count: int, fil
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
     size = min(1.0, float((high - low).min())) / count
-    edge_on_line = isinstance(indenter, Flat) and pose.square and not indenter.axisymmetric
+    edge_on_line = isinstance(indenter, FlatPunch) and pose.square and not indenter.axisymmetric
     fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
     symmetric = mirrored(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=symmetric[axis]) for axis in (0, 1)]

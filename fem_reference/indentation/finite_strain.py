@@ -31,7 +31,6 @@ from fem_reference.indentation.correction import (
 from fem_reference.indentation.grid_solution import BasePressure, GridSolution, GridStudy, TexelForces
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
 from fem_reference.linear_response.point_spread import PointSpread, closed, decay_length
-from fem_reference.small_strain_contact.frictionless import is_flat
 from meshes import TexelArray
 from meshes.pose import Pose
 
@@ -57,7 +56,7 @@ def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
     Corrections of the small-strain solution are free of the singularity under a sharp edge; they are assumed to
     converge with the order of smooth solutions.  Friction makes the solution less smooth.
     """
-    corrected = is_flat(path.indenter) or not path.indenter.axisymmetric
+    corrected = path.indenter.is_flat or not path.indenter.axisymmetric
     if corrected:
         accurate = small_strain.solve_path(path, None, progress)
         solve = partial(_solve_pair, contact=accurate[-1][0].contact, progress=progress)
@@ -86,7 +85,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
     cover, indenter = path.cover, path.indenter
     if indenter.axisymmetric:
         return _solve_axisymmetric(path.baseline, contact, progress), _solve_axisymmetric(path, contact, progress)
-    half_x, half_y = indenter.footprint if is_flat(indenter) else np.abs(contact[:, :2]).max(axis=0)
+    half_x, half_y = indenter.footprint if indenter.is_flat else np.abs(contact[:, :2]).max(axis=0)
     fillet = choose_fillet(cover.thickness, indenter)
     reach = _SOLID_REACH * decay_length(cover)
 
@@ -130,7 +129,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
     fillet = choose_fillet(cover.thickness, indenter)
 
     def compute() -> dict[str, Any]:
-        radius = max(indenter.footprint) if is_flat(indenter) else float(np.hypot(*contact[:, :2].T).max())
+        radius = max(indenter.footprint) if indenter.is_flat else float(np.hypot(*contact[:, :2].T).max())
         reach = _REACH * decay_length(cover) + _REACH_RADII * radius
         out: dict[str, Any] = {}
         coarse = None

@@ -11,9 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.small_strain_contact.frictionless import is_flat
-from meshes import Indenter
-from meshes.indenters.indenter import Flat
+from meshes import FlatPunch, Indenter
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -57,8 +55,8 @@ def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
         ValueError: If all walls of the face are too thin for the grids.
     """
     within = min(indenter.footprint)
-    if isinstance(indenter, Flat):
-        within = min(within, 2 * float(indenter.inside(*_sample_footprint(indenter)).max()))
+    if isinstance(indenter, FlatPunch):
+        within = min(within, 2 * float(indenter.signed_distance(*_sample_footprint(indenter)).max()))
     if within < _THINNEST_WALL * max(indenter.footprint):
         raise ValueError(
             f"no wall of the indenter's face is wider than about {max(within, 0) * 1e3:.2g} mm, too thin beside "
@@ -88,7 +86,7 @@ def state_rounding(indenter: Indenter, fillet: float) -> dict[str, str]:
         indenter: The shape.
         fillet: Radius on the finest grid [m].
     """
-    if is_flat(indenter):
+    if indenter.is_flat:
         rounding = f"rounded with {fillet * 1e3:.3g} mm on the finest grid"
         lost = (
             f"; walls thinner than {2e3 * fillet:.3g} mm are left out of that" if _loses_wall(indenter, fillet) else ""
@@ -99,11 +97,11 @@ def state_rounding(indenter: Indenter, fillet: float) -> dict[str, str]:
 
 def _loses_wall(indenter: Indenter, fillet: float) -> bool:
     """Return whether a part of the face is so thin that its rounded edges leave no flat part of it."""
-    if indenter.axisymmetric or not isinstance(indenter, Flat):
+    if indenter.axisymmetric or not isinstance(indenter, FlatPunch):
         return False
     x, y = _sample_footprint(indenter)
-    far = indenter.beyond(fillet, x, y) > _MITER * fillet
-    return bool((far & (indenter.inside(x, y) >= 0)).any())
+    far = indenter.distance_from_inset(fillet, x, y) > _MITER * fillet
+    return bool((far & (indenter.signed_distance(x, y) >= 0)).any())
 
 
 def _sample_footprint(indenter: Indenter) -> tuple[FloatArray, FloatArray]:

@@ -21,7 +21,7 @@ from fem_reference.linear_response.finite_cover import SolidInfluence, solid_inf
 from fem_reference.linear_response.point_spread import PointSpread, decay_length, point_spread
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
-from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, is_flat, solve_contact
+from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
 from meshes import TexelArray
 from meshes.pose import Place, Pose
 
@@ -50,7 +50,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
         solutions=solve_path(path, place, progress),
         sizes=[1 / cells for cells in CELLS],
         least_order=1.0,
-        extrapolate=is_flat(path.indenter),
+        extrapolate=path.indenter.is_flat,
         base_error=base_response.error_estimate["peak_texel"],
         assumptions={},
     )
@@ -74,7 +74,7 @@ def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> li
     def solve(target: LoadingPath) -> list[GridSolution]:
         return [_build_solution(patch, base_response) for patch in _solve_contact(target, place, progress)]
 
-    if not is_flat(path.indenter):
+    if not path.indenter.is_flat:
         return [solve(replace(path, targets=(target,))) for target in path.targets]
     grids = solve(replace(path, targets=(_FLAT_DEPTH * path.cover.thickness,), control="depth"))
     reached = [each.depth if path.control == "depth" else each.total_force for each in grids]
@@ -174,14 +174,14 @@ def _touch_near_sides(
     indenter = path.indenter
     largest = np.array(bound_contact(indenter, path.cover.thickness))
     half = largest
-    if not is_flat(indenter):
+    if not indenter.is_flat:
         on_wide_cover = solve_contact(surface, indenter, cells=CELLS[0], load=load, depth=depth)
         half = np.minimum(largest, _WINDOW * _measure_extent(on_wide_cover))
     while True:
         sides = SideEdges(cover=path.cover, indenter=indenter, pose=pose, half=half, grid=grid)
         patch = solve_contact(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
-        if is_flat(indenter) or not cut_off.any():
+        if indenter.is_flat or not cut_off.any():
             return sides.kept(patch)
         half = np.minimum(largest, _WINDOW * half)
 

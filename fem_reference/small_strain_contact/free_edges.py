@@ -20,10 +20,9 @@ import scipy.sparse as sp
 from fem_reference.elements.grading import fill_by_spacing, growing_steps, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.finite_strain.block_path import mirrors
 from fem_reference.linear_response.mirror_symmetry import PARITIES, mirror_held, solid_of
 from fem_reference.linear_response.point_spread import decay_length
-from fem_reference.small_strain_contact.frictionless import ContactPatch, is_flat
+from fem_reference.small_strain_contact.frictionless import ContactPatch
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
 from meshes.pose import Pose
@@ -68,7 +67,7 @@ class SideEdges:
     def window(self) -> tuple[FloatArray, FloatArray]:
         """Centre and half widths of the cells' rectangle: of a flat face that stands square, its part on the cover."""
         middle, half = np.zeros(2), self.half
-        if not (self.pose.square and is_flat(self.indenter)):
+        if not (self.pose.square and self.indenter.is_flat):
             return middle, half
         corners = self.pose.local(*self._box)
         low, high = (np.array([pick(*axis) for axis in corners]) for pick in (min, max))
@@ -169,7 +168,7 @@ def mirrored(indenter: Indenter, pose: Pose) -> tuple[bool, bool]:
     """Whether shape and pose are their own mirror image in the cover's planes x = 0 and y = 0."""
     if not pose.square:
         return False, False
-    shape = mirrors(indenter)
+    shape = indenter.mirror_symmetry
     if round(2 * pose.yaw / np.pi) % 2:
         shape = shape[::-1]
     return shape[0] and pose.at[0] == 0, shape[1] and pose.at[1] == 0

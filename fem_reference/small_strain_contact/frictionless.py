@@ -112,7 +112,7 @@ def solve_contact(
     middle, half = (
         (np.zeros(2), np.array(bound_contact(indenter, surface.thickness))) if sides is None else sides.window
     )
-    flat = is_flat(indenter)
+    flat = indenter.is_flat
 
     def measure_gap(x: FloatArray, y: FloatArray) -> FloatArray:
         value = indenter.gap(x, y)
@@ -151,14 +151,6 @@ def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:
     low = np.flatnonzero(indenter.gap(r, np.zeros_like(r)) <= thickness)
     radius = float(r[min(int(low[-1]) + 1, len(r) - 1)])
     return radius, radius
-
-
-def is_flat(indenter: Indenter) -> bool:
-    """Whether the lower surface is a plane, so that its edge bounds the contact."""
-    half = indenter.footprint
-    x, y = np.meshgrid(*(np.linspace(-side, side, _FLAT_SAMPLES) for side in half))
-    gap = indenter.gap(x, y)
-    return bool((gap[np.isfinite(gap)] == 0).all())
 
 
 def guess_touching(gap: FloatArray, depth: float | None) -> BoolArray:

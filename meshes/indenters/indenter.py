@@ -1,14 +1,15 @@
-"""Rigid indenters: each shape is defined once and serves both models.
+"""What every rigid indenter offers; each shape has a file of its own beside this one.
 
-The reference model reads `gap`, the height of the lower surface; the fast model reads `primitives`, convex
-solids it makes geoms from.  Indenter frame: origin on the axis at the height of the lowest point, z away from
-the cover.
+A shape is defined once and serves both models.  The reference model reads `gap`, the height of the lower surface.  The
+fast model reads `primitives`, convex solids that become geoms of a MuJoCo model.  In the indenter's frame the origin
+lies on the axis, at the height of the lowest point, and z points away from the cover.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,14 +19,14 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive:
-    """A convex solid in the indenter frame.
+    """A convex solid in the indenter's frame.
 
     Attributes:
-        kind: Which solid.
-        size: sphere: (radius,); cylinder, capsule: (radius, half length) along z; box: half
-            edges (x, y, z); hull: nothing [m].
-        vertices: hull: points whose convex hull is the solid [m].
-        position: Centre; hull: origin of the vertices [m].
+        kind: Kind of solid; a hull is the convex hull of its vertices.
+        size: Sphere: (radius,); cylinder and capsule: (radius, half length), along z; box: half edge lengths
+            (x, y, z); hull: empty [m].
+        vertices: Vertices of a hull, shape (n, 3); empty for other kinds [m].
+        position: Centre of the solid; of a hull, the origin of its vertices [m].
         quaternion: Orientation, scalar first [-].
     """
 
@@ -36,280 +37,143 @@ class Primitive:
     quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
-class Indenter(Protocol):
-    """What every shape offers."""
+class Indenter(ABC):
+    """A rigid body that presses on a cover along its axis, the z axis of its frame."""
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether turning the shape about its axis changes nothing."""
+        """Whether a rotation about the axis leaves the shape unchanged."""
+        return False
 
     @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y of the rectangle that holds every point with a finite gap [m]."""
+    def is_flat(self) -> bool:
+        """Whether the lower surface is a plane, so that its outline bounds the contact."""
+        return False
 
+    @property
+    @abstractmethod
+    def mirror_symmetry(self) -> tuple[bool, bool]:
+        """Whether the lower surface is its own mirror image in the plane x = 0, and in the plane y = 0."""
+
+    @property
+    @abstractmethod
+    def footprint(self) -> tuple[float, float]:
+        """Half widths, along x and y, of the rectangle around the axis that holds every point of finite gap [m]."""
+
+    @abstractmethod
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height of the lower surface over the plane through its lowest point; inf where there is none.
+        """Height of the lower surface over the plane through its lowest point; inf beside the shape.
 
         Args:
-            x: Positions in the indenter frame, any shape [m].
+            x: Positions in the indenter's frame, any shape [m].
             y: Positions of the same shape [m].
 
         Returns:
             Heights of the same shape [m].
         """
 
+    @abstractmethod
     def primitives(self) -> tuple[Primitive, ...]:
-        """Convex solids whose union is the indenter."""
+        """Convex solids whose union has the indenter's lower surface."""
 
 
-@runtime_checkable
-class Flat(Protocol):
-    """A shape whose lower surface is a plane with a sharp outline."""
+class FlatPunch(Indenter):
+    """An indenter whose lower surface is a plane with a sharp outline."""
 
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the outline, positive inside, negative outside, any shape [m]."""
+    @property
+    def is_flat(self) -> bool:
+        """Always true."""
+        return True
 
-    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of what is left of the face when an inset is taken off all along its outline, >= 0 [m].
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Zero inside the outline and on it, inf outside [m]."""
+        return np.where(self.signed_distance(x, y) >= 0, 0.0, np.inf)
+
+    @abstractmethod
+    def signed_distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the outline, positive inside and negative outside.
+
+        Args:
+            x: Positions in the indenter's frame, any shape [m].
+            y: Positions of the same shape [m].
+
+        Returns:
+            Distances of the same shape [m].
+        """
+
+    @abstractmethod
+    def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the points of the face that lie deeper inside the outline than an inset; zero on them.
+
+        Args:
+            inset: Least depth inside the outline [m].
+            x: Positions in the indenter's frame, any shape [m].
+            y: Positions of the same shape [m].
+
+        Returns:
+            Distances of the same shape [m].
 
         Raises:
-            ValueError: If the inset leaves nothing.
+            ValueError: If no point lies that deep inside.
         """
 
 
-def length() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
-    """A field that holds lengths [m]."""
-    return field(metadata={"quantity": "length"})
-
-
-def _angle() -> Any:  # noqa: ANN401 -- dataclasses.field returns Any
-    return field(metadata={"quantity": "angle"})
+def quantity_field(quantity: Literal["length", "angle"], **options: Any) -> Any:  # noqa: ANN401 -- as `field`
+    """Make a dataclass field whose metadata names the quantity that it holds, so that it can be read from text."""
+    return field(metadata={"quantity": quantity}, **options)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Round:
-    """What shapes of revolution that are as wide as their radius share."""
+class AxisymmetricIndenter(Indenter):
+    """An indenter whose surface is one of revolution; `radius` is its largest [m]."""
 
-    radius: float = length()
+    radius: float = quantity_field("length")
 
     def __post_init__(self) -> None:
-        """Check the radius."""
+        """Check the radius.
+
+        Raises:
+            ValueError: If it is not positive.
+        """
         require_positive(self, self.radius)
 
-    axisymmetric = True
+    @property
+    def axisymmetric(self) -> bool:
+        """Always true."""
+        return True
+
+    @property
+    def mirror_symmetry(self) -> tuple[bool, bool]:
+        """Always true in both planes."""
+        return (True, True)
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
+        """The radius, along x and y [m]."""
         return (self.radius, self.radius)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sphere(_Round):
-    """A ball.
-
-    Attributes:
-        radius: Radius [m].
-    """
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """R - sqrt(R^2 - r^2) inside the radius [m]."""
-        return _ball_gap(self.radius, x, y)
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """One sphere."""
-        return (Primitive(kind="sphere", size=(self.radius,), position=(0, 0, self.radius)),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RoundedTip(_Round):
-    """A rod with a hemispherical end (the 1 mm calibration tool of the 2015 report).
-
-    Attributes:
-        radius: Radius of rod and end [m].
-    """
-
-    radius: float = field(default=1e-3, metadata={"quantity": "length"})
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """R - sqrt(R^2 - r^2) inside the radius [m]."""
-        return _ball_gap(self.radius, x, y)
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """One capsule, four diameters long."""
-        half = 3 * self.radius
-        return (Primitive(kind="capsule", size=(self.radius, half), position=(0, 0, self.radius + half)),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cylinder(_Round):
-    """An upright cylinder with a flat, sharp-edged end.
-
-    Attributes:
-        radius: Radius [m].
-    """
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Zero inside the radius [m]."""
-        return _flat_gap(self.inside(x, y))
-
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the circle, positive inside [m]."""
-        return np.asarray(self.radius - np.hypot(x, y))
-
-    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the smaller circle [m].
-
-        Raises:
-            ValueError: If the inset leaves nothing.
-        """
-        _require_rest(inset, self.radius)
-        return np.maximum(np.hypot(x, y) - self.radius + inset, 0.0)
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """One cylinder, one diameter tall."""
-        return (Primitive(kind="cylinder", size=(self.radius, self.radius), position=(0, 0, self.radius)),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Box:
-    """A box with a flat, sharp-edged lower face.
-
-    Attributes:
-        size: Edge lengths along x, y and z [m].
-    """
-
-    size: tuple[float, float, float] = length()
-
-    def __post_init__(self) -> None:
-        """Check the edges."""
-        require_positive(self, *self.size)
-
-    axisymmetric = False
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.size[0] / 2, self.size[1] / 2)
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Zero inside the lower face [m]."""
-        return _flat_gap(self.inside(x, y))
-
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the rectangle, positive inside [m]."""
-        dx, dy = np.abs(x) - self.size[0] / 2, np.abs(y) - self.size[1] / 2
-        beyond = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0))
-        return np.asarray(-beyond - np.minimum(np.maximum(dx, dy), 0))
-
-    def beyond(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance outside of the smaller rectangle [m].
-
-        Raises:
-            ValueError: If the inset leaves nothing.
-        """
-        _require_rest(inset, min(self.footprint))
-        dx, dy = np.abs(x) - self.size[0] / 2 + inset, np.abs(y) - self.size[1] / 2 + inset
-        return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """One box."""
-        half = (self.size[0] / 2, self.size[1] / 2, self.size[2] / 2)
-        return (Primitive(kind="box", size=half, position=(0, 0, half[2])),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Roller:
-    """A cylinder lying on its side, its axis along y.
-
-    Attributes:
-        radius: Radius [m].
-        length: Length along y [m].
-    """
-
-    radius: float = length()
-    length: float = length()
-
-    def __post_init__(self) -> None:
-        """Check the lengths."""
-        require_positive(self, self.radius, self.length)
-
-    axisymmetric = False
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.radius, self.length / 2)
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """R - sqrt(R^2 - x^2) along the length [m]."""
-        return np.where(np.abs(y) <= self.length / 2, _ball_gap(self.radius, x, np.zeros_like(y)), np.inf)
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """One cylinder, turned about x."""
-        turn = (float(np.sqrt(0.5)), float(np.sqrt(0.5)), 0.0, 0.0)
-        size = (self.radius, self.length / 2)
-        return (Primitive(kind="cylinder", size=size, position=(0, 0, self.radius), quaternion=turn),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cone:
-    """A cone standing on its tip.
-
-    Attributes:
-        angle: Full angle at the tip [rad].
-        radius: Radius where it ends [m].
-    """
-
-    angle: float = _angle()
-    radius: float = length()
-
-    def __post_init__(self) -> None:
-        """Check angle and radius."""
-        require_positive(self, self.radius)
-        if not 0 < self.angle < np.pi:
-            raise ValueError(f"Cone needs an angle between 0 and 180 degrees, not {np.degrees(self.angle):g}")
-
-    axisymmetric = True
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        return (self.radius, self.radius)
-
-    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the axis over tan(angle / 2), inside the radius [m]."""
-        r = np.hypot(x, y)
-        return np.where(r <= self.radius, r / np.tan(self.angle / 2), np.inf)
-
-    def primitives(self) -> tuple[Primitive, ...]:
-        """A pyramid of 96 sides, whose faces lie up to 0.05 % above the cone's."""
-        turn = np.arange(96) * 2 * np.pi / 96
-        height = self.radius / np.tan(self.angle / 2)
-        rim = [(float(self.radius * np.cos(t)), float(self.radius * np.sin(t))) for t in turn]
-        ends = [(x, y, z) for z in (height, height + self.radius) for x, y in rim]
-        return (Primitive(kind="hull", vertices=((0.0, 0.0, 0.0), *ends)),)
-
-
-def require_positive(shape: object, *values: float) -> None:
-    """Check lengths.
+def require_positive(shape: object, *lengths: float) -> None:
+    """Check that lengths of a shape are finite and positive.
 
     Raises:
-        ValueError: If one is not positive.
+        ValueError: If one is not.
     """
-    if not all(np.isfinite(value) and value > 0 for value in values):
-        raise ValueError(f"{type(shape).__name__} needs positive lengths, not {values}")
+    if not all(np.isfinite(length) and length > 0 for length in lengths):
+        raise ValueError(f"{type(shape).__name__} needs positive lengths, not {lengths}")
 
 
-def _require_rest(inset: float, within: float) -> None:
-    if not inset < within:
-        raise ValueError(f"an inset of {inset:.3g} m leaves nothing of a face whose middle lies {within:.3g} m inside")
+def require_remainder(inset: float, greatest_depth: float) -> None:
+    """Check that points of a face lie deeper inside its outline than an inset.
 
+    Args:
+        inset: Depth inside the outline [m].
+        greatest_depth: Depth of the point that lies deepest inside [m].
 
-def _flat_gap(inside: FloatArray) -> FloatArray:
-    return np.where(inside >= 0, 0.0, np.inf)
-
-
-def _ball_gap(radius: float, x: FloatArray, y: FloatArray) -> FloatArray:
-    squared = radius**2 - x**2 - y**2
-    return np.where(squared >= 0, radius - np.sqrt(np.maximum(squared, 0)), np.inf)
+    Raises:
+        ValueError: If none does.
+    """
+    if not inset < greatest_depth:
+        raise ValueError(
+            f"an inset of {inset:.3g} m leaves nothing of a face whose middle lies {greatest_depth:.3g} m inside"
+        )

@@ -7,22 +7,23 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from meshes.indenters.flat_faces import Outlined
+from meshes.indenters.convex_parts import split_into_convex_parts
 from meshes.indenters.indenter import Primitive
-from meshes.indenters.outline import check_loop, convex_parts
+from meshes.indenters.polygonal_punch import PolygonalPunch
+from meshes.indenters.polygons import check_polygon
 
 FloatArray = npt.NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prism(Outlined):
-    """A prism; its axis goes through the origin of its corners.
+class Prism(PolygonalPunch):
+    """A prism whose face is bounded by one polygon or several; its axis goes through the origin of their corners.
 
     Attributes:
-        points: Corners of the face along its outline, in either order, shape (n, 2) [m].
-        holes: Further outlines inside the face, or beside it for a face in several pieces: what lies inside an odd
-            number of outlines is solid [m].
+        points: Corners (x, y) of the outline, in either order, shape (n, 2) [m].
+        holes: Further outlines, inside the first for holes, or beside it for a face in several pieces: what lies
+            inside an odd number of outlines is solid [m].
     """
 
     points: Outline = field(metadata={"quantity": "points"})
@@ -32,37 +33,30 @@ class Prism(Outlined):
         """Check the outlines.
 
         Raises:
-            ValueError: If one is no simple polygon, or the axis lies beside the shape.
+            ValueError: If one is not a simple polygon, or the axis lies beside the shape.
         """
-        object.__setattr__(self, "points", _plain(self.points))
-        object.__setattr__(self, "holes", tuple(_plain(hole) for hole in self.holes))
-        for loop in self.loops:
-            check_loop(loop)
-        corners = np.concatenate([np.array(loop) for loop in self.loops])
-        require_axis(corners)
+        object.__setattr__(self, "points", _as_floats(self.points))
+        object.__setattr__(self, "holes", tuple(_as_floats(hole) for hole in self.holes))
+        for polygon in self.polygons:
+            check_polygon(polygon)
+        require_axis_inside(np.concatenate([np.array(polygon) for polygon in self.polygons]))
 
     @property
-    def loops(self) -> tuple[Outline, ...]:
+    def polygons(self) -> tuple[Outline, ...]:
         """All outlines [m]."""
         return (self.points, *self.holes)
-
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Half widths along x and y [m]."""
-        reach = np.abs(np.concatenate([np.array(loop) for loop in self.loops])).max(axis=0)
-        return (float(reach[0]), float(reach[1]))
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Convex prisms that tile it, as tall as its larger half width."""
         height = max(self.footprint)
         return tuple(
             Primitive(kind="hull", vertices=tuple((float(x), float(y), z) for z in (0.0, height) for x, y in part))
-            for part in convex_parts(self.loops)
+            for part in split_into_convex_parts(self.polygons)
         )
 
 
-def require_axis(points: FloatArray) -> None:
-    """Check that the axis, at the origin, stands within the rectangle around some points (n, 2).
+def require_axis_inside(points: FloatArray) -> None:
+    """Check that the axis, at the origin, lies within the bounding rectangle of points (n, 2).
 
     Raises:
         ValueError: If it does not.
@@ -76,5 +70,5 @@ def require_axis(points: FloatArray) -> None:
         )
 
 
-def _plain(loop: Outline) -> Outline:
-    return tuple((float(x), float(y)) for x, y in loop)
+def _as_floats(outline: Outline) -> Outline:
+    return tuple((float(x), float(y)) for x, y in outline)

@@ -1,1 +1,1 @@
-"""Surfaces of triangles: reading STL files, convex hulls, and the gap between a body and a plane below it."""
+"""Surfaces of triangles: reading STL files, the gap below a body, and the convex hulls that make up its underside."""

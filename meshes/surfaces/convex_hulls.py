@@ -1,8 +1,10 @@
 """Convex hulls that make up the underside of a body.
 
-Only what can be seen from below matters to contact with a cover, so everything over the underside counts as solid.  The
-underside is cut by upright planes, each time where the hull of a piece fills most that is empty, until the hulls are
-close enough.  Cutting keeps every facet that is not cut: where the underside is convex, the hull is exact.
+Only the underside of a body touches a cover, so everything above the underside counts as solid.  The underside is cut
+into pieces by vertical planes, and each piece gets the convex hull of itself and of all that is above it.  Where a hull
+reaches below the body's underside, it fills empty space.  The piece whose hull does so most is cut again, until the
+error is within a tolerance.  A cut leaves the other triangles as they are: where the underside is convex, the hull is
+exact.
 """
 
 from __future__ import annotations
@@ -14,85 +16,99 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshes.surfaces.gap import Underside, facing_down
+from meshes.surfaces.gap import TriangleGap, select_facing_down
 
 FloatArray = npt.NDArray[np.float64]
 
 _LOG = logging.getLogger(__name__)
 
-#: Depth of what hulls may fill wrongly, over the larger half width of the body; and hulls at most.
-TOLERANCE, MOST_HULLS = 5e-3, 64
-#: Corners of a hull at most; and the share of directions that point down in which outermost corners are looked for.
-MOST_CORNERS, _DOWN = 1000, 0.8
-#: Points along the longer side at which hull and body are compared.
+#: Largest accepted distance between a hull and the body, over the larger half width of the body [-].
+TOLERANCE = 5e-3
+#: Most hulls of a body: each becomes a geom, whose contacts cost time in the simulation [-].
+MOST_HULLS = 64
+#: Most corners of a hull: MuJoCo's collision detection slows down with their number [-].
+MOST_CORNERS = 1000
+#: Share of downward ones among the directions in which the outermost corners of a hull are kept [-].
+_DOWNWARD = 0.8
+#: Grid points along the longer side of the body at which hulls and body are compared [-].
 _POINTS = 97
-#: Heights at which distances along the cover are known.
+#: Position of the first grid point, in grid steps from the edge of the body.  It is no round number, so that grid lines
+#: do not coincide with edges of the body [-].
+_OFFSET = 0.517
+#: Heights of the body for which horizontal distances are tabulated [-].
 _LEVELS = 16
-#: Directions of cuts that are tried [rad].
-_TURNS = tuple(np.arange(4) * np.pi / 4)
-#: Upward component of a unit normal below which a face stands upright [-].
+#: Directions of the normals of cuts that are tried [rad].
+_CUT_ANGLES = tuple(np.arange(4) * np.pi / 4)
+#: Vertical component of a face's unit normal below which the face counts as upright [-].
 _UPRIGHT = 1e-6
+#: Width below which a piece counts as flat, over the tolerance [-].
+_NARROW = 1e-3
 
 
-def convex_hulls(triangles: FloatArray) -> list[FloatArray]:
-    """Corners of convex hulls that make up the underside of a body, shape (k, 3) each [m].
+def split_into_hulls(triangles: FloatArray) -> list[FloatArray]:
+    """Find convex hulls that make up the underside of a body.
 
-    A hull of more than `MOST_CORNERS` is left with those that are outermost in as many directions, most of them
-    downwards: of a ball about a thousandth of its radius is lost between them.
+    A warning is logged if `MOST_HULLS` do not reach the tolerance.  Of a hull of more than `MOST_CORNERS` only the
+    outermost corners are kept, most of them on its underside; a sphere then loses about a thousandth of its radius
+    between them.
 
     Args:
         triangles: Closed surface, each triangle counterclockwise as seen from outside, shape (n, 3, 3) [m].
 
+    Returns:
+        Corners of each hull, shape (k, 3) [m].
+
     Raises:
         ModuleNotFoundError: If trimesh is not installed.
     """
-    lower = facing_down(triangles)
-    seen = _Seen.of(lower, top=1.01 * float(triangles[..., 2].max()))
-    pieces = [(-whole.volume, 0, whole) for whole in [_Piece.of(lower, seen)] if whole is not None]
-    if pieces[0][2].fault <= seen.tolerance:
-        return [_thinned(np.unique(triangles.reshape(-1, 3), axis=0))]
-    made = 1
+    lower = select_facing_down(triangles)
+    underside = _Underside.sample(lower, top=1.01 * float(triangles[..., 2].max()))
+    whole = _Piece.make(lower, underside)
+    if whole is None or whole.error <= underside.tolerance:
+        return [_keep_outermost(np.unique(triangles.reshape(-1, 3), axis=0))]
+    made = 0
+    queue = [(-whole.excess, made, whole)]
     done: list[_Piece] = []
-    while pieces and len(pieces) + len(done) < MOST_HULLS:
-        _, _, piece = heapq.heappop(pieces)
-        halves = piece.cut(seen) if piece.fault > seen.tolerance else None
+    while queue and len(queue) + len(done) < MOST_HULLS:
+        _, _, piece = heapq.heappop(queue)
+        halves = piece.cut(underside) if piece.error > underside.tolerance else None
         if halves is None:
             done.append(piece)
             continue
         for half in halves:
             made += 1
-            heapq.heappush(pieces, (-half.volume, made, half))
-    found = [*done, *(piece for _, _, piece in pieces)]
-    worst = max(piece.fault for piece in found)
-    if worst > seen.tolerance:
+            heapq.heappush(queue, (-half.excess, made, half))
+    pieces = [*done, *(piece for _, _, piece in queue)]
+    worst = max(piece.error for piece in pieces)
+    if worst > underside.tolerance:
         _LOG.warning(
             "%d hulls of the body from a file fill up to %.2g mm of what is empty under it: the fast model takes that "
             "for solid; the reference does not",
-            len(found),
+            len(pieces),
             1e3 * worst,
         )
-    return [_thinned(piece.hull) for piece in found]
+    return [_keep_outermost(piece.hull) for piece in pieces]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """The underside at points of a grid.
+class _Underside:
+    """The underside of a body, sampled at the points of a grid.
 
     Attributes:
         x: Positions, shape (n,) [m].
         y: Positions, shape (n,) [m].
-        gap: Height of the underside, that of the top where there is none, shape (n,) [m].
-        levels: Heights, shape (k,) [m].
-        beside: Distance along the cover to where the underside is as low as each level, less one step of the grid,
-            shape (k, n) [m].
-        top: Height up to which everything over the underside counts as solid [m].
-        step: Distance between points of the grid [m].
-        tolerance: Depth that hulls may fill wrongly [m].
+        height: Height of the underside; `top` beside the body, shape (n,) [m].
+        levels: Heights at which horizontal distances are tabulated, shape (k,) [m].
+        beside: Horizontal distance from each point to where the underside is no higher than each level, less one grid
+            step, shape (k, n) [m].
+        top: Height up to which everything above the underside counts as solid [m].
+        step: Distance between neighbouring grid points [m].
+        tolerance: Largest accepted distance between a hull and the body [m].
     """
 
     x: FloatArray
     y: FloatArray
-    gap: FloatArray
+    height: FloatArray
     levels: FloatArray
     beside: FloatArray
     top: float
@@ -100,126 +116,138 @@ class _Seen:
     tolerance: float
 
     @classmethod
-    def of(cls, lower: FloatArray, *, top: float) -> _Seen:
+    def sample(cls, lower: FloatArray, *, top: float) -> _Underside:
+        """Sample the triangles that face down (n, 3, 3)."""
         flat = lower[..., :2].reshape(-1, 2)
-        low, span = flat.min(axis=0), np.ptp(flat, axis=0)
-        count = np.maximum(5, np.round(_POINTS * span / span.max())).astype(int)
-        # off the round numbers at which edges stand
-        axes = [low[i] + (np.arange(count[i]) + 0.517) / (count[i] + 0.034) * span[i] for i in range(2)]
-        x, y = np.meshgrid(*axes)
-        gap = Underside(lower).height(x.ravel(), y.ravel()).reshape(x.shape)
-        levels = np.linspace(0, gap[np.isfinite(gap)].max(), _LEVELS)
-        beside = np.array([_distance(gap <= level, *axes) for level in levels])
+        low, extent = flat.min(axis=0), np.ptp(flat, axis=0)
+        count = np.maximum(5, np.round(_POINTS * extent / extent.max())).astype(int)
+        axes = [low[i] + (np.arange(count[i]) + _OFFSET) / (count[i] + 2 * _OFFSET - 1) * extent[i] for i in range(2)]
+        x, y = (values.ravel() for values in np.meshgrid(*axes))
+        height = TriangleGap(lower).evaluate(x, y)
+        levels = np.linspace(0, height[np.isfinite(height)].max(), _LEVELS)
+        grid = height.reshape(len(axes[1]), len(axes[0]))
+        step = float((extent / count).max())
+        beside = np.array([_measure_distance(grid <= level, *axes) for level in levels])
         return cls(
-            x=x.ravel(),
-            y=y.ravel(),
-            gap=np.where(np.isfinite(gap), gap, top).ravel(),
+            x=x,
+            y=y,
+            height=np.where(np.isfinite(height), height, top),
             levels=levels,
-            beside=np.maximum(beside - float((span / count).max()), 0).reshape(_LEVELS, -1),
+            beside=np.maximum(beside - step, 0).reshape(_LEVELS, -1),
             top=top,
-            step=float((span / count).max()),
-            tolerance=TOLERANCE * float(span.max() / 2),
+            step=step,
+            tolerance=TOLERANCE * float(extent.max() / 2),
         )
 
-    def depth(self, hull: FloatArray) -> FloatArray:
-        """How deep a hull of this height fills what is empty, zero where there is no hull, shape (n,) [m]."""
-        there = np.isfinite(hull)
-        height = np.where(there, hull, 0.0)
-        away = np.hypot(self.beside, np.maximum(self.levels[:, None] - height, 0)).min(axis=0)
-        return np.where(there, np.minimum(self.gap - height, away), 0.0)
+    def measure_error(self, hull: FloatArray) -> FloatArray:
+        """Distance from the lower surface of a hull up to the body, where the hull fills empty space.
 
-    def before_wall(self, point: int, height: float) -> FloatArray:
-        """Just before the nearest place to a point where the underside is as low as `height`, shape (2,) [m]."""
-        low = np.flatnonzero(self.gap <= height + self.tolerance)
+        It is the smaller of the vertical distance and the distance to what is beside the point.
+
+        Args:
+            hull: Height of the hull's lower surface at each point, inf beside the hull, shape (n,) [m].
+
+        Returns:
+            Distances, zero beside the hull, shape (n,) [m].
+        """
+        exists = np.isfinite(hull)
+        height = np.where(exists, hull, 0.0)
+        sideways = np.hypot(self.beside, np.maximum(self.levels[:, None] - height, 0)).min(axis=0)
+        return np.where(exists, np.minimum(self.height - height, sideways), 0.0)
+
+    def find_wall(self, point: int, height: float) -> FloatArray:
+        """Place one grid step before the nearest point where the underside is as low as `height`, shape (2,) [m].
+
+        Args:
+            point: Index of the grid point from which to look.
+            height: Height [m].
+        """
+        low = np.flatnonzero(self.height <= height + self.tolerance)
         if not len(low):
             return np.array([self.x[point], self.y[point]])
-        away = np.hypot(self.x[low] - self.x[point], self.y[low] - self.y[point])
-        near = low[away.argmin()]
-        # one step of the grid before the wall, so that nothing of it is left on this side
-        step = min(1.0, self.step / away.min()) if away.min() else 0.0
-        return np.array([v[near] + step * (v[point] - v[near]) for v in (self.x, self.y)])
-
-
-def _distance(where: npt.NDArray[np.bool_], x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distance of each point of a grid (rows, columns) from the nearest marked one, inf if there is none [m]."""
-    squared = np.where(where[None], ((y[:, None] - y) ** 2)[..., None], np.inf).min(axis=1)
-    return np.asarray(np.sqrt((squared[:, None, :] + ((x[:, None] - x) ** 2)[None]).min(axis=2)))
+        distance = np.hypot(self.x[low] - self.x[point], self.y[low] - self.y[point])
+        nearest = low[distance.argmin()]
+        # A cut at this place leaves nothing of the wall on the side of the point.
+        step = min(1.0, self.step / distance.min()) if distance.min() else 0.0
+        return np.array([v[nearest] + step * (v[point] - v[nearest]) for v in (self.x, self.y)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Piece:
-    """Part of the underside and the hull of all that is over it.
+    """A piece of the underside, and the hull of it and of all that is above it.
 
     Attributes:
-        triangles: The part, shape (n, 3, 3) [m].
+        triangles: Triangles of the piece, shape (n, 3, 3) [m].
         hull: Corners of the hull, shape (k, 3) [m].
-        fault: How deep the hull fills what is empty, at most [m].
-        volume: Sum over the grid of how much deeper than the tolerance it does [m].
-        place: Where it does so most, shape (2,) [m].
-        wall: Just before the nearest place where the underside is as low as the hull, shape (2,) [m].
+        error: Largest distance between hull and body [m].
+        excess: Sum over the grid of how far the distance exceeds the tolerance; the largest is cut first [m].
+        worst: Position of the largest distance, shape (2,) [m].
+        wall: Position before the nearest place where the underside is as low as the hull is there, shape (2,) [m].
     """
 
     triangles: FloatArray
     hull: FloatArray
-    fault: float
-    volume: float
-    place: FloatArray
+    error: float
+    excess: float
+    worst: FloatArray
     wall: FloatArray
 
     @classmethod
-    def of(cls, triangles: FloatArray, seen: _Seen) -> _Piece | None:
-        """None where too little is left to have a volume."""
+    def make(cls, triangles: FloatArray, underside: _Underside) -> _Piece | None:
+        """Make a piece of triangles; None if they are too narrow for a hull with a volume."""
         from trimesh.convex import convex_hull
 
         points = np.unique(triangles.reshape(-1, 3), axis=0)
         raised = points.copy()
-        raised[:, 2] = seen.top
-        if not len(points) or np.ptp(points[:, :2], axis=0).min() <= 1e-3 * seen.tolerance:
+        raised[:, 2] = underside.top
+        if not len(points) or np.ptp(points[:, :2], axis=0).min() <= _NARROW * underside.tolerance:
             return None
         try:
             hull = convex_hull(np.concatenate([points, raised]))
-        except Exception:  # noqa: BLE001 -- qhull on what is flat
+        except Exception:  # noqa: BLE001 -- qhull fails on nearly flat points with errors of several types
             return None
         floor = np.asarray(hull.face_normals)[:, 2] < -_UPRIGHT
-        height = Underside(np.asarray(hull.triangles)[floor]).height(seen.x, seen.y)
-        excess = seen.depth(height)
-        worst = int(excess.argmax())
+        height = TriangleGap(np.asarray(hull.triangles)[floor]).evaluate(underside.x, underside.y)
+        error = underside.measure_error(height)
+        worst = int(error.argmax())
         return cls(
             triangles=triangles,
             hull=np.array(hull.vertices),
-            fault=float(excess[worst]),
-            volume=float(np.maximum(excess - seen.tolerance, 0).sum()),
-            place=np.array([seen.x[worst], seen.y[worst]]),
-            wall=seen.before_wall(worst, float(height[worst])),
+            error=float(error[worst]),
+            excess=float(np.maximum(error - underside.tolerance, 0).sum()),
+            worst=np.array([underside.x[worst], underside.y[worst]]),
+            wall=underside.find_wall(worst, float(height[worst])),
         )
 
-    def cut(self, seen: _Seen) -> tuple[_Piece, _Piece] | None:
-        """Both halves of the best cut through the worst place, or along the wall beside it; None where no cut helps."""
+    def cut(self, underside: _Underside) -> tuple[_Piece, _Piece] | None:
+        """Both halves of the best of several cuts, through the worst place or along the wall; None if no cut works."""
         best: tuple[_Piece, _Piece] | None = None
         least = np.inf
-        cuts = [(np.array([np.cos(turn), np.sin(turn)]), self.place) for turn in _TURNS]
-        for normal, place in [*cuts, (self.place - self.wall, self.wall)]:
-            left, right = (_Piece.of(_sliced(self.triangles, s * normal, place), seen) for s in (1, -1))
-            if left is not None and right is not None and (score := left.volume + right.volume) < least:
-                best, least = (left, right), score
+        cuts = [(np.array([np.cos(angle), np.sin(angle)]), self.worst) for angle in _CUT_ANGLES]
+        for normal, place in [*cuts, (self.worst - self.wall, self.wall)]:
+            left, right = (_Piece.make(_clip(self.triangles, s * normal, place), underside) for s in (1, -1))
+            if left is not None and right is not None and (sum_of_both := left.excess + right.excess) < least:
+                best, least = (left, right), sum_of_both
         return best
 
 
-def _thinned(corners: FloatArray) -> FloatArray:
-    """The outermost corners in many directions, which lie along a spiral on the unit sphere."""
-    if len(corners) <= MOST_CORNERS:
-        return corners
-    share = np.arange(MOST_CORNERS) / (MOST_CORNERS - 1)
-    z = np.where(share < _DOWN, share / _DOWN - 1, (share - _DOWN) / (1 - _DOWN))
-    turn = np.arange(MOST_CORNERS) * np.pi * (3 - np.sqrt(5))
-    across = np.sqrt(1 - z**2)
-    directions = np.stack([across * np.cos(turn), across * np.sin(turn), z])
-    middle = corners.mean(axis=0)
-    return np.asarray(corners[np.unique(((corners - middle) @ directions).argmax(axis=0))])
+def _measure_distance(marked: npt.NDArray[np.bool_], x: FloatArray, y: FloatArray) -> FloatArray:
+    """Distance of each point of a grid (rows, columns) from the nearest marked point; inf if none is marked [m]."""
+    squared = np.where(marked[None], ((y[:, None] - y) ** 2)[..., None], np.inf).min(axis=1)
+    return np.asarray(np.sqrt((squared[:, None, :] + ((x[:, None] - x) ** 2)[None]).min(axis=2)))
 
 
-def _sliced(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> FloatArray:
-    """The part of triangles on the side of an upright plane that its normal points to, shape (m, 3, 3) [m]."""
+def _clip(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> FloatArray:
+    """The part of triangles on one side of a vertical plane, the side to which its normal points.
+
+    Args:
+        triangles: Shape (n, 3, 3) [m].
+        normal: Horizontal normal of the plane, of any length, shape (2,).
+        place: A point of the plane, shape (2,) [m].
+
+    Returns:
+        Triangles, shape (m, 3, 3) [m].
+    """
     from trimesh.intersections import slice_faces_plane
 
     faces = np.arange(3 * len(triangles)).reshape(-1, 3)
@@ -227,3 +255,15 @@ def _sliced(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> Flo
         triangles.reshape(-1, 3), faces, plane_normal=[*normal, 0.0], plane_origin=[*place, 0.0]
     )
     return np.asarray(points[kept], dtype=np.float64).reshape(-1, 3, 3)
+
+
+def _keep_outermost(corners: FloatArray) -> FloatArray:
+    """Of too many corners (n, 3), those that are outermost in `MOST_CORNERS` directions along a spiral."""
+    if len(corners) <= MOST_CORNERS:
+        return corners
+    share = np.arange(MOST_CORNERS) / (MOST_CORNERS - 1)
+    z = np.where(share < _DOWNWARD, share / _DOWNWARD - 1, (share - _DOWNWARD) / (1 - _DOWNWARD))
+    turn = np.arange(MOST_CORNERS) * np.pi * (3 - np.sqrt(5))  # the golden angle spreads the directions evenly
+    across = np.sqrt(1 - z**2)
+    directions = np.stack([across * np.cos(turn), across * np.sin(turn), z])
+    return np.asarray(corners[np.unique(((corners - corners.mean(axis=0)) @ directions).argmax(axis=0))])

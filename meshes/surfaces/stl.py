@@ -2,50 +2,55 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from meshes.indenters.polygons import cross
 from meshes.indenters.prism import Prism
-from meshes.surfaces.triangle_mesh import TriangleMesh
+from meshes.indenters.triangle_mesh import TriangleMesh
+from meshes.surfaces.gap import select_facing_down
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-#: Triangles of a file at most; an indenter needs far fewer.
+#: Most triangles of a file; an indenter needs far fewer [-].
 MOST_TRIANGLES = 200_000
-#: Bytes of a file at most: a triangle in ASCII takes about 250.
+#: Most bytes of a file: a triangle takes about 250 bytes in ASCII.
 _MOST_BYTES = 400 * MOST_TRIANGLES
-#: Length of a body at least and at most: beyond, the unit is wrong [m].
+#: Least and greatest length of a body; outside this range the unit must be wrong [m].
 SIZES = (2e-5, 1.0)
-#: Height over a flat face from which on a body is taken never to touch: half of a cover of 10 mm [m].
+#: Largest coordinate in a file; beyond it the file is damaged [-].
+_LARGEST_COORDINATE = 1e12
+#: Height above a flat face from which the rest of a body is taken never to touch: half of a cover of 10 mm [m].
 OUT_OF_REACH = 5e-3
-#: Height that counts as none, over the size of the body: STL holds seven digits [-].
-_NOTHING = 1e-6
+#: Length that counts as zero, over the size of the body: STL files store seven digits [-].
+_ZERO = 1e-6
 
 
 def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] | None = None) -> Prism | TriangleMesh:
-    """Read a closed body from an STL file, binary or ASCII; it presses along the file's -z.
+    """Read a closed body from a binary or ASCII STL file; it presses along the file's -z.
 
-    A body that stands on a flat face, all else of its underside being higher than `OUT_OF_REACH`, becomes a `Prism` of
-    that face, and its edges are treated as sharp; any other becomes a `TriangleMesh`.
+    A body becomes a `Prism` if it stands on a flat face and all the rest of its underside is higher than
+    `OUT_OF_REACH`; the edges of that face are then treated as sharp.  Any other body becomes a `TriangleMesh`.
 
     Args:
         path: The file.
-        unit: Length of one unit of the file, which does not say what it is in [m].
-        axis: Where the axis stands in the file's x and y; the middle of the body's extent when not given [m].
+        unit: Length of one unit of the file, which does not name its unit [m].
+        axis: Position of the axis in the file's x and y; the middle of the body's bounding rectangle if None [m].
 
     Raises:
-        ValueError: With one line that says what is wrong with the file: it cannot be read, is no STL file, has too many
-            triangles or an unlikely size, or its surface is open, has triangles that face different ways, or holds no
-            volume.
+        ValueError: With one line that says what is wrong: the file cannot be read, is no STL file, or has too many
+            triangles or an unlikely size; or its surface is open, has triangles with opposite orientations, or
+            encloses no volume.
         ModuleNotFoundError: If trimesh is not installed.
     """
     source = Path(path)
     if not (np.isfinite(unit) and unit > 0):
         raise ValueError(f"the unit of {source.name} must be a positive length, not {unit} m")
-    points, faces = _load(source)
+    points, faces = _merge_points(source.name, *_parse(source.name, _read_bytes(source)))
     _check_closed(source.name, faces)
     corners = points[faces] * unit
     size = float(np.ptp(corners, axis=(0, 1)).max())
@@ -54,56 +59,43 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
             f"{source.name} would be {1e3 * size:.3g} mm long, no size for an indenter "
             f"({1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm); give the unit of the file, for example unit=mm or unit=inch"
         )
-    volume = float(np.einsum("ni,ni->", corners[:, 0] - corners[0, 0], np.cross(*_edges(corners))) / 6)
-    if abs(volume) <= _NOTHING**2 * size**3:
+    volume = _compute_volume(corners)
+    if abs(volume) <= _ZERO**2 * size**3:
         raise ValueError(f"{source.name} holds no volume: it is a sheet, not a body; export a solid")
-    if volume < 0:  # inside out as a whole, as mirrored parts are: the body is the same
+    if volume < 0:  # all triangles face inwards, as after mirroring: turn them round
         corners = corners[:, ::-1]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     centre = (low + high)[:2] / 2 if axis is None else np.array(axis)
     corners -= np.array([*centre, low[2]])
     try:
-        return _standing(TriangleMesh(triangles=corners), size)
+        return _convert_to_prism(TriangleMesh(triangles=corners), size)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
 
 
-def _edges(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+def _read_bytes(source: Path) -> bytes:
+    """Content of a file of acceptable size.
 
-
-def _load(source: Path) -> tuple[FloatArray, IntArray]:
-    """Points and faces of a file, points in one place being one."""
+    Raises:
+        ValueError: If it cannot be read, is not a file, or is too large.
+    """
     try:
         size = source.stat().st_size
         if not source.is_file():
             raise ValueError(f"{source} is not a file; give the path of an STL file")
         if size > _MOST_BYTES:
-            raise _too_many(source.name, f"{size / 1e6:.0f} MB")
-        content = source.read_bytes()
+            raise _too_many_triangles(source.name, f"{size / 1e6:.0f} MB")
+        return source.read_bytes()
     except OSError as error:
         raise ValueError(f"{source}: {error.strerror}; give the path of an STL file") from None
-    points, faces = _parse(source.name, content)
-    if len(faces) > MOST_TRIANGLES:
-        raise _too_many(source.name, f"{len(faces)} triangles")
-    if not np.isfinite(points).all() or np.abs(points).max() > _FARTHEST:
-        raise ValueError(f"{source.name} is damaged: a corner is not a number; export it again")
-    points, number = np.unique(points, axis=0, return_inverse=True)
-    faces = number.reshape(-1)[faces]
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    if not len(faces):
-        raise ValueError(f"{source.name} holds no triangles; export a solid")
-    return points, faces
-
-
-#: Coordinate beyond which a file is damaged [-].
-_FARTHEST = 1e12
 
 
 def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
-    import io
+    """Points (n, 3) in the file's unit and faces (m, 3), as indices of points.
 
+    Raises:
+        ValueError: If the content is not a whole STL file, or has too many triangles.
+    """
     from trimesh.exchange.stl import load_stl
 
     try:
@@ -112,26 +104,44 @@ def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
         points = np.array(loaded["vertices"], dtype=np.float64).reshape(-1, 3)
         faces = np.array(loaded["faces"], dtype=np.int64).reshape(-1, 3)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
-            raise ValueError("no triangles")  # noqa: TRY301 -- told below like every other fault of the content
-    except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises many unrelated types
+            raise ValueError("no triangles")  # noqa: TRY301 -- reported below like every other fault of the content
+    except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises errors of many types
         raise ValueError(f"{name} is not a whole STL file; export it again, as binary or ASCII STL") from None
+    if len(faces) > MOST_TRIANGLES:
+        raise _too_many_triangles(name, f"{len(faces)} triangles")
     return points, faces
 
 
-def _too_many(name: str, found: str) -> ValueError:
+def _merge_points(name: str, points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Points without duplicates, and the faces on them, without those of which two corners coincide.
+
+    Raises:
+        ValueError: If a coordinate is not a number or too large, or no face is left.
+    """
+    if not np.isfinite(points).all() or np.abs(points).max() > _LARGEST_COORDINATE:
+        raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
+    points, index = np.unique(points, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    if not len(faces):
+        raise ValueError(f"{name} holds no triangles; export a solid")
+    return points, faces
+
+
+def _too_many_triangles(name: str, found: str) -> ValueError:
     return ValueError(
         f"{name} has {found}, more than the {MOST_TRIANGLES} triangles that are accepted; export it more coarsely"
     )
 
 
 def _check_closed(name: str, faces: IntArray) -> None:
-    """Check that every edge joins two triangles, which run along it in opposite directions.
+    """Check that every edge joins two triangles that run along it in opposite directions.
 
     Raises:
         ValueError: If one does not.
     """
-    directed = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    directed, edge, count = _list_edges(faces)
     alone, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004 -- two triangles meet in an edge
     if alone or crowded:
         found = f"{alone} open edges" if alone else f"{crowded} edges in which more than two triangles meet"
@@ -140,7 +150,7 @@ def _check_closed(name: str, faces: IntArray) -> None:
             "(Blender: 3D Print Toolbox, Make Manifold; MeshLab: Close Holes)"
         )
     direction = np.where(directed[:, 0] < directed[:, 1], 1, -1)
-    wrong = int(np.count_nonzero(np.bincount(edge.reshape(-1), direction)))
+    wrong = int(np.count_nonzero(np.bincount(edge, direction)))
     if wrong:
         raise ValueError(
             f"{name} has {wrong} edges whose two triangles face different ways; let the program that made it recompute "
@@ -148,32 +158,46 @@ def _check_closed(name: str, faces: IntArray) -> None:
         )
 
 
-def _standing(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
-    """The body, or the prism on its lowest face where nothing else of its underside can be reached."""
-    low = body.lower
-    face = low[(low[..., 2] <= _NOTHING * size).all(axis=1)]
-    if not len(face):
-        return body
-    rest = low[(low[..., 2] > _NOTHING * size).any(axis=1)]
-    if len(rest) and rest[..., 2].min() < OUT_OF_REACH:
-        return body
-    loops = [tuple((x, y) for x, y in loop) for loop in _outlines(face[..., :2])]
-    try:
-        return Prism(points=loops[0], holes=tuple(loops[1:]))
-    except ValueError:  # an outline that touches itself, or stands beside the axis: rounded edges, but right
-        return body
+def _list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Edges of triangles (n, 3).
 
-
-def _outlines(face: FloatArray) -> list[list[list[float]]]:
-    """Outlines of triangles in a plane (n, 3, 2), the longest first, without corners on straight sides [m]."""
-    points, number = np.unique(face.reshape(-1, 2), axis=0, return_inverse=True)
-    number = number.reshape(-1, 3)
-    directed = np.concatenate([number[:, [k, (k + 1) % 3]] for k in range(3)])
+    Returns:
+        First and last point of each triangle's edges, shape (3 n, 2); the index of each among the undirected edges,
+        shape (3 n,); how many triangles share each undirected edge, shape (m,).
+    """
+    directed = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
     _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return directed, edge.reshape(-1), count
+
+
+def _compute_volume(corners: FloatArray) -> float:
+    """Volume that triangles (n, 3, 3) enclose, negative if they face inwards, by the divergence theorem [m3]."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.einsum("ni,ni->", corners[:, 0] - corners[0, 0], normal) / 6)
+
+
+def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
+    """The prism on the body's lowest face if nothing else of its underside can touch; else the body."""
+    lower = select_facing_down(body.triangles)
+    on_face = (lower[..., 2] <= _ZERO * size).all(axis=1)
+    face, rest = lower[on_face], lower[~on_face]
+    if not len(face) or (len(rest) and rest[..., 2].min() < OUT_OF_REACH):
+        return body
+    outlines = [tuple((x, y) for x, y in outline) for outline in _trace_outlines(face[..., :2])]
+    try:
+        return Prism(points=outlines[0], holes=tuple(outlines[1:]))
+    except ValueError:  # an outline touches itself or lies beside the axis: a body with rounded edges is right too
+        return body
+
+
+def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
+    """Outlines of triangles in a plane (n, 3, 2), that with most corners first [m]."""
+    points, index = np.unique(face.reshape(-1, 2), axis=0, return_inverse=True)
+    directed, edge, count = _list_edges(index.reshape(-1, 3))
     following: dict[int, list[int]] = {}
-    for start, end in directed[count[edge.reshape(-1)] == 1].tolist():
+    for start, end in directed[count[edge] == 1].tolist():
         following.setdefault(start, []).append(end)
-    loops = []
+    outlines = []
     while following:
         chain = [next(iter(following))]
         while chain:
@@ -183,17 +207,17 @@ def _outlines(face: FloatArray) -> list[list[list[float]]]:
             after = following[here].pop()
             if not following[here]:
                 del following[here]
-            if after in chain:  # a loop closes; what came before it goes on
-                cut = chain.index(after)
-                loops.append(_straightened(points[chain[cut:]]))
-                chain = chain[: cut + 1] if cut else []
+            if after in chain:  # an outline is closed; the chain before it continues from the same point
+                first = chain.index(after)
+                outlines.append(_remove_straight_corners(points[chain[first:]]))
+                chain = chain[: first + 1] if first else []
             else:
                 chain.append(after)
-    return [loop.tolist() for loop in sorted(loops, key=len, reverse=True) if len(loop) > 2]  # noqa: PLR2004
+    return [each.tolist() for each in sorted(outlines, key=len, reverse=True) if len(each) > 2]  # noqa: PLR2004
 
 
-def _straightened(loop: FloatArray) -> FloatArray:
-    """Without corners that lie on straight sides."""
-    here, there = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
-    turn = here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]
-    return np.asarray(loop[np.abs(turn) > _NOTHING * np.hypot(*here.T) * np.hypot(*there.T)])
+def _remove_straight_corners(outline: FloatArray) -> FloatArray:
+    """Corners (n, 2) without those at which the outline goes straight on."""
+    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    straight = np.abs(cross(before, after)) <= _ZERO * np.hypot(*before.T) * np.hypot(*after.T)
+    return np.asarray(outline[~straight])

@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.indenters.outline import flats_of_circle, hexagon
+from meshes.indenters.nut import match_hexagon
+from meshes.indenters.polygons import make_hexagon
 
 _HALF_H = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
 #: Corners of the letter [m].
 H_CORNERS = tuple((1e-3 * x, 1e-3 * y) for x, y in [*_HALF_H, *((-x, -y) for x, y in _HALF_H)])
 #: Corners of the nut's two hexagons [m].
-HEXAGONS = (tuple(hexagon(13e-3)), tuple(hexagon(flats_of_circle(8e-3))))
+HEXAGONS = (tuple(make_hexagon(13e-3)), tuple(make_hexagon(match_hexagon(8e-3))))
 
 
 def _extruded(*loops):

@@ -11,7 +11,6 @@ from fem_reference.elements.grading import grade_outward
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import linear_system, mixed_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY, press_axisymmetric
-from fem_reference.finite_strain.block_path import mirrors
 from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
 from fem_reference.finite_strain.indenter_surface import Obstacle
@@ -154,8 +153,8 @@ def test_edges_are_rounded_and_the_result_says_so(wts):
 
 
 def test_mirror_planes_are_found():
-    assert mirrors(Box(size=(4e-3, 6e-3, 5e-3))) == (True, True)
-    assert mirrors(Sphere(radius=2e-3)) == (True, True)
+    assert Box(size=(4e-3, 6e-3, 5e-3)).mirror_symmetry == (True, True)
+    assert Sphere(radius=2e-3).mirror_symmetry == (True, True)
 
 
 def path_problem(nu=0.45, count=4, penalty=PENALTY):

@@ -1,7 +1,7 @@
 """Indenters and poses as text: `sphere:radius=5mm`, `box:size=10mmx10mmx5mm`, `--at=0.7mm,-1.1mm`.
 
-Accepted are the shapes of `meshes.indenters.by_name.SHAPES` with the names of their fields as parameters; `prism`,
-whose corners are separated by `/`; and `mesh`, which reads an STL file.
+Accepted are the shapes of `SHAPES`, with the names of their fields as parameters.  The corners of a `prism` are
+separated by `/`; a `mesh` is read from an STL file.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Literal
 
-from meshes import Indenter, Prism, read_stl
-from meshes.indenters.by_name import SHAPES
+from meshes import Box, Cone, Cylinder, Indenter, LetterH, Nut, Prism, Roller, RoundedTip, Sphere, read_stl
 from meshes.surfaces.stl import SIZES
 from validation.errors import InputError, nearest
 from validation.text.quantity import Kind, read_quantities, read_quantity
@@ -32,8 +32,21 @@ _EXAMPLES = {
     "prism": "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm",
     "mesh": "mesh:path=part.stl,unit=mm",
 }
-#: The function that makes each shape.
-_MAKERS: Mapping[str, Any] = {**SHAPES, "prism": Prism, "mesh": read_stl}
+#: The function that makes each shape, by the name that sensor files and the command line use.
+SHAPES: Mapping[str, Any] = MappingProxyType(
+    {
+        "sphere": Sphere,
+        "cylinder": Cylinder,
+        "box": Box,
+        "tip": RoundedTip,
+        "roller": Roller,
+        "cone": Cone,
+        "nut": Nut,
+        "h": LetterH,
+        "prism": Prism,
+        "mesh": read_stl,
+    }
+)
 #: A comma before the name of a parameter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
@@ -66,9 +79,9 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
             bad quantity, a width outside the accepted range, a file that cannot be read.
     """
     shape, _, rest = text.strip().partition(":")
-    if shape not in _MAKERS:
+    if shape not in SHAPES:
         example = _EXAMPLES["sphere"]
-        raise InputError(f"{place}: unknown indenter {shape!r}; {nearest(shape, _MAKERS)}; for example {example}")
+        raise InputError(f"{place}: unknown indenter {shape!r}; {nearest(shape, SHAPES)}; for example {example}")
     known = _parameters(shape)
     faults: list[str] = []
     values: dict[str, Any] = {}
@@ -94,7 +107,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     if faults:
         raise InputError(*faults)
     try:
-        made: Indenter = _MAKERS[shape](**values)
+        made: Indenter = SHAPES[shape](**values)
     except ValueError as error:
         remedy = "" if shape == "mesh" else f"; write for example {_EXAMPLES[shape]}"
         raise InputError(f"{place}: {error}{remedy}") from None
@@ -111,7 +124,7 @@ def _parameters(shape: str) -> dict[str, _Parameter]:
         return _MESH_PARAMETERS
     return {
         field.name: _Parameter(kind=field.metadata["quantity"], required=field.default is dataclasses.MISSING)
-        for field in dataclasses.fields(_MAKERS[shape])
+        for field in dataclasses.fields(SHAPES[shape])
         if "quantity" in field.metadata
     }
 

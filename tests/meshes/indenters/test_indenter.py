@@ -3,9 +3,22 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
-from meshes import Box, Cone, Cylinder, LetterH, Nut, Prism, Roller, RoundedTip, Sphere, read_stl
-from meshes.indenters.indenter import Flat
+from meshes import (
+    Box,
+    Cone,
+    Cylinder,
+    FlatPunch,
+    LetterH,
+    Nut,
+    Prism,
+    Roller,
+    RoundedTip,
+    Sphere,
+    TriangleMesh,
+    read_stl,
+)
 
 NUT, LETTER = Nut(across=13e-3, bore=8e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)
 CONE = Cone(angle=np.radians(120), radius=4e-3)
@@ -94,37 +107,79 @@ def test_lowest_point_is_on_the_axis_and_the_footprint_holds_the_shape(indenter)
     assert np.abs(grid[1][finite]).max() <= indenter.footprint[1] + 1e-12
 
 
-def test_axisymmetric_shapes_are():
+def is_flat_where_sampled(indenter):
+    """Whether the gap is zero or infinite at the points of a grid over the footprint."""
+    x, y = np.meshgrid(*(np.linspace(-half, half, 41) for half in indenter.footprint))
+    gap = indenter.gap(x, y)
+    return bool((gap[np.isfinite(gap)] == 0).all())
+
+
+def is_symmetric_where_sampled(indenter):
+    """Whether the gap equals its mirror images at random points, but for a few beside outlines, where it jumps."""
+    x, y = (np.random.default_rng(7).uniform(-1, 1, (4000, 2)) * indenter.footprint).T
+    gap = np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
+    images = (np.nan_to_num(indenter.gap(s * x, -s * y), posinf=-1.0) for s in (-1, 1))
+    return tuple(bool(np.mean(np.abs(gap - image) > 1e-7) < 2e-3) for image in images)
+
+
+@pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
+def test_flatness_and_mirror_symmetry_of_a_shape_hold_for_its_gap(indenter):
+    assert indenter.is_flat == is_flat_where_sampled(indenter)
+    assert indenter.mirror_symmetry == is_symmetric_where_sampled(indenter)
+
+
+@pytest.mark.parametrize(
+    ("name", "symmetric"), [("sphere", False), ("two-balls", False), ("pyramid", True), ("cup", True)]
+)
+def test_flatness_and_mirror_symmetry_of_a_body_from_a_file_hold_for_its_gap(write_stl, name, symmetric):
+    """Rounding in the file moves the edge of the sphere, so that its symmetry is not claimed."""
+    body = read_stl(write_stl(name))
+    assert isinstance(body, TriangleMesh)
+    assert body.is_flat == is_flat_where_sampled(body)
+    assert body.mirror_symmetry == (symmetric, symmetric)
+    assert not symmetric or is_symmetric_where_sampled(body) == (True, True)
+
+
+def test_triangles_on_a_plane_are_flat_and_a_raised_corner_is_not():
+    corners = trimesh.creation.box((4e-3, 6e-3, 2e-3)).triangles + np.array([0, 0, 1e-3])
+    assert TriangleMesh(triangles=corners).is_flat
+    on_one_edge = (corners[..., 2] == 0) & (corners[..., 0] > 0)
+    corners[on_one_edge] += [0, 0, 1e-6]
+    assert not TriangleMesh(triangles=corners).is_flat
+
+
+def test_rotation_leaves_the_gap_of_axisymmetric_shapes_unchanged():
     for indenter in SHAPES:
         r, turn = 0.8 * indenter.footprint[1], np.linspace(0, np.pi, 7)
         gap = indenter.gap(r * np.cos(turn), r * np.sin(turn))
         assert not indenter.axisymmetric or np.ptp(gap) < 1e-12
 
 
-@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, FlatPunch)], ids=lambda s: type(s).__name__)
 def test_inside_is_the_distance_from_the_outline(indenter):
     """Its slope is one almost everywhere, and it is positive just where the face is."""
     rng = np.random.default_rng(2)
     x, y = (rng.uniform(-1.3, 1.3, (2, 4000)).T * indenter.footprint).T
     step = 1e-8
-    slope_x = (indenter.inside(x + step, y) - indenter.inside(x - step, y)) / (2 * step)
-    slope_y = (indenter.inside(x, y + step) - indenter.inside(x, y - step)) / (2 * step)
+    slope_x = (indenter.signed_distance(x + step, y) - indenter.signed_distance(x - step, y)) / (2 * step)
+    slope_y = (indenter.signed_distance(x, y + step) - indenter.signed_distance(x, y - step)) / (2 * step)
     assert np.mean(np.abs(np.hypot(slope_x, slope_y) - 1) < 1e-5) > 0.99
-    assert np.array_equal(indenter.inside(x, y) >= 0, indenter.gap(x, y) == 0)
+    assert np.array_equal(indenter.signed_distance(x, y) >= 0, indenter.gap(x, y) == 0)
 
 
-@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, FlatPunch)], ids=lambda s: type(s).__name__)
 def test_beyond_an_inset_is_the_distance_from_what_it_leaves(indenter):
     """Nothing where the face is deeper than the inset; beside straight sides as much as the inset lacks; no creases."""
     rng = np.random.default_rng(3)
     inset = 0.4e-3
     x, y = (rng.uniform(-1.2, 1.2, (2, 3000)).T * indenter.footprint).T
-    inside, beyond = indenter.inside(x, y), indenter.beyond(inset, x, y)
+    inside, beyond = indenter.signed_distance(x, y), indenter.distance_from_inset(inset, x, y)
     assert np.abs(beyond[inside >= inset]).max() < 2e-3 * inset
     assert (beyond >= inset - inside - 2e-3 * inset).all()
     step, rim = 1e-7, beyond > 1e-2 * inset
     slope = [
-        (indenter.beyond(inset, x + a, y + b) - indenter.beyond(inset, x - a, y - b)) / (2 * step)
+        (indenter.distance_from_inset(inset, x + a, y + b) - indenter.distance_from_inset(inset, x - a, y - b))
+        / (2 * step)
         for a, b in ((step, 0), (0, step))
     ]
     assert np.mean(np.abs(np.hypot(*slope)[rim] - 1) < 1e-3) > 0.99
@@ -135,14 +190,14 @@ def test_corners_that_stand_out_are_round_beyond_an_inset():
     inset = 0.5e-3
     left = corner - [0, inset * 2 / np.sqrt(3)]  # the inset hexagon's corner, where two sides meet at 120 degrees
     turn = np.radians(np.linspace(62, 118, 15))
-    beyond = NUT.beyond(inset, left[0] + 0.3e-3 * np.cos(turn), left[1] + 0.3e-3 * np.sin(turn))
+    beyond = NUT.distance_from_inset(inset, left[0] + 0.3e-3 * np.cos(turn), left[1] + 0.3e-3 * np.sin(turn))
     assert beyond == pytest.approx(0.3e-3, rel=1e-9)
 
 
-@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, Flat)], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, FlatPunch)], ids=lambda s: type(s).__name__)
 def test_an_inset_that_leaves_nothing_is_refused(indenter):
     with pytest.raises(ValueError, match="leaves nothing"):
-        indenter.beyond(1.01 * min(indenter.footprint), np.zeros(1), np.zeros(1))
+        indenter.distance_from_inset(1.01 * min(indenter.footprint), np.zeros(1), np.zeros(1))
 
 
 def test_area_of_the_compound_shapes():

@@ -5,12 +5,13 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from meshes import Box, LetterH, Nut, Prism
-from meshes.indenters.outline import area, convex_parts, hexagon, inside_loops
-from meshes.indenters.outline import flats_of_circle as flats
+from meshes.indenters.convex_parts import split_into_convex_parts
+from meshes.indenters.nut import match_hexagon
+from meshes.indenters.polygons import compute_area, compute_signed_distance, make_hexagon
 
 H = tuple((x * 1e-3, y * 1e-3) for x, y in [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)])
 H += tuple((-x, -y) for x, y in H)
-NUT = (tuple(hexagon(13e-3)), tuple(hexagon(flats(8e-3))))
+NUT = (tuple(make_hexagon(13e-3)), tuple(make_hexagon(match_hexagon(8e-3))))
 PAIRS = {
     "box": (Prism(points=((5e-3, 3e-3), (-5e-3, 3e-3), (-5e-3, -3e-3), (5e-3, -3e-3))), Box(size=(10e-3, 6e-3, 5e-3))),
     "h": (Prism(points=H), LetterH(size=(12e-3, 16e-3), bar=4e-3)),
@@ -31,7 +32,7 @@ def test_a_polygon_is_the_shape_it_outlines(name, order):
     prism, shape = PAIRS[name]
     prism = Prism(points=prism.points[::order], holes=prism.holes)
     x, y = (np.random.default_rng(3).uniform(-1.2, 1.2, (5000, 2)) * shape.footprint).T
-    np.testing.assert_allclose(prism.inside(x, y), shape.inside(x, y), atol=1e-15)
+    np.testing.assert_allclose(prism.signed_distance(x, y), shape.signed_distance(x, y), atol=1e-15)
     np.testing.assert_array_equal(prism.gap(x, y), shape.gap(x, y))
     np.testing.assert_allclose(prism.footprint, shape.footprint)
 
@@ -48,12 +49,12 @@ def test_few_parts_are_enough(name, count, turn):
     c, s = np.cos(turn), np.sin(turn)
     prism = PAIRS[name][0]
     loops = [[(c * x - s * y, s * x + c * y) for x, y in loop] for loop in (prism.points, *prism.holes)]
-    assert len(convex_parts(loops)) == count
+    assert len(split_into_convex_parts(loops)) == count
 
 
 def test_convex_outlines_are_one_part():
     turn = np.linspace(0, 2 * np.pi, 96, endpoint=False)
-    parts = convex_parts([tuple(zip(3 * np.cos(turn), 2 * np.sin(turn), strict=True))])
+    parts = split_into_convex_parts([tuple(zip(3 * np.cos(turn), 2 * np.sin(turn), strict=True))])
     assert [len(part) for part in parts] == [96]
 
 
@@ -61,11 +62,11 @@ def test_convex_outlines_are_one_part():
 def test_parts_are_convex_and_tile_any_polygon(seed):
     rng = np.random.default_rng(seed)
     loop = star(rng)
-    parts = convex_parts([loop])
+    parts = split_into_convex_parts([loop])
     x, y = rng.uniform(-1, 1, (2, 2000))
-    within = [inside_loops([part], x, y) >= 0 for part in parts]
-    np.testing.assert_array_equal(np.sum(within, axis=0), inside_loops([loop], x, y) >= 0)
-    assert sum(area(part) for part in parts) == pytest.approx(abs(area(loop)), rel=1e-9)
+    within = [compute_signed_distance([part], x, y) >= 0 for part in parts]
+    np.testing.assert_array_equal(np.sum(within, axis=0), compute_signed_distance([loop], x, y) >= 0)
+    assert sum(compute_area(part) for part in parts) == pytest.approx(abs(compute_area(loop)), rel=1e-9)
     for part in parts:
         ahead = np.roll(part, -1, axis=0) - part
         turn = ahead[:, 0] * np.roll(ahead[:, 1], -1) - ahead[:, 1] * np.roll(ahead[:, 0], -1)
@@ -78,8 +79,10 @@ def test_corners_that_are_nearly_level_do_not_mislead(noise):
     for seed in range(5):
         wobble = np.random.default_rng(seed).normal(0, noise, (2, 6, 2))
         loops = [list(zip(*(np.array(loop) + each).T, strict=True)) for loop, each in zip(NUT, wobble, strict=True)]
-        parts = convex_parts(loops)
-        assert sum(area(part) for part in parts) == pytest.approx(area(loops[0]) - area(loops[1]), rel=1e-5)
+        parts = split_into_convex_parts(loops)
+        assert sum(compute_area(part) for part in parts) == pytest.approx(
+            compute_area(loops[0]) - compute_area(loops[1]), rel=1e-5
+        )
 
 
 def test_a_round_hole_stays_open_however_many_sides_it_has():
@@ -87,7 +90,7 @@ def test_a_round_hole_stays_open_however_many_sides_it_has():
     turn = np.linspace(0, 2 * np.pi, 800, endpoint=False)
     hole = list(zip(0.015 * np.cos(turn), 0.015 * np.sin(turn), strict=True))
     square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-    filled = sum(ConvexHull(part).volume for part in convex_parts([square, hole])) - (1 - area(hole))
+    filled = sum(ConvexHull(part).volume for part in split_into_convex_parts([square, hole])) - (1 - compute_area(hole))
     assert abs(filled) < 1e-7
 
 

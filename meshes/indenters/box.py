@@ -1,0 +1,62 @@
+"""A box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.indenters.indenter import FlatPunch, Primitive, quantity_field, require_positive, require_remainder
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box(FlatPunch):
+    """A box with a flat, sharp-edged lower face.
+
+    Attributes:
+        size: Edge lengths along x, y and z [m].
+    """
+
+    size: tuple[float, float, float] = quantity_field("length")
+
+    def __post_init__(self) -> None:
+        """Check the edges.
+
+        Raises:
+            ValueError: If a length is not positive.
+        """
+        require_positive(self, *self.size)
+
+    @property
+    def mirror_symmetry(self) -> tuple[bool, bool]:
+        """Always true in both planes."""
+        return (True, True)
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Half the edge lengths along x and y [m]."""
+        return (self.size[0] / 2, self.size[1] / 2)
+
+    def signed_distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the rectangle's outline, positive inside [m]."""
+        dx, dy = np.abs(x) - self.size[0] / 2, np.abs(y) - self.size[1] / 2
+        outside = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0))
+        return np.asarray(-outside - np.minimum(np.maximum(dx, dy), 0))
+
+    def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the rectangle that is smaller by the inset on each side; zero on it [m].
+
+        Raises:
+            ValueError: If the inset is not smaller than half the shorter edge.
+        """
+        require_remainder(inset, min(self.footprint))
+        dx, dy = np.abs(x) - self.size[0] / 2 + inset, np.abs(y) - self.size[1] / 2 + inset
+        return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """One box."""
+        half = (self.size[0] / 2, self.size[1] / 2, self.size[2] / 2)
+        return (Primitive(kind="box", size=half, position=(0, 0, half[2])),)

@@ -1,0 +1,113 @@
+"""Convex polygons that tile an outline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.indenters.polygons import Polygon, cross, list_sides
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Length below which two points coincide, over the size of the outline: rounding in double precision [-].
+_COINCIDENT = 1e-9
+#: Height difference below which two corners are level, over the size of the outline: coordinates that were stored in
+#: single precision differ by up to this much [-].
+_LEVEL = 1e-6
+#: Twice the area of a triangle of three neighbouring corners below which they lie on a straight line, over the square
+#: of the outline's size [-].
+_STRAIGHT = 1e-12
+#: Number of sides, the longest ones, along which slabs are tried [-].
+_MOST_DIRECTIONS = 8
+
+
+def split_into_convex_parts(polygons: Sequence[Polygon]) -> list[FloatArray]:
+    """Split what lies inside an odd number of polygons into convex ones.
+
+    Parallel lines through all corners cut the outline into slabs, and each slab into trapezoids.  Trapezoids of
+    neighbouring slabs that are convex together are merged.  Lines along each of the longest sides are tried; the
+    direction that gives the fewest parts is taken.
+
+    Args:
+        polygons: Simple polygons that do not cross one another [m].
+
+    Returns:
+        Corners of each part, counterclockwise, shape (k, 2) [m].
+    """
+    sides = list_sides(polygons)
+    along = sides[:, 1] - sides[:, 0]
+    longest = np.argsort(-np.hypot(*along.T), kind="stable")[:_MOST_DIRECTIONS]
+    angles = {0.0, *(round(float(np.arctan2(y, x) % np.pi), 9) % round(np.pi, 9) for x, y in along[longest])}
+    fewest: list[FloatArray] = []
+    for angle in sorted(angles):
+        c, s = np.cos(angle), np.sin(angle)
+        parts = _split_along_x(sides @ np.array([[c, -s], [s, c]]))
+        if not fewest or len(parts) < len(fewest):
+            fewest = [part @ np.array([[c, s], [-s, c]]) for part in parts]
+    return fewest
+
+
+def _split_along_x(sides: FloatArray) -> list[FloatArray]:
+    """Split what sides (n, 2, 2) enclose into convex polygons, by lines along x.
+
+    A part is a list of rows (left x, right x, y), from its lowest to its highest.
+    """
+    size = float(np.ptp(sides, axis=(0, 1)).max())
+    upward = np.take_along_axis(sides, np.argsort(sides[..., 1], axis=1)[..., None], axis=1)
+    open_parts: list[list[FloatArray]] = []
+    done: list[list[FloatArray]] = []
+    for low, high in pairwise(_list_levels(sides, size)):
+        crossing = upward[(upward[:, 0, 1] < (low + high) / 2) & (upward[:, 1, 1] > (low + high) / 2)]
+        ends = np.stack([_intersect(crossing, low), _intersect(crossing, high)])
+        ends = ends[:, np.argsort(ends.sum(axis=0))]
+        following: list[list[FloatArray]] = []
+        for k in range(0, ends.shape[1] - 1, 2):
+            bottom, top = np.array([*ends[0, k : k + 2], low]), np.array([*ends[1, k : k + 2], high])
+            below = next((part for part in open_parts if _extends(part, bottom, top, size)), None)
+            if below is not None:
+                open_parts = [part for part in open_parts if part is not below]
+            following.append([*(below or [bottom]), top])
+        done += open_parts
+        open_parts = following
+    return [_list_corners(part, size) for part in (*done, *open_parts)]
+
+
+def _list_levels(sides: FloatArray, size: float) -> list[float]:
+    """Heights of all corners, ascending; of corners that are level, the lowest [m]."""
+    levels: list[float] = []
+    for y in np.unique(sides[..., 1]).tolist():
+        if not levels or y > levels[-1] + _LEVEL * size:
+            levels.append(y)
+    return levels
+
+
+def _intersect(upward: FloatArray, y: float) -> FloatArray:
+    """Where sides that cross a slab meet a line along x, its top or bottom [m]."""
+    (ax, ay), (bx, by) = upward[:, 0].T, upward[:, 1].T
+    share = np.clip((y - ay) / (by - ay), 0, 1)
+    return np.asarray(ax + share * (bx - ax))
+
+
+def _extends(part: list[FloatArray], bottom: FloatArray, top: FloatArray, size: float) -> bool:
+    """Whether a trapezoid has the top of a part as its bottom, and is convex together with the part."""
+    rows = np.array(part)
+    if np.abs(rows[-1] - bottom).max() > _COINCIDENT * size:
+        return False
+    # The new ends must not lie outside the continuation of any side below.  Comparing with the last side alone is not
+    # enough: where slabs are thin, each turn is within rounding, but not their sum.
+    rise = np.diff(rows, axis=0)
+    outside = top[:2] - rows[1:, :2] - rise[:, :2] / rise[:, 2:] * (top[2] - rows[1:, 2:])
+    slack = _LEVEL * size
+    return bool((outside[:, 0] >= -slack).all() and (outside[:, 1] <= slack).all())
+
+
+def _list_corners(part: list[FloatArray], size: float) -> FloatArray:
+    """Corners of a part, counterclockwise, without equal ones and without those on straight sides."""
+    rows = np.array(part)
+    ring = np.concatenate([rows[:, [1, 2]], rows[::-1, [0, 2]]])
+    ring = ring[np.hypot(*(ring - np.roll(ring, 1, axis=0)).T) > _COINCIDENT * size]
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return np.asarray(ring[np.abs(cross(before, after)) > _STRAIGHT * size**2])

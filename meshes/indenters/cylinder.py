@@ -1,0 +1,38 @@
+"""An upright cylinder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.indenters.indenter import AxisymmetricIndenter, FlatPunch, Primitive, require_remainder
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder(AxisymmetricIndenter, FlatPunch):
+    """An upright cylinder with a flat, sharp-edged end.
+
+    Attributes:
+        radius: Radius [m].
+    """
+
+    def signed_distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the circle, positive inside [m]."""
+        return np.asarray(self.radius - np.hypot(x, y))
+
+    def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance from the disk whose radius is smaller by the inset; zero on it [m].
+
+        Raises:
+            ValueError: If the inset is not smaller than the radius.
+        """
+        require_remainder(inset, self.radius)
+        return np.maximum(np.hypot(x, y) - self.radius + inset, 0.0)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """One cylinder, one diameter tall."""
+        return (Primitive(kind="cylinder", size=(self.radius, self.radius), position=(0, 0, self.radius)),)

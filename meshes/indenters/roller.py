@@ -1,0 +1,54 @@
+"""A cylinder lying on its side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.indenters.indenter import Indenter, Primitive, quantity_field, require_positive
+from meshes.indenters.sphere import spherical_gap
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Roller(Indenter):
+    """A cylinder lying on its side, along y.
+
+    Attributes:
+        radius: Radius R [m].
+        length: Length along y [m].
+    """
+
+    radius: float = quantity_field("length")
+    length: float = quantity_field("length")
+
+    def __post_init__(self) -> None:
+        """Check the lengths.
+
+        Raises:
+            ValueError: If one is not positive.
+        """
+        require_positive(self, self.radius, self.length)
+
+    @property
+    def mirror_symmetry(self) -> tuple[bool, bool]:
+        """Always true in both planes."""
+        return (True, True)
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """The radius along x and half the length along y [m]."""
+        return (self.radius, self.length / 2)
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """R - sqrt(R^2 - x^2) within the radius and the length [m]."""
+        return np.where(np.abs(y) <= self.length / 2, spherical_gap(self.radius, x, 0.0), np.inf)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """One cylinder, rotated by 90 degrees about x."""
+        rotation = (float(np.sqrt(0.5)), float(np.sqrt(0.5)), 0.0, 0.0)
+        size = (self.radius, self.length / 2)
+        return (Primitive(kind="cylinder", size=size, position=(0, 0, self.radius), quaternion=rotation),)

@@ -1,0 +1,34 @@
+"""A rod with a hemispherical end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.indenters.indenter import AxisymmetricIndenter, Primitive, quantity_field
+from meshes.indenters.sphere import spherical_gap
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundedTip(AxisymmetricIndenter):
+    """An upright rod with a hemispherical end (the 1 mm calibration tool of the 2015 report).
+
+    Attributes:
+        radius: Radius R of the rod and of its end [m].
+    """
+
+    radius: float = quantity_field("length", default=1e-3)
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """R - sqrt(R^2 - x^2 - y^2) within the radius [m]."""
+        return spherical_gap(self.radius, x, y)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """One capsule, four diameters long."""
+        half_length = 3 * self.radius
+        position = (0, 0, self.radius + half_length)
+        return (Primitive(kind="capsule", size=(self.radius, half_length), position=position),)

@@ -1,0 +1,116 @@
+"""A body bounded by any closed surface of triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshes.indenters.indenter import Indenter, Primitive
+from meshes.indenters.prism import require_axis_inside
+from meshes.surfaces.convex_hulls import split_into_hulls
+from meshes.surfaces.gap import TriangleGap, select_facing_down
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Volume, over the cube of the body's size, and height, over its size, that count as zero [-].
+_ZERO = 1e-9
+#: Points along x and y at which the gap is compared with its mirror image [-].
+_SYMMETRY_POINTS = 61
+#: Largest difference between the gap and its mirror image for the body to count as symmetric: what the single
+#: precision of STL files leaves, over the larger half width [-], and rounding in double precision [m].
+_RELATIVE_TOLERANCE, _TOLERANCE = 1e-6, 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TriangleMesh(Indenter):
+    """A body bounded by triangles, with its lowest point at z = 0 and its axis through the origin.
+
+    Two bodies are equal when their triangles are, whatever files they came from.
+
+    Attributes:
+        triangles: Corners of each triangle, counterclockwise as seen from outside, shape (n, 3, 3) [m].
+    """
+
+    triangles: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the triangles and make them read-only; that the surface is closed is not checked here.
+
+        Raises:
+            ValueError: If the array has another shape or a number that is not finite, or the surface is inside out,
+                encloses no volume, has its lowest point elsewhere than at z = 0, or lies beside the axis.
+        """
+        corners = np.array(self.triangles, dtype=np.float64)
+        if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):  # noqa: PLR2004
+            raise ValueError(f"triangles must have the shape (n, 3, 3), not {corners.shape}")
+        if not np.isfinite(corners).all():
+            raise ValueError("the corners of all triangles must be finite")
+        size = float(np.ptp(corners, axis=(0, 1)).max())
+        volume = float(np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
+        if not volume > _ZERO * size**3:
+            raise ValueError("the surface holds no volume, or its triangles face inwards")
+        if abs(corners[..., 2].min()) > _ZERO * size:
+            raise ValueError(f"the lowest point must stand at z = 0, not at {corners[..., 2].min()} m")
+        require_axis_inside(corners[..., :2].reshape(-1, 2))
+        corners.setflags(write=False)
+        object.__setattr__(self, "triangles", corners)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the triangles are equal, and in the same order."""
+        return isinstance(other, TriangleMesh) and np.array_equal(self.triangles, other.triangles)
+
+    def __hash__(self) -> int:
+        """Hash of the triangles."""
+        return hash(self.triangles.tobytes())
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Whether every triangle that faces down lies in the plane z = 0."""
+        return not self._lower[..., 2].any()
+
+    @cached_property
+    def mirror_symmetry(self) -> tuple[bool, bool]:
+        """Whether the gap is its own mirror image in the planes x = 0 and y = 0, at the points of a grid."""
+        half = self.footprint
+        x, y = np.meshgrid(*(np.linspace(-h, h, _SYMMETRY_POINTS) for h in half))
+        gap = np.nan_to_num(self.gap(x, y), posinf=-1.0)
+        tolerance = _TOLERANCE + _RELATIVE_TOLERANCE * max(half)
+        in_x, in_y = (bool(np.abs(gap - np.flip(gap, axis)).max() < tolerance) for axis in (1, 0))
+        return (in_x, in_y)
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Largest distances of a corner from the axis, along x and y [m]."""
+        half = np.abs(self.triangles[..., :2]).max(axis=(0, 1))
+        return (float(half[0]), float(half[1]))
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Height of the lowest triangle over each point; inf beside the body [m]."""
+        x, y = np.broadcast_arrays(x, y)
+        return self._gap.evaluate(x.ravel(), y.ravel()).reshape(x.shape)
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """One hull if the lower surface is convex; else hulls that make it up within a small share of its width.
+
+        Raises:
+            ModuleNotFoundError: If trimesh is not installed.
+        """
+        return self._primitives
+
+    @cached_property
+    def _lower(self) -> FloatArray:
+        return select_facing_down(self.triangles)
+
+    @cached_property
+    def _gap(self) -> TriangleGap:
+        return TriangleGap(self._lower)
+
+    @cached_property
+    def _primitives(self) -> tuple[Primitive, ...]:
+        return tuple(
+            Primitive(kind="hull", vertices=tuple((float(x), float(y), float(z)) for x, y, z in hull))
+            for hull in split_into_hulls(self.triangles)
+        )
