@@ -20,7 +20,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-import tomli_w
 
 from fastmodel.errors import ParametersError, ShapeError
 from fastmodel.pressure.cover_kernels import CoverCells
@@ -37,6 +36,8 @@ T = TypeVar("T")
 FORMAT = 1
 TOML_NAME = "parameters.toml"
 NPZ_NAME = "cover.npz"
+#: Folder of the sensors that come with the package, one folder each.
+SENSORS = Path(__file__).parent / "sensors"
 _OPERATOR = "operator"
 _COMPLIANCE = "cells_compliance"
 _INFLUENCE = "cells_influence"
@@ -105,21 +106,35 @@ class Parameters:
             tables |= {_COMPLIANCE: self.cells.compliance, _INFLUENCE: self.cells.influence}
             tables |= {} if self.cells.table is None else {_TABLE: self.cells.table}
         packed = pack_npz(tables)
+        # Only writing needs this package.
+        import tomli_w
+
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         _replace_pair(target, packed, text.encode())
         return target / TOML_NAME
 
 
-def load(folder: str | Path) -> Parameters:
-    """Read a folder that `Parameters.save` wrote.
+def list_sensors() -> tuple[str, ...]:
+    """Names of the sensors whose parameters come with the package."""
+    return tuple(sorted(path.parent.name for path in SENSORS.glob(f"*/{TOML_NAME}")))
+
+
+def load(sensor: str | Path) -> Parameters:
+    """Read the parameters of a sensor.
 
     Args:
-        folder: The folder, or its `parameters.toml`.
+        sensor: Name of a sensor that comes with the package (`list_sensors`), or a folder that `Parameters.save` wrote,
+            or its `parameters.toml`.  A text that is such a name means the sensor; write `./name` for a folder.
 
     Raises:
-        ParametersError: If a file is missing, damaged, of another format, or holds bad values.
+        ParametersError: If the name is unknown, or a file is missing, damaged, of another format, or holds bad values.
     """
-    path = Path(folder)
+    path = SENSORS / sensor if isinstance(sensor, str) and sensor in list_sensors() else Path(sensor)
+    if not path.exists():
+        raise ParametersError(
+            f"{sensor}: no such folder; a folder with {TOML_NAME} and {NPZ_NAME} is needed, or one of the sensors "
+            f"{', '.join(list_sensors())}"
+        )
     path = path if path.suffix == ".toml" else path / TOML_NAME
     document = _read_toml(path)
     reader = _Reader(document, path)

@@ -2,12 +2,13 @@ import dataclasses
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fastmodel.errors import ParametersError, ShapeError
-from fastmodel.parameters import Parameters, load
+from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34
 from fastmodel.signal.point_spread import Gaussian, Tabulated
@@ -139,7 +140,7 @@ def test_damaged_toml_is_never_a_traceback(tmp_path):
 
 
 def test_missing_truncated_and_foreign_files_are_named(tmp_path):
-    with pytest.raises(ParametersError, match=r"parameters\.toml: No such file"):
+    with pytest.raises(ParametersError, match=r"nowhere: no such folder; .* sdh2-distal, wts-0614-34"):
         load(tmp_path / "nowhere")
     make().save(tmp_path)
     tables = tmp_path / "cover.npz"
@@ -221,3 +222,19 @@ def test_parts_that_do_not_fit_are_refused():
         make(electronics=dataclasses.replace(WTS_0614_34, gains=(1.0, 1.0, 1.0)))
     with pytest.raises(ParametersError, match="must not be named"):
         make(tables={"operator": np.eye(78)})
+
+
+def test_sensors_that_come_with_the_package_load_by_name():
+    assert list_sensors() == ("sdh2-distal", "wts-0614-34")
+    for name in list_sensors():
+        parameters = load(name)
+        np.testing.assert_array_equal(parameters.array.centres, ARRAYS[name].centres)
+        np.testing.assert_array_equal(parameters.array.active, ARRAYS[name].active)
+        assert parameters.cells is not None
+
+
+def test_a_path_means_a_folder_even_if_a_sensor_has_that_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    load("sdh2-distal").save("wts-0614-34")
+    assert load("wts-0614-34").array.name == "wts-0614-34"
+    assert load("./wts-0614-34").array.name == load(Path("wts-0614-34")).array.name == "sdh2-distal"

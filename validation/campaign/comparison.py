@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from validation.campaign.case import Case
 from validation.campaign.run import describe_reference, score_forces
-from validation.derivation.derive import derive
 from validation.metrics import Score
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
-    from fastmodel import FastIndentation
+    from fastmodel import FastIndentation, Parameters
     from fem_reference.indentation.press import Indentation
 
 Progress = Callable[[str], None]
@@ -29,7 +28,7 @@ class Comparison:
     """The results of the models for one indentation.
 
     Attributes:
-        sensor: The sensor that is pressed.
+        sensor: The sensor that is pressed, or the parameters of its fast model if its cover is not known.
         case: The indentation.  If a depth was given, its load is the reference's at that depth.
         fem: By the finite elements; None if neither the models nor a depth ask for it.
         fast: By the fast model; None if the models do not name it.
@@ -37,7 +36,7 @@ class Comparison:
         models: The models that the user named.
     """
 
-    sensor: SensorDescription
+    sensor: SensorDescription | Parameters
     case: Case
     fem: Indentation | None
     fast: FastIndentation | None
@@ -46,7 +45,7 @@ class Comparison:
 
     def as_json(self) -> dict[str, Any]:
         """The result under the names that the command line prints."""
-        image = self.sensor.array.image
+        sensor, image = self.sensor, self.sensor.array.image
         models: dict[str, Any] = {}
         if self.fem is not None and "fem" in self.models:
             models["fem"] = describe_reference(self.fem) | {"texel_forces": image(self.fem.texel_forces)}
@@ -62,8 +61,8 @@ class Comparison:
                 "seconds": self.fast.seconds,
             }
         return {
-            "sensor": self.sensor.name,
-            "cover": self.sensor.describe_cover(),
+            "sensor": sensor.array.name,
+            "cover": sensor.describe_cover() if isinstance(sensor, SensorDescription) else None,
             "indenter": self.case.shape,
             "load": self.case.load,
             "at": list(self.case.at),
@@ -74,9 +73,10 @@ class Comparison:
 
 
 def compare_models(
-    sensor: SensorDescription,
+    sensor: SensorDescription | Parameters,
     case: Case,
     *,
+    parameters: Parameters | None = None,
     depth: float | None = None,
     friction: float = 0.0,
     models: Sequence[str] = MODELS,
@@ -86,8 +86,9 @@ def compare_models(
     """Press one case by the named models.
 
     Args:
-        sensor: The sensor that is pressed.
+        sensor: The sensor that is pressed; the finite elements need its description.
         case: Indenter, pose and load.
+        parameters: Parameters of the sensor's fast model; the fast model needs them.
         depth: Approach from first touch that replaces the load; the fast model takes the reference's load there [m].
         friction: Coulomb's coefficient between indenter and cover in the reference, inf for no slip [-].
         models: Some of `MODELS`.
@@ -95,6 +96,7 @@ def compare_models(
         progress: Called with a line of text before each step.
 
     Raises:
+        ValueError: If a named model lacks the description or the parameters.
         ConvergenceError: If the reference did not converge.
         FastModelError: If the method needs cover data that the sensor's parameters lack.
     """
@@ -103,6 +105,8 @@ def compare_models(
     if "fem" in models or depth is not None:
         from fem_reference.indentation.press import press
 
+        if not isinstance(sensor, SensorDescription):
+            raise ValueError("the finite elements need the description of the cover")
         tell("indentation by finite elements")
         fem = press(
             sensor.cover,
@@ -119,7 +123,8 @@ def compare_models(
     if "fast" in models:
         from fastmodel import indent
 
-        parameters = derive(sensor, progress=progress).parameters
+        if parameters is None:
+            raise ValueError("the fast model needs its parameters")
         tell("indentation by the fast model")
         fast = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
     score = None

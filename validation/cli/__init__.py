@@ -1,8 +1,10 @@
 """The command line: `softcover COMMAND`.
 
-Each command is one module, loaded when it is called; `main` turns what went wrong into one readable line per
-fault and an exit status: 0 done, 1 a gate or check failed, 2 bad input, 3 something outside failed, 4 a solver
-did not converge.
+Each command is a function in `commands`.  Its module is imported when the command or a help page is asked for; heavy
+packages are imported only when the command runs.  The docstring of the function is the help page.
+
+`main` turns an error into one readable line per fault and an exit status: 0 done, 1 a gate or a check failed, 2 bad
+input, 3 something outside failed, 4 a solver did not converge, 130 interrupted.
 """
 
 from __future__ import annotations

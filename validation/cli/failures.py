@@ -1,4 +1,4 @@
-"""From an error to the lines that a user reads and the exit status."""
+"""Turn an error into the lines that the user reads and the exit status."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from cyclopts import CycloptsError
 
 from validation.errors import MissingExtraError
 
+#: Exit statuses; `docs/json.md` lists them.
 DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
+#: Exit status after Ctrl-C: 128 plus the number of the signal, as shells expect it.
+INTERRUPTED = 130
 
-#: Which extra brings a module that may be absent.
+#: The extra that installs an optional module.
 _EXTRAS = {
     "skfem": "fem",
     "pymetis": "fem",
@@ -36,10 +39,14 @@ class Explanation:
 
 
 def explain(error: Exception) -> Explanation | None:
-    """Say what went wrong; None where only a traceback helps, because the fault is ours."""
+    """Say what went wrong.
+
+    Returns:
+        None for a programming error, which only a traceback explains.
+    """
     if isinstance(error, ImportError):
-        return _missing(error)
-    status = _status(error)
+        return _explain_missing_module(error)
+    status = _find_status(error)
     if status is None:
         return None
     if isinstance(error, OSError):
@@ -50,7 +57,8 @@ def explain(error: Exception) -> Explanation | None:
     return Explanation(lines=tuple(str(error).splitlines()), status=status)
 
 
-def _status(error: Exception) -> int | None:
+def _find_status(error: Exception) -> int | None:
+    # Compared by name: importing the class would import the finite elements.
     if type(error).__name__.endswith("ConvergenceError"):
         return NOT_CONVERGED
     if isinstance(error, OSError):
@@ -59,7 +67,7 @@ def _status(error: Exception) -> int | None:
     return BAD_INPUT if isinstance(error, ValueError | CycloptsError) else None
 
 
-def _missing(error: ImportError) -> Explanation | None:
+def _explain_missing_module(error: ImportError) -> Explanation | None:
     if isinstance(error, MissingExtraError):
         return Explanation(lines=(str(error),), status=OUTSIDE_FAILED)
     cause: BaseException | None = error

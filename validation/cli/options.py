@@ -1,22 +1,28 @@
-"""Options that several commands share."""
+"""Options that several commands share, and the functions that read them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
-from validation.errors import InputError
+from validation.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from validation.recordings.recording import Recording, Setup
 
 T = TypeVar("T")
 
-Sensor = Annotated[str, Parameter(help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal.")]
-Json = Annotated[
-    bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
+SensorFile = Annotated[str, Parameter(help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal.")]
+Sensor = Annotated[
+    str,
+    Parameter(
+        help="A sensor file, a built-in sensor (wts-0614-34, sdh2-distal), or a folder that `derive --out` wrote."
+    ),
 ]
-Out = Annotated[Path | None, Parameter(name="--out", help="Folder for the files; an earlier result is replaced.")]
 MaterialName = Annotated[
     str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
 ]
@@ -24,26 +30,98 @@ Thickness = Annotated[
     str | None,
     Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.", allow_leading_hyphen=True),
 ]
-Recordings = Annotated[
-    Path | None, Parameter(name="--recordings", help="Folder with recordings of a real sensor under known weights.")
+Json = Annotated[
+    bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
+]
+
+Shape = Annotated[str, Parameter(help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
+Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation, area or boxes.")]
+
+RecordedIndenter = Annotated[str, Parameter(name="--indenter", help="Shape of the indenter; kept in the file.")]
+RecordedLoad = Annotated[
+    str | None,
+    Parameter(name="--load", help="Force or weight, e.g. 4.9N or 500g; kept in the file.", allow_leading_hyphen=True),
+]
+Note = Annotated[str, Parameter(name="--note", help="Any other text to keep in the file.")]
+RecordingFile = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
+Topic = Annotated[str | None, Parameter(name="--topic", help="Topic that holds the frames, in bags of other programs.")]
+ArrayIndex = Annotated[
+    int, Parameter(name="--array", help="Index of the array if the recording has several; the first is 0.")
 ]
 
 
-def within(option: str, value: float | None, most: float = float("inf")) -> None:
-    """Refuse a number below 0 or above `most`.
-
-    Raises:
-        InputError: If it is; the message names the option.
-    """
-    if value is not None and not 0 <= value <= most:
-        accepted = "0 or more" if most == float("inf") else f"0..{most}"
-        raise InputError(f"{option}: accepted: {accepted}, not {value:g}")
-
-
 def collect(faults: list[str], read: Callable[[], T]) -> T | None:
-    """Run one reader; keep its faults, so that all of them are reported at once."""
+    """Run one reader and append its faults, so that the faults of all options are reported at once.
+
+    Returns:
+        What the reader returns; None if it raised an `InputError`.
+    """
     try:
         return read()
     except InputError as error:
         faults.extend(error.faults)
         return None
+
+
+def check_range(option: str, value: float | None, most: float = math.inf) -> None:
+    """Refuse a number below 0 or above `most`.
+
+    Raises:
+        InputError: If the number is out of range; the message names the option.
+    """
+    if value is not None and not 0 <= value <= most:
+        accepted = "0 or more" if most == math.inf else f"0..{most}"
+        raise InputError(f"{option}: accepted: {accepted}, not {value:g}")
+
+
+def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -> None:
+    """Refuse a word that is not among the choices.
+
+    Raises:
+        InputError: If the word is unknown; the message names the nearest choice and lists all.
+    """
+    if value not in choices:
+        raise InputError(f"{option}: unknown {kind} {value!r}; {nearest(value, choices)}")
+
+
+def check_array_index(recording: Recording, index: int) -> None:
+    """Refuse an index that no array of the recording has.
+
+    Raises:
+        InputError: If there is no such array.
+    """
+    count = len(recording.arrays)
+    if not 0 <= index < count:
+        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
+
+
+def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
+    """Read two times `from:to` [s].
+
+    Raises:
+        InputError: If they are no numbers, or not 0 <= from < to.
+    """
+    start, _, end = text.partition(":")
+    try:
+        span = (float(start), float(end))
+    except ValueError:
+        span = (math.nan, math.nan)
+    if not 0 <= span[0] < span[1]:
+        raise InputError(
+            f"{option}: {text!r} is not a time span from:to in seconds, the earlier time first; for example {example}"
+        )
+    return span
+
+
+def read_setup(indenter: str, load: str | None, note: str) -> Setup:
+    """Read what the user says about a measurement; it is kept in the recording.
+
+    Raises:
+        InputError: If the indenter or the load cannot be read.
+    """
+    from validation.recordings.recording import Setup
+    from validation.text.indenter import read_indenter, read_load
+
+    if indenter:
+        read_indenter(indenter)
+    return Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)

@@ -1,12 +1,15 @@
-"""What commands print: results on standard output, everything else on standard error."""
+"""Printing: results go to standard output, messages to standard error."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from validation.json_values import json_text
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from meshes import Cover
 
 
 def say(message: str) -> None:
@@ -21,4 +24,64 @@ def show(line: str) -> None:
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Write one JSON object to standard output."""
+    from validation.json_values import json_text
+
     sys.stdout.write(f"{json_text(result)}\n")
+
+
+def print_rows(rows: Iterable[tuple[str, str]], *, title: str | None = None) -> None:
+    """Print a table of two columns, names and values; an empty name continues the row above."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title and Text(title), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for name, value in rows:
+        # Plain strings in a table would be parsed for markup.
+        table.add_row(Text(name), Text(value))
+    Console(highlight=False).print(table)
+
+
+def print_table(
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str | Text]],
+    *,
+    title: str | None = None,
+    caption: str | None = None,
+    left: int = 1,
+) -> None:
+    """Print a table.
+
+    Args:
+        headings: Of the columns.
+        rows: The cells of each row; text is printed as it is, without markup.
+        title: Line above the table.
+        caption: Line below the table.
+        left: Number of columns, from the left, that are aligned to the left; the others are aligned to the right.
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title and Text(title), caption=caption and Text(caption))
+    for index, heading in enumerate(headings):
+        table.add_column(
+            Text(heading), justify="left" if index < left else "right", no_wrap=index == 0, overflow="fold"
+        )
+    for row in rows:
+        table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+    Console(highlight=False).print(table)
+
+
+def describe_cover(cover: Cover) -> str:
+    """Describe a cover in one line; it begins with ASSUMED if nobody measured the cover."""
+    layers = " + ".join(
+        f"{1e3 * layer.thickness:.4g} mm {layer.material.name} "
+        f"(E {layer.material.youngs_modulus / 1e6:.4g} MPa, nu {layer.material.poisson_ratio:.4g})"
+        for layer in cover.layers
+    )
+    if cover.size is not None:
+        layers += ", {:.4g} x {:.4g} mm, free side edges".format(*(1e3 * edge for edge in cover.size))
+    return f"ASSUMED: {layers}" if cover.assumed else layers

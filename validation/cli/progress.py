@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
-#: Plain lines come at most this often [s].
-_QUIET = 2.0
+#: Shortest time between two plain lines [s].
+LINE_INTERVAL = 2.0
 
 
 class Progress:
-    """Tells the user what is being done; call it with a stage, or `step` through a counted one."""
+    """Shows what the program is doing.  Call it with the name of a stage, or call `step` within a counted stage."""
 
     def __init__(self) -> None:
         self._bar: RichProgress | None = None
         self._task: TaskID | None = None
         self._started = time.perf_counter()
-        self._last = self._started
+        self._last_line = self._started
 
     def __enter__(self) -> Self:
         """Start the display."""
@@ -48,7 +48,7 @@ class Progress:
         self._show(stage, 0, None)
 
     def step(self, done: int, total: int, name: str) -> None:
-        """Report that `done` of `total` are finished and `name` comes next."""
+        """Report that `done` of `total` items are finished and that `name` comes next."""
         self._show(name, done, total)
 
     def _show(self, text: str, done: int, total: int | None) -> None:
@@ -58,7 +58,7 @@ class Progress:
             self._bar.update(self._task, description=text, completed=done, total=total)
             return
         now = time.perf_counter()
-        if text and now - self._last > _QUIET:
-            self._last = now
+        if text and now - self._last_line > LINE_INTERVAL:
+            self._last_line = now
             count = "" if total is None else f" {done}/{total}"
             sys.stderr.write(f"[{now - self._started:5.1f} s]{count} {text}\n")

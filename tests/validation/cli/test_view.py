@@ -15,7 +15,7 @@ import fastmodel
 from fastmodel import WTS_0614_34, Foundation, Gaussian, Parameters
 from meshes import Sphere
 from meshes.catalogue import ARRAYS
-from validation.cli.sliding import Sliding
+from validation.cli.view_scene import Scene
 
 ARRAY = ARRAYS["wts-0614-34"]
 TOUCH = ("--indenter", "sphere:radius=5mm", "--load", "500g")
@@ -24,13 +24,13 @@ WEIGHT = 0.5 * 9.80665
 
 def test_the_indenter_comes_down_gently_and_its_weight_goes_round():
     parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
-    scene = Sliding(parameters, Sphere(radius=5e-3), load=WEIGHT, method=Foundation(modulus=1e9))
+    scene = Scene(parameters, Sphere(radius=5e-3), load=WEIGHT, method=Foundation(modulus=1e9))
     carried, places, centres = [], [], []
     for moment in scene.run(6.0):
         frame = scene.sensor.frame()
         carried.append(scene.sensor.carried())
         if moment > 2.0:
-            places.append(scene.place)
+            places.append(scene.position)
             centres.append(frame.texel_forces @ ARRAY.centres[:, :2] / frame.texel_forces.sum())
     assert carried[0] == 0.0
     assert max(carried) < 1.01 * WEIGHT
@@ -79,7 +79,7 @@ def test_the_methods_are_those_of_the_fast_model():
 
 def test_begun_again_it_is_as_at_first():
     parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
-    scene = Sliding(parameters, Sphere(radius=5e-3), load=WEIGHT, method="boxes")
+    scene = Scene(parameters, Sphere(radius=5e-3), load=WEIGHT, method="boxes")
     first = list(scene.run(0.8))
     before = scene.sensor.frame().texel_forces
     scene.restart()

@@ -10,7 +10,7 @@ import fastmodel
 from meshes.catalogue import ARRAYS
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
-from validation.cli.tables import heat_maps
+from validation.cli.heat_map import draw_force_images
 from validation.report import write_report
 from validation.report.tactile_image import Outline, Scale, tactile_image
 from validation.sensor_file import load
@@ -91,7 +91,7 @@ def test_row_0_is_at_the_bottom():
     y = {title: int(y) for y, title in re.findall(r'y="(\d+)"[^>]*><title>(\[\d+, \d+\])', svg)}
     assert y["[0, 0]"] == max(y.values())
     assert y["[13, 0]"] == 0
-    terminal = heat_maps(array, [("x", values)]).columns[0]._cells[1].plain.splitlines()
+    terminal = draw_force_images(array, [("x", values)]).columns[0]._cells[1].plain.splitlines()
     assert terminal[13].split()[0] == "1000"
     assert terminal[0].split()[0] == "0"
 

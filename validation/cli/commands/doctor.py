@@ -12,12 +12,13 @@ from types import MappingProxyType
 from typing import Annotated
 
 from cyclopts import Parameter
-from packaging.requirements import Requirement
 
 from validation.cli.failures import CHECK_FAILED, DONE
-from validation.cli.output import print_json
+from validation.cli.options import Json
+from validation.cli.output import print_json, print_table, show
 
-_WHAT_FOR: Mapping[str, str] = MappingProxyType(
+#: Parts of the installation (the base, then the extras) and what each is for.
+_PARTS: Mapping[str, str] = MappingProxyType(
     {
         "": "fast model, export, terminal view",
         "fem": "derive, press",
@@ -30,31 +31,34 @@ _WHAT_FOR: Mapping[str, str] = MappingProxyType(
 
 def doctor(
     *,
-    port: Annotated[str | None, Parameter(help="Ask the sensor on this port what no document says.")] = None,
-    as_json: Annotated[bool, Parameter(name="--json")] = False,
+    port: Annotated[
+        str | None, Parameter(help="Instead, ask the sensor on this port for what its documentation leaves open.")
+    ] = None,
+    json: Json = False,
 ) -> int:
-    """Say what is installed, what is missing and the command that brings it.
+    """Say what is installed, what is missing and the command that installs it; exit with 1 if the base is incomplete.
 
-    Leaves with 1 when the base installation itself is broken.
+    Examples of use:
 
-    Args:
-        port: Ask the sensor on this port instead.
-        as_json: Print one JSON object.
+        softcover doctor
+        softcover doctor --json
+        softcover doctor --port /dev/ttyACM0
     """
     if port is not None:
-        return _ask_sensor(port, as_json=as_json)
-    parts = {part: {name: _version(name) for name in _find_distributions(part)} for part in _WHAT_FOR}
-    status = DONE if all(parts[""].values()) else CHECK_FAILED
-    if as_json:
+        return _ask_sensor(port, json=json)
+    parts = {part: {name: _find_version(name) for name in _find_distributions(part)} for part in _PARTS}
+    if json:
         named = {part or "base": versions for part, versions in parts.items()}
-        print_json({"python": platform.python_version(), "parts": named, "surroundings": _surroundings()})
-        return status
-    _print_tables(parts)
-    return status
+        print_json({"python": platform.python_version(), "parts": named, "surroundings": _find_surroundings()})
+    else:
+        _print_parts(parts)
+    return DONE if all(parts[""].values()) else CHECK_FAILED
 
 
 def _find_distributions(extra: str) -> list[str]:
-    """Distributions that the base installation (`extra` empty) or an extra requires on this platform, as declared."""
+    """The distributions that the package declares for the base (`extra` empty) or an extra on this platform."""
+    from packaging.requirements import Requirement
+
     wanted = []
     for line in metadata.requires("softcover") or []:
         requirement = Requirement(line)
@@ -65,46 +69,39 @@ def _find_distributions(extra: str) -> list[str]:
     return wanted
 
 
-def _ask_sensor(port: str, *, as_json: bool) -> int:
+def _ask_sensor(port: str, *, json: bool) -> int:
     from validation.weiss.inquiry import inquire
     from validation.weiss.sensor import Sensor
     from validation.weiss.unconfirmed import UNCONFIRMED
 
     with Sensor(port) as sensor:
         answers = inquire(sensor)
-    if as_json:
+    if json:
         print_json({"port": port, "answers": answers, "assumed": UNCONFIRMED})
         return DONE
-    from rich.console import Console
-
-    console = Console()
     for heading, lines in ((f"the sensor on {port}", answers), ("what the driver assumes", UNCONFIRMED)):
-        console.print(f"[bold]{heading}[/bold]")
+        show(heading)
         for topic, line in lines.items():
-            console.print(f"  {topic}: {line}", highlight=False, markup=False)
+            show(f"  {topic}: {line}")
     return DONE
 
 
-def _print_tables(parts: Mapping[str, Mapping[str, str | None]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=f"softcover {_version('softcover')} on Python {platform.python_version()}")
-    for heading in ("part", "for", "installed", "missing, and how to get it"):
-        table.add_column(heading)
+def _print_parts(parts: Mapping[str, Mapping[str, str | None]]) -> None:
+    rows = []
     for part, versions in parts.items():
         found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
         absent = ", ".join(name for name, number in versions.items() if not number)
-        target = f"'softcover\\[{part}]'" if part else "softcover"
-        cure = f"{absent}: [bold]python -m pip install {target}[/bold]" if absent else "[green]nothing[/green]"
-        table.add_row(part or "(base)", _WHAT_FOR[part], found, cure)
-    console = Console()
-    console.print(table)
-    for name, value in _surroundings().items():
-        console.print(f"{name}: {value}", highlight=False)
+        target = f"'softcover[{part}]'" if part else "softcover"
+        cure = f"{absent}: python -m pip install {target}" if absent else "nothing"
+        rows.append((part or "(base)", _PARTS[part], found, cure))
+    headings = ("part", "for", "installed", "missing, and how to get it")
+    title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
+    print_table(headings, rows, title=title, left=len(headings))
+    for name, value in _find_surroundings().items():
+        show(f"{name}: {value}")
 
 
-def _surroundings() -> dict[str, str]:
+def _find_surroundings() -> dict[str, str]:
     recordings = Path(os.environ.get("SOFTCOVER_RECORDINGS", "../shared/recordings"))
     browser = next((path for name in ("chromium", "google-chrome", "firefox") if (path := shutil.which(name))), None)
     return {
@@ -114,7 +111,7 @@ def _surroundings() -> dict[str, str]:
     }
 
 
-def _version(distribution: str) -> str | None:
+def _find_version(distribution: str) -> str | None:
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

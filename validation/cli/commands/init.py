@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from validation.cli.output import say
 from validation.errors import InputError
 
 
-def init(path: Path = Path("sensor.toml"), *, force: bool = False) -> None:
+def init(
+    path: Annotated[Path, Parameter(help="The file to write.")] = Path("sensor.toml"),
+    *,
+    force: Annotated[bool, Parameter(help="Replace a file that is already there.")] = False,
+) -> None:
     """Write a commented sensor file to start from.
 
-    Args:
-        path: The file to write.
-        force: Replace a file that is already there.
+    Examples of use:
+
+        softcover init
+        softcover init my-sensor.toml
     """
     from validation.output_folder import write_text
     from validation.sensor_file import read_template

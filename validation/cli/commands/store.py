@@ -8,39 +8,60 @@ from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
 
 from validation.cli.failures import CHECK_FAILED, DONE
-from validation.cli.options import Json
+from validation.cli.options import Json, check_range
 from validation.cli.output import print_json, say, show
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fem_reference.result_store import Entry
 
-OlderThan = Annotated[
+_OlderThan = Annotated[
     str | None, Parameter(name="--older-than", help="Remove only what was written longer ago, e.g. 30d, 12h.")
 ]
-KeepLatest = Annotated[int | None, Parameter(name="--keep-latest", help="Keep this many of the newest entries.")]
-OtherCode = Annotated[
+_KeepLatest = Annotated[int | None, Parameter(name="--keep-latest", help="Keep this many of the newest entries.")]
+_OtherCode = Annotated[
     bool,
     Parameter(
         name="--other-code",
         help="Remove only what other versions of softcover or its libraries wrote; so does `prune` without options.",
     ),
 ]
-Everything = Annotated[bool, Parameter(name="--all", help="Remove every entry.")]
-DryRun = Annotated[bool, Parameter(name="--dry-run", help="Only say what would be removed.")]
+_Everything = Annotated[bool, Parameter(name="--all", help="Remove every entry.")]
+_DryRun = Annotated[bool, Parameter(name="--dry-run", help="Only say what would be removed.")]
 
-#: What the kinds of entries are called; others keep their own name.
+#: Printed names of kinds of entries; the other kinds are printed as they are.
 _KINDS = {"point-spread": "point spread"}
+#: Longest list of sizes that is printed; of a longer list only the length is printed.
+_LONGEST_LIST = 3
 
-#: The longest list of sizes that is written out.
-_SIZES = 3
+store = App(
+    name="store",
+    help="""The results that the reference keeps: list them, check them, remove them.
+
+    A result is found again by its whole input and the version of the code.  The results are in the user's cache folder,
+    or in the folder that the environment variable SOFTCOVER_STORE names.
+
+    Examples of use:
+
+        softcover store list
+        softcover store verify
+        softcover store prune
+    """,
+)
 
 
+@store.command(name="list")
 def list_entries(*, json: Json = False) -> None:
-    """List the kept results, newest first."""
+    """List the kept results with what they are, size and age, newest first.
+
+    Examples of use:
+
+        softcover store list
+        softcover store list --json
+    """
     from fem_reference import result_store
 
     found = result_store.entries()
@@ -49,21 +70,28 @@ def list_entries(*, json: Json = False) -> None:
             {
                 "folder": str(result_store.folder()),
                 "code": result_store.code_version(),
-                "entries": [_as_json(entry) for entry in found],
+                "entries": [_list_entry(entry) for entry in found],
                 "bytes": sum(entry.size for entry in found),
                 "partial_files": result_store.partial_files(),
             }
         )
         return
     _print_lines(found)
-    other = sum(not _usable(entry) for entry in found)
-    show(f"{_summary(found)} in {result_store.folder()}")
+    other = sum(not _is_usable(entry) for entry in found)
+    show(f"{_summarise(found)} in {result_store.folder()}")
     if other:
         say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
 
 
+@store.command(name="verify")
 def verify_entries(*, json: Json = False) -> int:
-    """Read every kept result and check it; leave with 1 when one is damaged."""
+    """Read every kept result and check it; exit with 1 if one is damaged, and say which.
+
+    Examples of use:
+
+        softcover store verify
+        softcover store verify --json
+    """
     from fem_reference import result_store
 
     checked = result_store.verify()
@@ -80,56 +108,64 @@ def verify_entries(*, json: Json = False) -> int:
     else:
         for entry in damaged:
             show(f"{entry.path}: {entry.problem}")
-        show(f"{_summary(checked)} checked, {len(damaged) or 'none'} damaged")
+        show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
         if damaged:
             say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
     return CHECK_FAILED if damaged else DONE
 
 
+@store.command(name="prune")
 def prune_entries(
     *,
-    older_than: OlderThan = None,
-    keep_latest: KeepLatest = None,
-    other_code: OtherCode = False,
-    everything: Everything = False,
-    dry_run: DryRun = False,
+    older_than: _OlderThan = None,
+    keep_latest: _KeepLatest = None,
+    other_code: _OtherCode = False,
+    everything: _Everything = False,
+    dry_run: _DryRun = False,
     json: Json = False,
 ) -> None:
-    """Remove kept results: those of other code versions, or those that the options choose.
+    """Remove kept results and say which: those of other code versions, or those that the options choose.
 
-    Options narrow one another.  Damaged entries and what killed writers left always go.
+    An entry is removed only if all given options choose it.  Damaged entries and unfinished files of killed processes
+    are always removed.
+
+    Examples of use:
+
+        softcover store prune
+        softcover store prune --older-than 30d --dry-run
+        softcover store prune --keep-latest 100
+        softcover store prune --all
     """
     from fem_reference import result_store
 
-    age = _age_limit(older_than)
-    if keep_latest is not None and keep_latest < 0:
-        raise InputError(f"--keep-latest: must be 0 or more, not {keep_latest}")
+    age = _read_age(older_than)
+    check_range("--keep-latest", keep_latest)
     if everything and (older_than or other_code or keep_latest is not None):
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")
     if not everything and older_than is None and keep_latest is None:
         other_code = True
     found = result_store.verify()
-    chosen = list(_chosen(found, age=age, keep_latest=keep_latest or 0, other_code=other_code))
+    chosen = list(_choose(found, age=age, keep_latest=keep_latest or 0, other_code=other_code))
     removed, failures = (chosen, []) if dry_run else _remove(chosen)
     swept = 0 if dry_run else result_store.sweep_leftovers()
-    _report(removed, kept=len(found) - len(removed), swept=swept, dry_run=dry_run, as_json=json)
+    _print_removed(removed, kept=len(found) - len(removed), swept=swept, dry_run=dry_run, as_json=json)
     if failures:
         raise failures[0]
 
 
-def _age_limit(older_than: str | None) -> float:
+def _read_age(older_than: str | None) -> float:
     from validation.text.quantity import read_quantity
 
     if older_than is None:
         return 0.0
-    limit = read_quantity(older_than, "time", place="--older-than")
-    if limit < 0:
-        raise InputError(f"--older-than: must not be negative, not {older_than!r}; write for example '30 d'")
-    return limit
+    age = read_quantity(older_than, "time", place="--older-than")
+    if age < 0:
+        raise InputError(f"--older-than: accepted: 0 s or more, not {older_than!r}")
+    return age
 
 
-def _chosen(found: Iterable[Entry], *, age: float, keep_latest: int, other_code: bool) -> Iterator[Entry]:
-    """Entries to remove out of `found`, which is newest first."""
+def _choose(found: Iterable[Entry], *, age: float, keep_latest: int, other_code: bool) -> Iterator[Entry]:
+    """Choose the entries to remove from `found`, which lists the newest first."""
     from fem_reference import result_store
 
     now, kept = time.time(), 0
@@ -138,9 +174,9 @@ def _chosen(found: Iterable[Entry], *, age: float, keep_latest: int, other_code:
             yield entry
             continue
         kept += 1
-        young = now - entry.created < age
-        ours = other_code and entry.code == result_store.code_version()
-        if kept > keep_latest and not young and not ours:
+        is_young = now - entry.created < age
+        is_current = other_code and entry.code == result_store.code_version()
+        if kept > keep_latest and not is_young and not is_current:
             yield entry
 
 
@@ -158,13 +194,13 @@ def _remove(chosen: Iterable[Entry]) -> tuple[list[Entry], list[OSError]]:
     return removed, failures
 
 
-def _report(removed: list[Entry], *, kept: int, swept: int, dry_run: bool, as_json: bool) -> None:
+def _print_removed(removed: list[Entry], *, kept: int, swept: int, dry_run: bool, as_json: bool) -> None:
     freed = sum(entry.size for entry in removed)
     if as_json:
         print_json(
             {
                 "dry_run": dry_run,
-                "removed": [_as_json(entry) for entry in removed],
+                "removed": [_list_entry(entry) for entry in removed],
                 "bytes": freed,
                 "kept": kept,
                 "partial_files_removed": swept,
@@ -172,56 +208,57 @@ def _report(removed: list[Entry], *, kept: int, swept: int, dry_run: bool, as_js
         )
         return
     _print_lines(removed)
-    done = "would be removed" if dry_run else "removed"
-    left = f", and {swept} unfinished files of killed writers" if swept else ""
-    show(f"{_summary(removed)} {done}{left}; {kept} kept")
+    verb = "would be removed" if dry_run else "removed"
+    left = f", and {swept} unfinished files of killed processes" if swept else ""
+    show(f"{_summarise(removed)} {verb}{left}; {kept} kept")
 
 
 def _print_lines(found: Iterable[Entry]) -> None:
-    """One line per entry; what it is comes last, since it may be long."""
+    """Print one line per entry.  Its description comes last, because it may be long."""
     for entry in found:
-        what = f"{_KINDS.get(entry.kind, entry.kind)}: {_about(entry.inputs)}"
-        show(f"{entry.key[:12]}  {_size(entry.size):>7}  {_age(entry.created):>6}  {_state(entry):10}  {what}")
+        what = f"{_KINDS.get(entry.kind, entry.kind)}: {_describe_inputs(entry.inputs)}"
+        size, age = _format_bytes(entry.size), _format_age(entry.created)
+        show(f"{entry.key[:12]}  {size:>7}  {age:>6}  {_describe_state(entry):10}  {what}")
 
 
-def _as_json(entry: Entry) -> dict[str, Any]:
+def _list_entry(entry: Entry) -> dict[str, Any]:
     return {
         "key": entry.key,
         "kind": entry.kind,
-        "about": _about(entry.inputs),
+        "about": _describe_inputs(entry.inputs),
         "bytes": entry.size,
         "created": datetime.fromtimestamp(entry.created, UTC).isoformat(timespec="seconds"),
         "code": entry.code,
-        "usable": _usable(entry),
+        "usable": _is_usable(entry),
         "problem": entry.problem or None,
     }
 
 
-def _usable(entry: Entry) -> bool:
+def _is_usable(entry: Entry) -> bool:
     from fem_reference import result_store
 
     return not entry.problem and entry.code == result_store.code_version()
 
 
-def _state(entry: Entry) -> str:
+def _describe_state(entry: Entry) -> str:
     if entry.problem:
         return "damaged"
-    return "" if _usable(entry) else "other code"
+    return "" if _is_usable(entry) else "other code"
 
 
-def _about(inputs: Mapping[str, Any]) -> str:
-    """What a result was computed from, in a line."""
-    parts = [text for name, value in inputs.items() if (text := _input_text(name, value))]
+def _describe_inputs(inputs: Mapping[str, Any]) -> str:
+    """Describe in one line what a result was computed from."""
+    parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
     return ", ".join(parts) or "unknown"
 
 
-def _input_text(name: str, value: object) -> str:
+def _format_input(name: str, value: object) -> str:
     match name, value:
         case "cover", {"layers": layers, "base": base}:
             text = " + ".join(f"{1e3 * layer['thickness']:.4g} mm {layer['material']['name']}" for layer in layers)
             return f"{text}, {base}"
         case "indenter", {"@type": kind, **sizes}:
-            text = ",".join(f"{key}={_size_text(str(key), size)}" for key, size in sizes.items())
+            text = ",".join(f"{key}={_format_length(str(key), size)}" for key, size in sizes.items())
             return f"{str(kind).rpartition('.')[2].lower()}:{text}"
         case (("load" | "force"), float() | int()):
             return f"{value:.4g} N"
@@ -230,22 +267,24 @@ def _input_text(name: str, value: object) -> str:
     return ""
 
 
-def _size_text(name: str, size: object) -> str:
-    """A size of an indenter as the command line writes it; long tables are only counted."""
+def _format_length(name: str, size: object) -> str:
+    """Format a size of an indenter as on the command line."""
     if isinstance(size, list):
-        return "x".join(_size_text(name, part) for part in size) if len(size) <= _SIZES else f"{len(size)} values"
+        if len(size) > _LONGEST_LIST:
+            return f"{len(size)} values"
+        return "x".join(_format_length(name, part) for part in size)
     if not isinstance(size, float):
         return str(size)
     return f"{math.degrees(size):.4g}deg" if name == "angle" else f"{1e3 * size:.4g}mm"
 
 
-def _summary(found: list[Entry]) -> str:
+def _summarise(found: list[Entry]) -> str:
     noun = "entry" if len(found) == 1 else "entries"
-    return f"{len(found)} {noun}, {_size(sum(entry.size for entry in found))}"
+    return f"{len(found)} {noun}, {_format_bytes(sum(entry.size for entry in found))}"
 
 
-def _size(count: int) -> str:
-    """Bytes as people read them."""
+def _format_bytes(count: int) -> str:
+    """Format a number of bytes with a unit."""
     value = float(count)
     for unit in ("B", "kB", "MB", "GB"):
         if value < 1000:  # noqa: PLR2004 -- the next unit
@@ -254,8 +293,8 @@ def _size(count: int) -> str:
     return f"{value:.3g} TB"
 
 
-def _age(created: float) -> str:
-    """Time since then as people read it."""
+def _format_age(created: float) -> str:
+    """Format the time since `created` [s since 1970] with a unit."""
     seconds = max(0.0, time.time() - created)
     for unit, length in (("d", 86_400), ("h", 3600), ("min", 60)):
         if seconds >= length:

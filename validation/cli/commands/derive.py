@@ -1,0 +1,110 @@
+"""`softcover derive`."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.options import Json, MaterialName, SensorFile, Thickness
+from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
+from validation.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from fastmodel import Fit
+    from validation.derivation.derive import Derivation
+
+_Out = Annotated[Path | None, Parameter(help="Folder for the files; an earlier result is replaced.")]
+
+
+def derive(
+    sensor: SensorFile,
+    *,
+    material: MaterialName = None,
+    thickness: Thickness = None,
+    out: _Out = None,
+    json: Json = False,
+) -> None:
+    """Point spread function of a sensor's cover, and the fast model's parameters fitted to it.
+
+    Prints sigma and ksize of the Gaussian kernel and the share of the load that the kernel misplaces; sigma by every
+    other estimator; the two-point resolution, which is the distance at which two equal loads begin to show a dip
+    between them, at the base and with these texels; the change of sigma with thickness and Poisson ratio; and the
+    error estimate of the finite elements.
+
+    Young's modulus drops out of the point spread function: a softer cover of the same thickness and Poisson ratio
+    spreads a given pressure just as far.  With several layers, the ratio of their moduli counts.  The modulus decides
+    how deep and how wide an indenter goes: see `softcover press`.
+
+    Examples of use:
+
+        softcover derive wts-0614-34
+        softcover derive sensor.toml --out derived
+        softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
+    """
+    from validation.cli.sensors import read_description
+    from validation.derivation.derive import derive as derive_parameters
+    from validation.output_folder import new_folder
+
+    description = read_description(sensor, material=material, thickness=thickness)
+    files: tuple[str, ...] = ()
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(new_folder(out)) if out else None
+        with Progress() as progress:
+            derivation = derive_parameters(description, progress=progress)
+        if folder:
+            from validation.report.derivation import write_derivation
+
+            files = write_derivation(derivation, folder)
+    if json:
+        print_json(derivation.as_json())
+    else:
+        print_rows(_list_results(derivation), title=f"Point spread function of {description.name}")
+        print_table(("estimator", "x", "y"), _list_estimates(derivation.fit), title="Sigma by estimator [pitches]")
+    if out:
+        say(f"wrote {', '.join(files)} to {out}")
+
+
+def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
+    fit, cover = derivation.fit, derivation.sensor.cover
+    gaussian, errors = fit.gaussian, derivation.error_estimate
+    yield "cover", describe_cover(cover)
+    yield "sigma x, y", f"{gaussian.sigma_x:.4f}, {gaussian.sigma_y:.4f} pitches ({fit.estimator})"
+    yield "ksize x, y", f"{gaussian.ksize_x}, {gaussian.ksize_y} texels"
+    yield "residual", f"{100 * fit.residual:.2f} % of the load on the wrong texel"
+    yield "outside kernel", f"{100 * fit.outside_kernel:.2f} % of the load"
+    base, texels = derivation.resolution, derivation.resolution_on_array
+    if base is None or texels is None:
+        yield "side edges", "free: the spread differs from place to place; sigma is that of the middle texel"
+    else:
+        yield "resolution", f"{_format_length(base)} at the base"
+        yield "", f"{_format_length(texels)} with these texels, worst alignment"
+        yield "sigma / thickness", f"{derivation.sensitivity['thickness'] * 1e-3:+.3f} pitches per mm"
+        yield "sigma / Poisson ratio", f"{derivation.sensitivity['poisson_ratio'] * 0.01:+.4f} pitches per 0.01"
+    only_ratio = ", only the ratio of the layers' moduli counts" if len(cover.layers) > 1 else ""
+    yield "sigma / Young's modulus", f"none: it drops out{only_ratio}"
+    if derivation.depth is not None:
+        foundation, contact = derivation.depth.foundation, derivation.depth.contact
+        modulus = f"{1e-9 * foundation.modulus:.3g} +- {1e-9 * foundation.uncertainty:.2g} N/mm3"
+        yield "foundation modulus", f"{modulus} ({foundation.estimator})"
+        softness = f"solref {contact.solref[0]:.3g} s, 1; impedance {contact.solimp[0]:.4f}"
+        yield "MuJoCo's plate", f"{softness}: {1e3 * contact.depth:.3g} mm under {1e3 * contact.mass:.3g} g"
+    yield "error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())
+    yield "time", f"{derivation.seconds:.2f} s"
+    for index, line in enumerate(derivation.undetermined):
+        yield "" if index else "not determined", line
+
+
+def _list_estimates(fit: Fit) -> Iterator[tuple[str, ...]]:
+    """Every estimator's sigma; the one that is used comes first."""
+    for name, pair in sorted(fit.estimates.items(), key=lambda item: item[0] != fit.estimator):
+        label = f"{name} (used)" if name == fit.estimator else name
+        yield label, *("none" if math.isnan(value) else f"{value:.4f}" for value in pair)
+
+
+def _format_length(value: float) -> str:
+    return "none" if math.isnan(value) else f"{1e3 * value:.2f} mm"

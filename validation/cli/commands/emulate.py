@@ -1,0 +1,141 @@
+"""`softcover emulate`."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.live_image import interrupt_on_terminate
+from validation.cli.options import ArrayIndex, Json, check_array_index, check_range, read_time_span
+from validation.cli.output import print_json, say
+from validation.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from meshes import TexelArray
+    from validation.weiss.commands import MatrixInfo
+    from validation.weiss.serve import PseudoTerminal, SerialEnd
+    from validation.weiss.virtual import Misbehaviour, Source
+
+#: Patterns that can be shown.
+_PATTERNS = ("blob", "ramp", "corner", "zero")
+
+_Port = Annotated[
+    str | None, Parameter(help="A new name, which becomes a link to a pseudo-terminal, or an existing port.")
+]
+_Show = Annotated[
+    str,
+    Parameter(
+        help="What the sensor shows: a pattern (blob, ramp, corner, zero), a recording, or the fast model of a sensor "
+        "file, a built-in sensor or a folder that `derive --out` wrote."
+    ),
+]
+_Indenter = Annotated[str, Parameter(help="Shape of the indenter that presses on the fast model.")]
+_Load = Annotated[str, Parameter(help="Largest load of that indenter.")]
+_Rate = Annotated[float, Parameter(help="Frames per second when free-running.")]
+_Fault = Annotated[list[str] | None, Parameter(help="A fault and how often, e.g. lose=0.01; may be repeated.")]
+_Pause = Annotated[list[str] | None, Parameter(help="Send no frames in this time, e.g. 2:3 [s]; may be repeated.")]
+_Seconds = Annotated[float | None, Parameter(help="Unplug after this time [s]; until Ctrl-C when not given.")]
+_Seed = Annotated[int, Parameter(help="Seed of the random numbers of faults.")]
+
+
+def emulate(
+    port: _Port = None,
+    *,
+    show: _Show = "blob",
+    array: ArrayIndex = 0,
+    indenter: _Indenter = "sphere:radius=8mm",
+    load: _Load = "5N",
+    rate: _Rate = 271.0,
+    fault: _Fault = None,
+    pause: _Pause = None,
+    seconds: _Seconds = None,
+    seed: _Seed = 0,
+    json: Json = False,
+) -> None:
+    """Stand in for a sensor on a port that speaks its protocol, for tests without the device.
+
+    Examples of use:
+
+        softcover emulate /tmp/wts
+        softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01
+        softcover emulate /tmp/wts --show wts-0614-34 --indenter sphere:radius=5mm --load 8N
+    """
+    from validation.weiss.serve import serve
+    from validation.weiss.virtual import WTS_0614_34, VirtualSensor
+
+    check_range("--seconds", seconds)
+    misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
+    source, matrix = _find_source(show, array, indenter, load)
+    sensor = VirtualSensor(source, matrix=matrix or WTS_0614_34, rate=rate, misbehaviour=misbehaviour)
+    with interrupt_on_terminate(), contextlib.ExitStack() as stack:
+        end = _open_port(port)
+        stack.callback(end.close)
+        if json:
+            print_json({"port": end.name, "rate_hz": rate, "show": show})
+        else:
+            say(f"a WTS sensor answers on {end.name} (Ctrl-C unplugs it)")
+        with contextlib.suppress(KeyboardInterrupt):
+            serve(sensor, end, seconds=seconds)
+    say(f"{sensor.frames_sent} frames sent")
+
+
+def _open_port(port: str | None) -> PseudoTerminal | SerialEnd:
+    from validation.weiss.serve import PseudoTerminal, SerialEnd
+
+    if port and ("://" in port or port.startswith(("/dev/", "COM"))):
+        return SerialEnd(port)
+    return PseudoTerminal(port)
+
+
+def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbehaviour:
+    from validation.weiss.virtual import Misbehaviour
+
+    try:
+        rates = {name: float(rate) for name, _, rate in (text.partition("=") for text in faults)}
+    except ValueError as error:
+        raise InputError(f"--fault: {error}; write a fault and how often, for example lose=0.01") from error
+    return Misbehaviour(rates=rates, pauses=tuple(read_time_span("--pause", text, "2:3") for text in pauses), seed=seed)
+
+
+def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Source, MatrixInfo | None]:
+    """Find the frames to show, and the array that shows them; None for the default array."""
+    from validation.sensor_file import BUILT_IN
+    from validation.weiss.virtual import from_frames, pattern, playback
+
+    if show in _PATTERNS:
+        return pattern(show), None
+    path = Path(show)
+    if show not in BUILT_IN and not path.exists():
+        known = nearest(show, (*_PATTERNS, *BUILT_IN))
+        raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
+    if show in BUILT_IN or path.suffix == ".toml" or (path / "parameters.toml").exists():
+        from validation.cli.progress import Progress
+        from validation.cli.sensors import find_parameters, read_sensor
+        from validation.recordings.live_frames import simulate_frames
+        from validation.text.indenter import read_indenter, read_load
+
+        found, shape, weight = read_sensor(show), read_indenter(indenter), read_load(load)
+        with Progress() as progress:
+            parameters = find_parameters(found, progress)
+        frames = simulate_frames(parameters, shape, load=weight)
+        return from_frames(frames), _make_matrix(parameters.array, parameters.electronics.output_max)
+    from validation.recordings.importing import open_recording
+
+    recording = open_recording(path)
+    check_array_index(recording, array)
+    if not len(recording.times):
+        raise InputError(f"--show: {path} holds no frames to show")
+    recorded = recording.arrays[array]
+    return playback(recording.times, recorded.counts), _make_matrix(recorded.texels, recorded.full_scale)
+
+
+def _make_matrix(texels: TexelArray, full_scale: int) -> MatrixInfo:
+    from validation.weiss.commands import MatrixInfo
+
+    width, height = texels.pitch
+    return MatrixInfo(
+        columns=texels.columns, rows=texels.rows, cell_width=width, cell_height=height, full_scale=full_scale
+    )

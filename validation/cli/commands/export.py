@@ -1,0 +1,157 @@
+"""`softcover export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.options import Json, MaterialName, Sensor, Thickness, check_choice, collect
+from validation.cli.output import print_json, say
+from validation.cli.progress import Progress
+from validation.errors import InputError
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from validation.sensor_file import SensorDescription
+
+#: Formats that can be written.
+FORMATS = ("mjcf", "gazebo")
+
+_Format = Annotated[str, Parameter(name="--format", help="What to write: mjcf or gazebo.")]
+_Out = Annotated[Path, Parameter(help="Folder for the files; an earlier result is replaced.")]
+_Method = Annotated[
+    str,
+    Parameter(
+        help="Contact method that the MJCF model is for: default, cover or foundation (one plate for the array), "
+        "area or boxes (one box per texel)."
+    ),
+]
+
+
+def export(
+    sensor: Sensor,
+    *,
+    format: _Format = "mjcf",  # noqa: A002
+    method: _Method = "default",
+    out: _Out = Path("softcover-out"),
+    material: MaterialName = None,
+    thickness: Thickness = None,
+    json: Json = False,
+) -> None:
+    """The sensor for other simulators: an MJCF model or a Gazebo block, and the fast model's parameters.
+
+    Examples of use:
+
+        softcover export wts-0614-34 --format mjcf --out wts
+        softcover export wts-0614-34 --format mjcf --method boxes --json
+        softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm
+        softcover export derived --format gazebo
+    """
+    from validation.cli.sensors import find_parameters, read_sensor
+    from validation.output_folder import new_folder
+
+    faults: list[str] = []
+    collect(faults, lambda: _check_format(format, method))
+    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness))
+    if faults or found is None:
+        raise InputError(*faults)
+    if format == "gazebo":
+        _check_gazebo(found)
+    model = f"{found.array.name}.xml"
+    with new_folder(out) as folder:
+        with Progress() as progress:
+            parameters = find_parameters(found, progress)
+        parameters.save(folder)
+        used = _write_model(parameters, folder / model, format, method)
+    files = [model, "parameters.toml", "cover.npz"]
+    if json:
+        names = {"sensor": found.array.name, "format": format, "method": used}
+        print_json({**names, "out": str(out), "files": files})
+    else:
+        say(f"wrote {', '.join(files)} to {out}")
+
+
+def _check_format(form: str, method: str) -> None:
+    from validation.campaign.comparison import METHODS
+
+    faults: list[str] = []
+    collect(faults, lambda: check_choice("--format", "format", form, FORMATS))
+    collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    if not faults and form == "gazebo" and method != METHODS[0]:
+        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
+    if faults:
+        raise InputError(*faults)
+
+
+def _check_gazebo(found: SensorDescription | Parameters) -> None:
+    """Refuse an array or electronics that a plugin block cannot describe, before the parameters are derived.
+
+    The spread plays no part in this, so any kernel can stand in for the one that is not derived yet.
+    """
+    from fastmodel import Gaussian, Parameters
+
+    kernel = Gaussian.from_sigma(1.0)
+    _write_gazebo_block(
+        Parameters(array=found.array, spread=found.spread or kernel, filter=found.filter, electronics=found.electronics)
+    )
+
+
+def _write_model(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
+    """Write the model file.
+
+    Returns:
+        Name of the contact method that the model is for; None for Gazebo, which has one of its own.
+    """
+    from fastmodel.contact.methods import choose_method
+    from validation.output_folder import write_text
+
+    if form == "gazebo":
+        write_text(path, _write_gazebo_block(parameters))
+        return None
+    used, _ = choose_method(method, parameters)
+    write_text(path, make_mjcf(parameters, name=path.stem, method=used))
+    return used
+
+
+def _write_gazebo_block(parameters: Parameters) -> str:
+    """The XML element that the Gazebo plugin of the 2015 report reads."""
+    from fastmodel.adapters.gazebo import write_block
+    from fastmodel.errors import FastModelError
+
+    try:
+        return write_block(parameters)
+    except FastModelError as error:
+        raise InputError(f"--format: {error}") from None
+
+
+def make_mjcf(parameters: Parameters, *, name: str, method: str) -> str:
+    """Make an MJCF model with the sensor on one body; MuJoCo loads it as it is.
+
+    The model contains the rigid plate of the contact methods `cover` and `foundation`, or the rigid texels of `area`
+    and `boxes`.  Load sharing, spread, filter and electronics are in `parameters.toml`; `fastmodel` applies them.
+
+    Args:
+        parameters: The sensor.
+        name: Name of the model and of its body; the names of the geoms begin with it.
+        method: Name of the contact method.
+
+    Raises:
+        FastModelError: If the contact method needs data that the parameters lack.
+    """
+    import mujoco
+
+    import fastmodel
+
+    spec = mujoco.MjSpec()
+    spec.modelname = name
+    body = spec.worldbody.add_body(name=name)
+    fastmodel.attach(spec, body, parameters, name=name, contact=method)
+    geoms = spec.compile().ngeom
+    text: str = spec.to_xml()
+    # Load the text once: a reader must get the same model.
+    loaded = mujoco.MjModel.from_xml_string(text).ngeom
+    if loaded != geoms:
+        raise RuntimeError(f"the MJCF text of {name} has {loaded} geoms, the model {geoms}")
+    return text

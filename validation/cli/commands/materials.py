@@ -1,0 +1,175 @@
+"""`softcover materials`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from validation.cli.options import Json
+from validation.cli.output import print_json, print_rows, print_table, show
+from validation.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from meshes import Material
+    from meshes.hardness import HardnessModulus
+
+_Name = Annotated[str | None, Parameter(help="One material, with everything that is known about it.")]
+_Hardness = Annotated[
+    str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
+]
+
+#: Effect of the elastic constants on the point spread function and on the contact.
+PSF_NOTE = (
+    "Young's modulus drops out of the point spread function (of several layers their ratio stays); "
+    "it decides how deep and how wide a touch goes. Thickness and Poisson ratio do not drop out."
+)
+
+
+def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json = False) -> None:
+    """The materials that a cover can be made of by name, one of them, or a modulus from a hardness.
+
+    Examples of use:
+
+        softcover materials
+        softcover materials dragon-skin-30
+        softcover materials --hardness 30
+        softcover materials --json
+    """
+    from meshes.catalogue import MATERIALS
+
+    if hardness is not None:
+        from validation.text.hardness import read_hardness
+
+        if name is not None:
+            raise InputError("--hardness: estimates a material of its own; leave out the name")
+        found = read_hardness(hardness, place="--hardness", bare=True)
+        print_json(_list_hardness(found)) if json else _show_hardness(found)
+    elif name is not None:
+        if name not in MATERIALS:
+            raise InputError(f"unknown material {name!r}; {nearest(name, MATERIALS)}")
+        material = MATERIALS[name]
+        print_json({"name": name, **_list_material(material)}) if json else _show_material(material)
+    elif json:
+        listed = {name: _list_material(material) for name, material in MATERIALS.items()}
+        print_json({"materials": listed, "psf": PSF_NOTE})
+    else:
+        _show_all(list(MATERIALS.values()))
+
+
+def _show_all(materials: list[Material]) -> None:
+    sources = list(dict.fromkeys(_shorten_source(material) for material in materials))
+    rows = [
+        (
+            material.name,
+            material.model,
+            f"{_format_pressure(material.youngs_modulus)} ±{100 * material.spread:.0f} %",
+            _format_poisson_ratio(material),
+            f"({sources.index(_shorten_source(material)) + 1})",
+        )
+        for material in materials
+    ]
+    title = "Materials (E at small strain, ± its spread between sources)"
+    print_table(("name", "model", "E", "nu", "from"), rows, title=title, left=2)
+    for number, source in enumerate(sources, start=1):
+        show(f"({number}) {source}")
+    show(PSF_NOTE)
+
+
+def _show_material(material: Material) -> None:
+    bulk = "infinite (incompressible)" if math.isinf(material.bulk_modulus) else _format_pressure(material.bulk_modulus)
+    modulus = _format_pressure(material.youngs_modulus)
+    rows = {
+        "model": f"{material.model}, {'small strain' if material.small_strain_only else 'finite strain'}",
+        **{f"  {name}": _format_parameter(material, name) for name in material.parameters},
+        "shear modulus": f"{_format_pressure(material.shear_modulus)} at small strain",
+        "Young's modulus": f"{modulus} at small strain, ±{100 * material.spread:.0f} %",
+        "bulk modulus": bulk,
+        "Poisson ratio": _format_poisson_ratio(material),
+        "source": material.source,
+        "PSF": _describe_psf(material),
+    }
+    print_rows(rows.items(), title=material.name)
+    show("")
+    show(f"softcover derive wts-0614-34 --material {material.name} --thickness 2mm")
+
+
+def _show_hardness(found: HardnessModulus) -> None:
+    modulus, low, high = (_format_pressure(value) for value in (found.youngs_modulus, found.low, found.high))
+    rows = {
+        "Young's modulus": f"{modulus}, {low} to {high} (k = 2)",
+        **{f"  {name}": _format_pressure(value) for name, value in found.by_relation.items()},
+        "shear modulus": f"{_format_pressure(found.youngs_modulus / 3)} when incompressible",
+        "source": found.source,
+        "PSF": PSF_NOTE,
+    }
+    print_rows(rows.items(), title=f"{found.shore_a:g} Shore A")
+    show("")
+    show(f'In a sensor file: material = {{ model = "neo-hookean", hardness = "{found.shore_a:g} shore-a" }}')
+
+
+def _describe_psf(material: Material) -> str:
+    """Describe how far a bonded layer of this material spreads a load."""
+    widths = [_relative_width(material.poisson_ratio + sign * material.poisson_spread) for sign in (-1, 0, 1)]
+    band = f" ({widths[0]:.2f} to {widths[2]:.2f} over its Poisson ratios)" if material.poisson_spread else ""
+    return (
+        f"{PSF_NOTE} A bonded layer of thickness h spreads a point load over a base pressure of standard deviation "
+        f"h sqrt(nu / (1 - nu)) = {widths[1]:.3g} h along each axis{band}; its core is much narrower, and "
+        "`softcover derive` fits that."
+    )
+
+
+def _relative_width(poisson_ratio: float) -> float:
+    """Standard deviation of the base pressure under a point load on a bonded layer, over its thickness [-].
+
+    It is sqrt(nu / (1 - nu)) with Poisson ratio nu.
+    """
+    ratio = min(0.5, max(0.0, poisson_ratio))
+    return math.sqrt(ratio / (1 - ratio))
+
+
+def _shorten_source(material: Material) -> str:
+    """The source without the numbers of one material, so that equal sources can be listed once."""
+    return material.source.split(": E0", 1)[0]
+
+
+def _format_parameter(material: Material, name: str) -> str:
+    from meshes.material import MODELS
+
+    unit = MODELS[material.model][name]
+    return ", ".join(_format_pressure(value) if unit == "Pa" else f"{value:g}" for value in material.terms(name))
+
+
+def _format_poisson_ratio(material: Material) -> str:
+    spread = f" ±{material.poisson_spread:g}" if material.poisson_spread else ""
+    return f"{material.poisson_ratio:g}{spread}"
+
+
+def _format_pressure(value: float) -> str:
+    for unit, factor in (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)):
+        if abs(value) >= factor:
+            return f"{value / factor:.4g} {unit}"
+    return f"{value:.4g} Pa"
+
+
+def _list_material(material: Material) -> dict[str, Any]:
+    parameters = {
+        name: values if len(values := material.terms(name)) > 1 else values[0] for name in material.parameters
+    }
+    return {
+        "model": material.model,
+        "parameters": parameters,
+        "youngs_modulus": material.youngs_modulus,
+        "shear_modulus": material.shear_modulus,
+        "bulk_modulus": None if math.isinf(material.bulk_modulus) else material.bulk_modulus,
+        "poisson_ratio": material.poisson_ratio,
+        "poisson_spread": material.poisson_spread,
+        "psf_deviation_per_thickness": _relative_width(material.poisson_ratio),
+        "spread": material.spread,
+        "source": material.source,
+    }
+
+
+def _list_hardness(found: HardnessModulus) -> dict[str, Any]:
+    return {**vars(found), "low": found.low, "high": found.high}

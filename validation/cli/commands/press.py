@@ -1,0 +1,191 @@
+"""`softcover press`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.options import Json, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
+from validation.cli.output import describe_cover, print_json, print_rows
+from validation.cli.progress import Progress
+from validation.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from meshes import TexelArray
+    from validation.campaign.comparison import Comparison
+
+_Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
+_Depth = Annotated[
+    str | None,
+    Parameter(help="Approach of the indenter from first touch, instead of a load: 0.3mm.", allow_leading_hyphen=True),
+]
+_At = Annotated[str, Parameter(help="Position of the indenter's axis in the array's frame.", allow_leading_hyphen=True)]
+_Yaw = Annotated[str, Parameter(help="Rotation of the indenter about its axis.", allow_leading_hyphen=True)]
+_Friction = Annotated[
+    str,
+    Parameter(
+        help="Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip.",
+        allow_leading_hyphen=True,
+    ),
+]
+_Model = Annotated[str, Parameter(help="Which models: fem, fast, or fem,fast.")]
+
+
+def press(
+    sensor: Sensor,
+    *,
+    indenter: Shape,
+    load: _Load = None,
+    depth: _Depth = None,
+    at: _At = "0mm,0mm",
+    yaw: _Yaw = "0deg",
+    friction: _Friction = "0",
+    model: _Model = "fem,fast",
+    method: Method = "default",
+    material: MaterialName = None,
+    thickness: Thickness = None,
+    json: Json = False,
+) -> None:
+    """One indentation by the finite elements and by the fast model, and how far they agree.
+
+    Examples of use:
+
+        softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g
+        softcover press sensor.toml --indenter box:size=9mmx9mmx5mm --load 2N --at=1mm,-2mm --yaw=45deg
+        softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json
+        softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
+    """
+    from validation.campaign.case import Case
+    from validation.campaign.comparison import METHODS, compare_models
+    from validation.cli.sensors import find_parameters, read_description, read_sensor
+    from validation.text.indenter import read_indenter, read_position, read_yaw
+
+    faults: list[str] = []
+    models = collect(faults, lambda: _read_models(model))
+    needs_reference = models is not None and ("fem" in models or depth is not None)
+    read = read_description if needs_reference else read_sensor
+    found = collect(faults, lambda: read(sensor, material=material, thickness=thickness))
+    shape = collect(faults, lambda: read_indenter(indenter))
+    position = collect(faults, lambda: read_position(at))
+    angle = collect(faults, lambda: read_yaw(yaw))
+    coefficient = collect(faults, lambda: _read_friction(friction))
+    collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    force, approach = collect(faults, lambda: _read_force(load, depth)) or (None, None)
+    if found and position:
+        collect(faults, lambda: _check_position(found.array, position))
+    if coefficient and models and not needs_reference:
+        faults.append("--friction: the fast model has none; leave it out, or let --model name fem")
+    if faults or not (found and shape and position and models) or angle is None or coefficient is None:
+        raise InputError(*faults)
+    # With a depth, the load follows from the reference.
+    case = Case(name="press", indenter=shape, shape=indenter, load=force or 0.0, at=position, yaw=angle)
+    with Progress() as progress:
+        comparison = compare_models(
+            found,
+            case,
+            depth=approach,
+            friction=coefficient,
+            models=models,
+            method=method,
+            parameters=find_parameters(found, progress) if "fast" in models else None,
+            progress=progress,
+        )
+    if json:
+        print_json(comparison.as_json())
+    else:
+        _print(comparison)
+
+
+def _check_position(array: TexelArray, position: tuple[float, float]) -> None:
+    """Refuse an indenter whose axis does not pass through the array.
+
+    Raises:
+        InputError: With the accepted ranges.
+    """
+    half = [size / 2 for size in array.texel_size]
+    low = [float(array.centres[:, axis].min()) - half[axis] for axis in (0, 1)]
+    high = [float(array.centres[:, axis].max()) + half[axis] for axis in (0, 1)]
+    if not all(low[axis] <= position[axis] <= high[axis] for axis in (0, 1)):
+        x, y = (f"{1e3 * low[axis]:.4g}..{1e3 * high[axis]:.4g} mm" for axis in (0, 1))
+        given = f"({1e3 * position[0]:.4g}, {1e3 * position[1]:.4g}) mm"
+        raise InputError(f"--at: {given} is not on the array; accepted: x {x}, y {y}")
+
+
+def _read_models(text: str) -> tuple[str, ...]:
+    from validation.campaign.comparison import MODELS
+
+    names = tuple(name.strip() for name in text.split(","))
+    unknown = [f"--model: unknown model {name!r}; {nearest(name, MODELS)}" for name in names if name not in MODELS]
+    if unknown:
+        raise InputError(*unknown)
+    return names
+
+
+def _read_friction(text: str) -> float:
+    """Coefficient of friction; infinite for no slip [-]."""
+    if text.strip() == "no-slip":
+        return math.inf
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < math.inf:
+        raise InputError(f"--friction: {text!r} is not zero, a positive number or no-slip; for example --friction 0.4")
+    return value
+
+
+def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
+    """The load [N] and the depth [m], of which one is None."""
+    from validation.text.indenter import read_depth, read_load
+
+    if load is not None and depth is None:
+        return read_load(load), None
+    if depth is not None and load is None:
+        return None, read_depth(depth)
+    raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
+
+
+def _print(comparison: Comparison) -> None:
+    from rich.console import Console
+
+    from validation.cli.heat_map import draw_force_images
+    from validation.sensor_file import SensorDescription
+
+    console = Console(highlight=False)
+    case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
+    console.print(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}", markup=False)
+    if isinstance(sensor, SensorDescription):
+        console.print(f"cover: {describe_cover(sensor.cover)}\n", markup=False)
+    images = []
+    if comparison.fem is not None and "fem" in comparison.models:
+        images.append(("finite elements", comparison.fem.texel_forces))
+    if comparison.fast is not None:
+        images.append(("fast model", comparison.fast.texel_forces))
+    console.print(draw_force_images(array, images, width=console.width))
+    print_rows(_list_results(comparison))
+
+
+def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    """Totals of each model and, if both models were asked for, the scores."""
+    fem, fast = comparison.fem, comparison.fast
+    if fem is not None and "fem" in comparison.models:
+        errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
+        assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
+        yield "finite elements", f"{fem.total_force:.4f} N, {_format_force(fem.outside)} of it outside the array"
+        yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
+        yield "", f"error estimate {errors}"
+        yield "", f"assumes {assumptions}; {fem.seconds:.2f} s"
+    if fast is not None:
+        yield "fast model", f"{fast.total_force:.4f} N, {_format_force(fast.outside)} of it outside the array"
+        yield "", f"{fast.seconds:.3f} s"
+    if comparison.score is not None:
+        for name, value in comparison.score.as_json().items():
+            yield name, "none" if value is None else f"{value:.4g}"
+
+
+def _format_force(value: float) -> str:
+    # Adding 0.0 removes the minus sign of a negative zero.
+    return f"{round(value, 4) + 0.0:.4f} N"

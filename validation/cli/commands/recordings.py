@@ -1,0 +1,163 @@
+"""`softcover replay` and `softcover import`: recordings of any known format."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from validation.cli.live_image import LiveImage
+from validation.cli.options import (
+    ArrayIndex,
+    Json,
+    Note,
+    RecordedIndenter,
+    RecordedLoad,
+    RecordingFile,
+    Topic,
+    check_array_index,
+    check_range,
+    read_setup,
+)
+from validation.cli.output import print_json, say
+from validation.errors import InputError
+
+if TYPE_CHECKING:
+    from validation.recordings.recording import Recording
+
+_Speed = Annotated[float, Parameter(help="Speed of the replay, 1 for real time; 0 shows no frames.")]
+_Csv = Annotated[Path | None, Parameter(name="--csv", help="Also write the frames of the array as CSV.")]
+_Out = Annotated[Path | None, Parameter(help="New .mcap file; the recording's name with .mcap when not given.")]
+_Force = Annotated[Path | None, Parameter(help="Recording of a force sensor to add, .csv or a bag.")]
+_ForceDelay = Annotated[float, Parameter(help="Time by which the force sensor's clock is ahead of the array's [s].")]
+_Rows = Annotated[int | None, Parameter(help="Texels along y, if the file does not tell.")]
+_Columns = Annotated[int | None, Parameter(help="Texels along x, if the file does not tell.")]
+
+
+def replay(
+    file: RecordingFile,
+    *,
+    array: ArrayIndex = 0,
+    speed: _Speed = 1.0,
+    csv: _Csv = None,
+    topic: Topic = None,
+    json: Json = False,
+) -> None:
+    """Show a recording of any known format in the terminal, and what it says about itself.
+
+    Examples of use:
+
+        softcover replay touch.mcap
+        softcover replay A1.dsa --array 1 --csv a1.csv
+        softcover replay run.bag --json
+    """
+    from validation.recordings import tables
+    from validation.recordings.importing import open_recording
+
+    check_range("--speed", speed)
+    recording = open_recording(file, topic=topic)
+    check_array_index(recording, array)
+    if csv is not None:
+        tables.write(recording, csv, array=array)
+    if json:
+        print_json(_list_facts(recording))
+        return
+    if speed and sys.stderr.isatty():
+        _play(recording, array, speed)
+    _say_facts(recording)
+
+
+def import_recording(
+    file: RecordingFile,
+    *,
+    out: _Out = None,
+    indenter: RecordedIndenter = "",
+    load: RecordedLoad = None,
+    note: Note = "",
+    topic: Topic = None,
+    force: _Force = None,
+    force_delay: _ForceDelay = 0.0,
+    rows: _Rows = None,
+    columns: _Columns = None,
+    json: Json = False,
+) -> None:
+    """Convert a recording of any known format to MCAP with labels.
+
+    A recording of ours that was cut off is completed in place if no other file is named.
+
+    Examples of use:
+
+        softcover import A1.dsa --indenter box:size=10.5mmx10.5mmx5mm --load 200g
+        softcover import run.bag --topic /tactile/image --out run.mcap
+        softcover import table.csv --rows 14 --columns 6
+    """
+    from validation.recordings import mcap_reader
+    from validation.recordings.importing import add_forces, open_recording, relabel, save
+
+    setup = read_setup(indenter, load, note)
+    recording = relabel(open_recording(file, topic=topic, rows=rows, columns=columns), setup)
+    if force is not None:
+        recording = add_forces(recording, force, delay=force_delay)
+    if out is None and force is None and not recording.complete:
+        mcap_reader.recover(file)
+        target = file
+    else:
+        target = out or Path(f"{file.stem}.mcap")
+        if target.exists():
+            raise InputError(f"--out: {target} exists; name a new file")
+        save(recording, target)
+    if json:
+        print_json({**_list_facts(recording), "out": str(target)})
+    else:
+        say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
+
+
+def _list_facts(recording: Recording) -> dict[str, Any]:
+    """List what a recording says about itself, for `--json`."""
+    return {
+        "path": str(recording.path),
+        "sha256": recording.sha256,
+        "serial": recording.serial,
+        "started": recording.started.isoformat(),
+        "frames": len(recording.times),
+        "seconds": recording.seconds,
+        "rate_hz": recording.frame_rate,
+        "complete": recording.complete,
+        "gaps": list(recording.gaps),
+        "setup": {**vars(recording.setup), "device": dict(recording.setup.device)},
+        "arrays": [
+            {
+                "name": array.texels.name,
+                "rows": array.texels.rows,
+                "columns": array.texels.columns,
+                "active": int(array.texels.active.sum()),
+                "full_scale": array.full_scale,
+                "largest": int(array.counts.max(initial=0)),
+            }
+            for array in recording.arrays
+        ],
+        "force_readings": len(recording.forces),
+    }
+
+
+def _say_facts(recording: Recording) -> None:
+    setup = recording.setup
+    load = "" if setup.load is None else f", {setup.load:.4g} N"
+    arrays = ", ".join(f"{array.texels.columns} x {array.texels.rows}" for array in recording.arrays)
+    say(f"{recording.path}: {len(recording.times)} frames in {recording.seconds:.1f} s, arrays {arrays}")
+    say(f"indenter {setup.indenter or 'not known'}{load}; {setup.note or 'no note'}")
+    end = "closed properly" if recording.complete else "cut off: all but the last half second is there"
+    say(f"{len(recording.gaps)} gaps; {end}")
+
+
+def _play(recording: Recording, array: int, speed: float) -> None:
+    recorded = recording.arrays[array]
+    start = time.monotonic()
+    with LiveImage(columns=recorded.texels.columns, full_scale=recorded.full_scale) as live:
+        for now, counts in zip(recording.times, recorded.counts, strict=True):
+            time.sleep(max(0.0, now / speed - (time.monotonic() - start)))
+            if live.is_due:
+                live.show(counts, f"{now:6.1f} of {recording.seconds:.1f} s")

@@ -1,0 +1,161 @@
+"""`softcover demo` and `softcover validate`: score a sensor and write the report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.failures import DONE, NOT_CONVERGED
+from validation.cli.options import Json, MaterialName, SensorFile, Thickness
+from validation.cli.output import describe_cover, print_json, print_table, say, show
+from validation.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from validation.calibration.stamp import StampScores
+    from validation.campaign.evaluation import Evaluation
+    from validation.campaign.pooling import Pooled
+    from validation.campaign.run import CampaignResult
+    from validation.sensor_file import SensorDescription
+
+_Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
+_Recordings = Annotated[Path | None, Parameter(help="Folder with recordings of a real sensor under known weights.")]
+
+#: The sensor of the demonstration, and the sensor that the recordings of known weights were made with.
+_DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
+#: Columns of the table of scores: heading, metric, factor from the metric's unit to the printed one, printed unit.
+_COLUMNS = (
+    ("misplaced force", "misplaced_force", 100, " %"),
+    ("relative L2", "relative_l2", 100, " %"),
+    ("total force", "total_force_error", 100, " %"),
+    ("centre", "centre_of_pressure_m", 1e3, " mm"),
+    ("image changed", "image_changed_percent", 1, " %"),
+)
+
+
+def demo(*, out: _Out = Path("softcover-report"), recordings: _Recordings = None, json: Json = False) -> int:
+    """The whole way on the default sensor: PSF, fit, scores against finite elements and recordings, report.
+
+    Examples of use:
+
+        softcover demo
+        softcover demo --out my-report
+        softcover demo --recordings ~/recordings
+    """
+    from validation.recordings.series import find_recordings_folder
+    from validation.sensor_file import BUILT_IN
+
+    folder = find_recordings_folder(recordings)
+    return _evaluate(BUILT_IN[_DEMO], out, recordings=folder, recorded=BUILT_IN[_RECORDED], json=json)
+
+
+def validate(
+    sensor: SensorFile,
+    *,
+    recordings: _Recordings = None,
+    material: MaterialName = None,
+    thickness: Thickness = None,
+    out: _Out = Path("softcover-report"),
+    json: Json = False,
+) -> int:
+    """Score the fast model of a sensor against finite elements, and against recordings where given.
+
+    Examples of use:
+
+        softcover validate sensor.toml --out my-report
+        softcover validate sdh2-distal --recordings ~/recordings
+        softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
+    """
+    from validation.cli.sensors import read_description
+    from validation.recordings.series import find_recordings_folder
+
+    description = read_description(sensor, material=material, thickness=thickness)
+    # Recordings belong to one sensor, so only a folder that the user names is taken for this sensor's.
+    folder = None if recordings is None else find_recordings_folder(recordings)
+    return _evaluate(description, out, recordings=folder, recorded=description, json=json)
+
+
+def _evaluate(
+    sensor: SensorDescription, out: Path, *, recordings: Path | None, recorded: SensorDescription, json: bool
+) -> int:
+    """Evaluate a sensor, write its report and print the summary.
+
+    Args:
+        sensor: The sensor to evaluate.
+        out: Folder of the report.
+        recordings: Folder of recordings, or None.
+        recorded: The sensor that the recordings were made with.
+        json: Print the numbers as JSON instead of tables.
+
+    Returns:
+        The exit status: 4 if a case did not converge.
+    """
+    from validation.campaign.evaluation import evaluate
+    from validation.output_folder import new_folder
+    from validation.report import require, write_report
+
+    started = time.perf_counter()
+    require()
+    with new_folder(out) as folder, Progress() as progress:
+        evaluation = evaluate(sensor, recordings=recordings, recorded=recorded, progress=progress)
+        progress("report")
+        write_report(evaluation, folder)
+    if json:
+        print_json(evaluation.as_json())
+    else:
+        _print(evaluation)
+    skipped = evaluation.campaign.skipped
+    for each in skipped:
+        say(f"not scored: {each.case.name} ({each.case.shape}, {each.case.load:.3g} N): {each.reason}")
+    say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
+    return DONE if all(each.converged for each in skipped) else NOT_CONVERGED
+
+
+def _print(evaluation: Evaluation) -> None:
+    sensor, fit, campaign = evaluation.sensor, evaluation.derivation.fit, evaluation.campaign
+    show(f"{sensor.name}, cover {describe_cover(sensor.cover)}")
+    show(
+        f"kernel: sigma {fit.gaussian.sigma_x:.4f}, {fit.gaussian.sigma_y:.4f} pitches ({fit.estimator}), "
+        f"residual {100 * fit.residual:.2f} %, outside the kernel {100 * fit.outside_kernel:.2f} %"
+    )
+    floor = campaign.noise_floor
+    print_table(
+        ("model", *(heading for heading, *_ in _COLUMNS)),
+        _list_scores(campaign),
+        title=f"Against finite elements: {len(campaign.cases)} cases, means and 95 % intervals over cases",
+        caption=f"error estimate of the reference: total force {100 * floor['total_force']:.2g} %, "
+        f"peak texel {100 * floor['peak_texel']:.2g} %",
+    )
+    scores = evaluation.recordings
+    if scores is not None:
+        splits = list(dict.fromkeys(row.split for row in scores.rows))
+        print_table(
+            ("model", *(scores.about[split] for split in splits)),
+            _list_recording_scores(scores, splits),
+            title="Against recordings: image changed [%] on weights that were not fitted",
+        )
+
+
+def _list_scores(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
+    for model, metrics in campaign.pooled.items():
+        yield model, *(_format_pooled(metrics[name], factor, unit) for _, name, factor, unit in _COLUMNS)
+
+
+def _format_pooled(value: Pooled, factor: float, unit: str) -> str:
+    if not value.cases:
+        return "none"
+    return f"{factor * value.mean:.3g}{unit}\n{factor * value.low:.2g}..{factor * value.high:.2g}"
+
+
+def _list_recording_scores(scores: StampScores, splits: list[str]) -> Iterator[tuple[str, ...]]:
+    """Mean image change of each model, one column per split; an empty cell where a model was not scored."""
+    means = {
+        (row.split, row.model, row.texel_gains): f"{row.pooled['image_changed_percent'].mean:.2f}"
+        for row in scores.rows
+    }
+    for model, gains, kind in dict.fromkeys((row.model, row.texel_gains, row.kind) for row in scores.rows):
+        label = {"null": " (null)", "floor": " (floor)"}.get(kind, " + texel gains" if gains else "")
+        yield f"{model}{label}", *(means.get((split, model, gains), "") for split in splits)

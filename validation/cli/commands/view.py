@@ -1,0 +1,181 @@
+"""`softcover view`."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+import time
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from validation.cli.live_image import LiveImage, interrupt_on_terminate
+from validation.cli.options import (
+    Json,
+    MaterialName,
+    Method,
+    Sensor,
+    Shape,
+    Thickness,
+    check_choice,
+    check_range,
+    collect,
+)
+from validation.cli.output import print_json, say
+from validation.cli.progress import Progress
+from validation.errors import InputError
+
+if TYPE_CHECKING:
+    from validation.cli.view_scene import Scene
+
+#: Where the live image can be shown.
+DISPLAYS = ("auto", "window", "terminal")
+#: Simulated time without a terminal: the indenter comes down and goes once round [s].
+_UNWATCHED_SECONDS = 5.0
+
+_Load = Annotated[str, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
+_Seconds = Annotated[
+    float | None,
+    Parameter(help="Simulated time [s]; on a terminal until Ctrl-C when not given.", allow_leading_hyphen=True),
+]
+_Display = Annotated[
+    str,
+    Parameter(help="Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened)."),
+]
+
+
+def view(
+    sensor: Sensor,
+    *,
+    indenter: Shape,
+    load: _Load,
+    method: Method = "default",
+    material: MaterialName = None,
+    thickness: Thickness = None,
+    seconds: _Seconds = None,
+    display: _Display = "auto",
+    json: Json = False,
+) -> None:
+    """Live image of the fast model: the indenter comes down and slides in a circle.
+
+    On a terminal it runs in real time until Ctrl-C, in the MuJoCo viewer's window where there is a display, else in the
+    terminal.  Without a terminal it simulates 5 s as fast as it can.  Then the last image is printed.
+
+    Examples of use:
+
+        softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g
+        softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g --display terminal
+        softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10
+    """
+    from validation.campaign.comparison import METHODS
+    from validation.cli.sensors import find_parameters, read_sensor
+    from validation.cli.view_scene import Scene
+    from validation.text.indenter import read_indenter, read_load
+
+    faults: list[str] = []
+    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness))
+    shape = collect(faults, lambda: read_indenter(indenter))
+    weight = collect(faults, lambda: read_load(load))
+    collect(faults, lambda: check_range("--seconds", seconds))
+    collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    place = collect(faults, lambda: _choose_display(display, quiet=json))
+    if faults or not (found and shape and weight and place):
+        raise InputError(*faults)
+    with Progress() as progress:
+        parameters = find_parameters(found, progress)
+    scene = Scene(parameters, shape, load=weight, method=method)
+    # Ctrl-C is the normal way to end this command: print the last image then.
+    with interrupt_on_terminate(), contextlib.suppress(KeyboardInterrupt):
+        _play(scene, seconds, place)
+    if json:
+        print_json(_list_last_frame(scene, indenter, weight))
+    else:
+        _print_last_frame(scene, f"{indenter} on {found.array.name}, {weight:.4g} N")
+
+
+def _choose_display(wanted: str, *, quiet: bool) -> str:
+    """Choose where to show the image: window, terminal or nowhere.
+
+    Raises:
+        InputError: If the choice is unknown, or a window was asked for and none can be opened.
+    """
+    from validation.cli.view_window import find_window_fault
+
+    check_choice("--display", "place", wanted, DISPLAYS)
+    watched = sys.stderr.isatty() and not quiet
+    if wanted == "terminal" or (wanted == "auto" and not watched):
+        return "terminal" if watched else "nowhere"
+    fault = find_window_fault()
+    if fault is None:
+        return "window"
+    if wanted == "window":
+        raise InputError(f"--display: no window can be opened ({fault}); use --display terminal")
+    return "terminal"
+
+
+def _play(scene: Scene, seconds: float | None, place: str) -> None:
+    """Simulate: in real time if the image is shown, else as fast as possible."""
+    if seconds is None:
+        seconds = _UNWATCHED_SECONDS if place == "nowhere" else math.inf
+    if place == "window":
+        _play_in_window(scene, seconds)
+        return
+    parameters, start = scene.sensor.parameters, time.monotonic()
+    columns, full_scale = parameters.array.columns, parameters.electronics.output_max
+    with LiveImage(columns=columns, full_scale=full_scale, quiet=place == "nowhere") as live:
+        for now in scene.run(seconds):
+            if place == "terminal":
+                time.sleep(max(0.0, now - (time.monotonic() - start)))
+            if live.is_due:
+                live.show(scene.sensor.frame().counts, _describe_state(scene))
+
+
+def _play_in_window(scene: Scene, seconds: float) -> None:
+    """Simulate in real time until the window is closed or the time is over."""
+    from validation.cli.view_window import Window
+
+    say("close the window or press Ctrl-C to end")
+    start = time.monotonic()
+    with Window(scene) as window:
+        for now in scene.run(seconds):
+            time.sleep(max(0.0, now - (time.monotonic() - start)))
+            if not window.is_open:
+                return
+            if window.is_due:
+                window.show(_describe_state(scene).strip())
+                if scene.data.time < now:
+                    # The user reset the simulation with the viewer's own key.
+                    scene.restart()
+                    start = time.monotonic()
+
+
+def _describe_state(scene: Scene) -> str:
+    x, y = scene.position
+    return f"{scene.sensor.frame().time:6.1f} s, {scene.sensor.carried():.2f} N at ({1e3 * x:.1f}, {1e3 * y:.1f}) mm"
+
+
+def _list_last_frame(scene: Scene, indenter: str, load: float) -> dict[str, Any]:
+    frame, array = scene.sensor.frame(), scene.sensor.parameters.array
+    return {
+        "indenter": indenter,
+        "load": load,
+        "time": frame.time,
+        "at": list(scene.position),
+        "carried": scene.sensor.carried(),
+        "outside": scene.sensor.outside(),
+        "texel_forces": array.image(scene.texel_forces),
+        "counts": array.image(frame.counts),
+        "image": frame.image,
+    }
+
+
+def _print_last_frame(scene: Scene, title: str) -> None:
+    from rich.console import Console
+
+    from validation.cli.heat_map import draw_force_images
+
+    console = Console(highlight=False)
+    console.print(title, markup=False)
+    console.print(draw_force_images(scene.sensor.parameters.array, [("fast model", scene.texel_forces)]))
+    console.print(_describe_state(scene).strip(), markup=False)

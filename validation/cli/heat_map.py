@@ -1,0 +1,92 @@
+"""Tactile images as coloured text: one number per texel on a background from black over red to yellow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from rich.table import Table
+from rich.text import Text
+
+from meshes import TexelArray
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Width of a texel, and of the gap between two images [characters].
+CELL, GAP = 6, 3
+#: Background of a negative value, dark blue [red, green, blue].
+NEGATIVE = (30, 50, 110)
+#: On backgrounds with more red than this the text is black, else white [0..255].
+BLACK_TEXT_FROM = 191
+
+
+def to_colours(shares: FloatArray) -> npt.NDArray[np.uint8]:
+    """Map shares of the full scale to colours.
+
+    Args:
+        shares: Values over the largest value, any shape; values above 1 are drawn as 1 [-].
+
+    Returns:
+        Red, green and blue, shape (..., 3), from black at 0 over red to yellow at 1; dark blue below 0.
+    """
+    level = np.sqrt(np.clip(shares, 0, 1))
+    colours: npt.NDArray[np.uint8] = np.rint(
+        255 * np.stack([level, 0.72 * level**1.5, 0.25 * level**3], axis=-1)
+    ).astype(np.uint8)
+    colours[np.asarray(shares) < 0] = NEGATIVE
+    return colours
+
+
+def draw_heat_map(
+    numbers: npt.NDArray[np.integer], shares: FloatArray, active: npt.NDArray[np.bool_] | None = None
+) -> Text:
+    """Draw one image, row 0 at the bottom.
+
+    Args:
+        numbers: The number in each texel, shape (rows, columns).
+        shares: Values over the largest value, which give the colours, shape (rows, columns) [-].
+        active: The texels that exist, shape (rows, columns); all if not given.
+
+    Returns:
+        One line of text per row.
+    """
+    text, colours = Text(), to_colours(shares).tolist()
+    for row in range(len(numbers) - 1, -1, -1):
+        for column, number in enumerate(numbers[row].tolist()):
+            if active is not None and not active[row, column]:
+                text.append(" " * CELL)
+                continue
+            red, green, blue = colours[row][column]
+            foreground = "black" if red > BLACK_TEXT_FROM else "white"
+            text.append(f"{number:{CELL}d}", style=f"{foreground} on rgb({red},{green},{blue})")
+        text.append("\n")
+    return text
+
+
+def draw_force_images(array: TexelArray, images: Sequence[tuple[str, FloatArray]], *, width: int = 80) -> Table:
+    """Draw texel forces in mN, with one colour scale for all images.
+
+    Args:
+        array: The array of all images.
+        images: Title and texel forces of each image, forces of shape (n,) [N].
+        width: The images stand side by side if they fit into this width, else one below the other [characters].
+    """
+    peak = max(float(np.max(np.abs(forces))) for _, forces in images) or 1.0
+    titles = [Text(f"{title}, mN", style="bold") for title, _ in images]
+    active, maps = np.asarray(array.image(array.active)), []
+    for _, forces in images:
+        image = np.asarray(array.image(forces))
+        maps.append(draw_heat_map(np.rint(1e3 * image).astype(np.int64), image / peak, active))
+    table = Table.grid(padding=(0, GAP))
+    if len(images) * (CELL * array.columns + GAP) <= width:
+        for _ in images:
+            table.add_column(no_wrap=True)
+        table.add_row(*titles)
+        table.add_row(*maps)
+    else:
+        table.add_column(no_wrap=True)
+        for title, drawn in zip(titles, maps, strict=True):
+            table.add_row(title)
+            table.add_row(drawn)
+    return table

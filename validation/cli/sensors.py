@@ -1,0 +1,88 @@
+"""Find the sensor that SENSOR on the command line names, and the parameters of its fast model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import fastmodel
+from fastmodel import Parameters
+from validation.errors import InputError
+from validation.sensor_file import BUILT_IN, SensorDescription, load
+
+
+def read_description(sensor: str, *, material: str | None = None, thickness: str | None = None) -> SensorDescription:
+    """Read the description of a sensor, for a command that needs its cover.
+
+    Args:
+        sensor: A sensor file or a built-in name.
+        material: Material that replaces the cover's, by name.
+        thickness: Thickness that replaces the cover's, with its unit.
+
+    Raises:
+        InputError: If the sensor cannot be read, or is a folder of parameters, which do not describe the cover.
+        OSError: If the file exists and cannot be read.
+    """
+    if _holds_parameters(sensor):
+        raise InputError(
+            f"{sensor}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
+            f"name the sensor file or the built-in sensor that it was derived from"
+        )
+    return load(sensor, material=material, thickness=thickness)
+
+
+def read_sensor(
+    sensor: str, *, material: str | None = None, thickness: str | None = None
+) -> SensorDescription | Parameters:
+    """Read a sensor for a command that needs only the fast model.
+
+    Args:
+        sensor: A sensor file, a built-in name, or a folder that `softcover derive` wrote.
+        material: Material that replaces the cover's, by name.
+        thickness: Thickness that replaces the cover's, with its unit.
+
+    Returns:
+        The parameters if `sensor` is such a folder, else the description of the sensor.
+
+    Raises:
+        InputError: If the sensor cannot be read, or the cover of derived parameters shall be replaced.
+        ParametersError: If the files in the folder are damaged.
+        OSError: If the file exists and cannot be read.
+    """
+    if not _holds_parameters(sensor):
+        return load(sensor, material=material, thickness=thickness)
+    if material is not None or thickness is not None:
+        raise InputError(
+            f"--material, --thickness: the parameters in {sensor} were derived for one cover; "
+            f"derive them anew: softcover derive SENSOR --material NAME --out FOLDER"
+        )
+    return fastmodel.load(Path(sensor))
+
+
+def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[str], None]) -> Parameters:
+    """Find the parameters of the fast model.
+
+    Those of a folder are taken as they are.  Those of a built-in sensor come with the package.  All others are derived
+    by finite elements.
+
+    Args:
+        sensor: What `read_sensor` returned.
+        progress: Called with each stage of the derivation.
+
+    Raises:
+        ConvergenceError: If the finite elements did not converge.
+        MissingExtraError: If finite elements are needed and not installed.
+    """
+    if isinstance(sensor, Parameters):
+        return sensor
+    if sensor is BUILT_IN.get(sensor.name):
+        return fastmodel.load(sensor.name)
+    from validation.derivation.derive import derive
+
+    return derive(sensor, progress=progress).parameters
+
+
+def _holds_parameters(sensor: str) -> bool:
+    """Whether this is a folder that `softcover derive` wrote, or its `parameters.toml`."""
+    path = Path(sensor)
+    return sensor not in BUILT_IN and (path.name == "parameters.toml" or (path / "parameters.toml").is_file())

@@ -1,0 +1,122 @@
+"""The scene of `softcover view`: an indenter comes down on the array and then slides in a circle.
+
+The weight of the indenter rests on the cover.  A guide moves it sideways.  A damper limits its falling speed, so that
+the force on the sensor rises smoothly from zero to the weight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+import fastmodel
+from fastmodel import Parameters
+from fastmodel.contact.interface import TexelContact
+from meshes import Indenter
+from meshes.constants import STANDARD_GRAVITY
+
+#: Physics time step [s].
+TIMESTEP = 1e-3
+#: Gap between indenter and array at the start [m], and falling speed [m/s].
+GAP, FALLING_SPEED = 2e-3, 5e-3
+#: Time at which sliding begins, time to reach the circle, and time of one revolution [s].
+SLIDE_START, RAMP_TIME, REVOLUTION_TIME = 1.0, 1.0, 4.0
+#: Radius of the circle as a fraction of the array's shorter side [-].
+RADIUS_FRACTION = 0.2
+#: Colour of the indenter (red, green, blue, opacity); the array shows through.
+COLOUR = [0.85, 0.5, 0.2, 0.6]
+
+
+class Scene:
+    """The simulation of an array and an indenter.
+
+    Args:
+        parameters: The sensor.
+        indenter: Shape of the indenter.
+        load: Weight of the indenter [N].
+        method: Contact method, by name or as settings.
+
+    Attributes:
+        model: The compiled model.
+        data: The state of the simulation.
+        sensor: The sensor, bound to the model.
+
+    Raises:
+        FastModelError: If the contact method needs data that the parameters lack.
+    """
+
+    def __init__(
+        self, parameters: Parameters, indenter: Indenter, *, load: float, method: str | TexelContact = "default"
+    ) -> None:
+        array = parameters.array
+        spec = mujoco.MjSpec()
+        fastmodel.recommend_options(spec)
+        spec.option.timestep = TIMESTEP
+        spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
+        spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+        sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT}
+        spec.add_texture(name="sky", **sky, rgb1=[0.9, 0.93, 0.96], rgb2=[0.6, 0.65, 0.7], width=64, height=64)
+        self.sensor = fastmodel.attach(spec, "world", parameters, contact=method)
+        self._radius = RADIUS_FRACTION * float((np.ptp(array.centres[:, :2], axis=0) + array.texel_size).min())
+        _add_indenter(spec, indenter, load, height=float(array.centres[:, 2].max()) + GAP)
+        self.model: mujoco.MjModel = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.sensor.bind(self.model)
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Position of the indenter's axis in the array's frame [m]."""
+        return float(self.data.qpos[0]), float(self.data.qpos[1])
+
+    @property
+    def texel_forces(self) -> npt.NDArray[np.float64]:
+        """Texel forces of the latest frame, shape (n,) [N]."""
+        return np.asarray(self.sensor.frame().texel_forces)
+
+    def run(self, seconds: float = math.inf) -> Iterator[float]:
+        """Simulate and yield the time of each new frame [s].
+
+        Args:
+            seconds: Simulated time at which to stop [s].
+        """
+        while self.data.time < seconds:
+            # The guide prescribes position and velocity in x and y; only the height follows from the forces.
+            here, next_ = self._guide(self.data.time), self._guide(self.data.time + TIMESTEP)
+            self.data.qpos[:2] = here
+            self.data.qvel[:2] = (next_ - here) / TIMESTEP
+            mujoco.mj_step(self.model, self.data)
+            if self.sensor.step(self.data):
+                yield self.sensor.frame().time
+
+    def restart(self) -> None:
+        """Return to the start, with the indenter above the array."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.sensor.reset()
+
+    def _guide(self, time: float) -> npt.NDArray[np.float64]:
+        """Position of the guide, shape (2,) [m]: first the centre of the array, then out to the circle and round."""
+        since = max(0.0, time - SLIDE_START)
+        share = min(1.0, since / RAMP_TIME)
+        radius = self._radius * share**2 * (3 - 2 * share)
+        angle = 2 * math.pi * since / REVOLUTION_TIME
+        return radius * np.array([math.cos(angle), math.sin(angle)])
+
+
+def _add_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float, *, height: float) -> None:
+    """Add an indenter of weight `load` [N] at `height` [m] over the array, free to move in x, y and z."""
+    body = spec.worldbody.add_body(name="indenter", pos=[0, 0, height])
+    for axis in np.eye(3):
+        joint = body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    # Damp the vertical slide, which is the last one.
+    # Newer versions of MuJoCo take the coefficients of a polynomial here, older ones a single number.
+    joint.damping = [load / FALLING_SPEED, 0.0, 0.0] if np.ndim(joint.damping) else load / FALLING_SPEED
+    mass = load / STANDARD_GRAVITY
+    body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
+    fastmodel.add_geoms(spec, body, indenter)
+    for geom in body.geoms:
+        geom.condim = 1
+        geom.rgba = COLOUR

@@ -1,0 +1,125 @@
+"""The window of the MuJoCo viewer with a simulation and the live tactile image in its corner."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.cli.heat_map import to_colours
+
+if TYPE_CHECKING:
+    from validation.cli.view_scene import Scene
+
+#: Time between two drawings of the window [s].
+DRAW_INTERVAL = 1 / 30
+#: Distance of the image from the window's corner, and the largest height of the image [pixels].
+MARGIN, IMAGE_HEIGHT = 10, 420
+#: Direction of the camera [degrees], with x to the right as in the image.
+AZIMUTH, ELEVATION = 90.0, -40.0
+#: Distance of the camera over the array's longer side [-].
+CAMERA_DISTANCE = 2.5
+#: Longest time to wait until a window opens or closes [s].
+TIMEOUT = 30.0
+#: Tries to open a hidden window.  It runs in another process, because MuJoCo's viewer waits for ever for a window that
+#: cannot be opened.
+_PROBE = """
+import glfw, sys
+glfw.ERROR_REPORTING = "ignore"
+if glfw.init():
+    glfw.window_hint(glfw.VISIBLE, False)
+    if glfw.create_window(8, 8, "", None, None):
+        sys.exit()
+_, reason = glfw.get_error()
+sys.exit(reason.decode() if reason else "no reason given")
+"""
+
+
+def find_window_fault() -> str | None:
+    """Find out why no window can be opened on this machine; None if one can."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "there is no display: neither DISPLAY nor WAYLAND_DISPLAY is set"
+    command = [sys.executable, "-c", _PROBE]
+    try:
+        tried = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIMEOUT)  # noqa: S603 -- ours
+    except subprocess.TimeoutExpired:
+        return f"the display did not answer within {TIMEOUT:g} s"
+    if tried.returncode == 0:
+        return None
+    return (tried.stderr.strip().splitlines() or ["no reason given"])[-1]
+
+
+class Window:
+    """The viewer's window with a scene, as a context; check `find_window_fault` before.
+
+    Args:
+        scene: The scene to show.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._viewer: Any = None
+        self._viewer_threads: set[threading.Thread] = set()
+        self._next = time.monotonic()
+
+    def __enter__(self) -> Self:
+        """Open the window."""
+        from mujoco import viewer
+
+        others = set(threading.enumerate())
+        self._viewer = viewer.launch_passive(
+            self._scene.model, self._scene.data, show_left_ui=False, show_right_ui=False
+        )
+        self._viewer_threads = set(threading.enumerate()) - others
+        with self._viewer.lock():
+            camera = self._viewer.cam
+            camera.azimuth, camera.elevation = AZIMUTH, ELEVATION
+            camera.distance = CAMERA_DISTANCE * max(self._scene.sensor.parameters.array.extent)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the window and wait for its threads: a program that ends while they draw may crash."""
+        self._viewer.close()
+        for thread in self._viewer_threads:
+            thread.join(TIMEOUT)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the user has not closed the window."""
+        return bool(self._viewer.is_running())
+
+    @property
+    def is_due(self) -> bool:
+        """Whether it is time to draw."""
+        return time.monotonic() >= self._next
+
+    def show(self, text: str) -> None:
+        """Draw the scene in its present state, the tactile image and a line of text."""
+        import mujoco
+
+        started = time.monotonic()
+        sensor = self._scene.sensor
+        frame = sensor.frame()
+        image = _enlarge(frame.counts.reshape(frame.image.shape), sensor.parameters.electronics.output_max)
+        rectangle = mujoco.MjrRect(MARGIN, MARGIN, image.shape[1], image.shape[0])
+        self._viewer.set_images((rectangle, image))
+        self._viewer.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, text, ""))
+        self._viewer.sync()
+        # On slow machines, leave at least three quarters of the time to the simulation.
+        now = time.monotonic()
+        self._next = now + max(DRAW_INTERVAL, 3 * (now - started))
+
+
+def _enlarge(counts: npt.NDArray[np.int64], full_scale: int) -> npt.NDArray[np.uint8]:
+    """Make a picture of the counts, shape (height, width, 3), top row first; row 0 of `counts` is the lowest."""
+    pixels = max(1, IMAGE_HEIGHT // max(counts.shape))
+    return to_colours(counts[::-1] / full_scale).repeat(pixels, axis=0).repeat(pixels, axis=1)
