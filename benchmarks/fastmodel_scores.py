@@ -18,6 +18,7 @@ import numpy as np
 
 import fastmodel
 from fastmodel import WTS_0614_34, Parameters, Placement
+from fastmodel.signal.electronics import grey_levels
 from fem_reference import point_spread, press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, TexelArray
@@ -73,7 +74,7 @@ def misplaced(reference, found, load: float) -> float:  # noqa: ANN001 -- any tw
 def image_changed(reference, found) -> float:  # noqa: ANN001
     """The 2015 report's measure, grey levels scaled to the largest reference texel [%]."""
     white = reference.texel_forces.max()
-    grey = [np.rint(255 * np.clip(each.texel_forces / white, 0, 1)) for each in (reference, found)]
+    grey = [grey_levels(each.texel_forces, white).astype(int) for each in (reference, found)]
     return float(100 * np.abs(grey[0] - grey[1]).sum() / (255 * ARRAY.count))
 
 

@@ -22,14 +22,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.signal.electronics import WTS_0614_34
+from fastmodel.signal.electronics import WHITE, WTS_0614_34, grey_levels
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 GreyArray = npt.NDArray[np.uint8]
 
-#: The largest grey level of an 8-bit image [-].
-WHITE = 255
 #: A texel counts as active in `active_area_iou` above this share of the largest reference texel [-].
 AREA_THRESHOLD = 0.1
 
@@ -255,19 +253,6 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
 
 
 # --- grey levels --------------------------------------------------------------------------------------------
-
-
-def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
-    """round(255 clip(value / full scale, 0, 1)), same shape [-]; all black if the full scale is not positive.
-
-    Args:
-        values: Texel forces [N] or counts [-], any shape.
-        full_scale: Value that is white, in the same unit.
-    """
-    numbers = np.asarray(values, dtype=np.float64)
-    if not full_scale > 0:
-        return np.zeros(numbers.shape, dtype=np.uint8)
-    return np.rint(WHITE * np.clip(numbers / full_scale, 0, 1)).astype(np.uint8)
 
 
 def grey_by_line(forces: npt.ArrayLike) -> GreyArray:

@@ -183,10 +183,14 @@ def saturate(counts: FloatArray, output_max: float, band: float) -> FloatArray:
 def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
     """Grey levels round(255 values / full_scale), limited to 0..255, same shape [-].
 
+    All levels are black if the full scale is not positive.  Halves are rounded to the even level, as numpy does.
+
     Args:
         values: Counts [-] or forces [N], any shape.
-        full_scale: Positive value that is white, in the same unit.
+        full_scale: Value that is white, in the same unit.
     """
+    if not full_scale > 0:
+        return np.zeros(np.shape(values), dtype=np.uint8)
     ratio = np.asarray(values, dtype=np.float64) / full_scale
     return np.asarray(np.rint(WHITE * np.minimum(np.maximum(ratio, 0.0), 1.0)), dtype=np.uint8)
 

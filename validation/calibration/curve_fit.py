@@ -23,6 +23,8 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from fastmodel.signal.electronics import saturate
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -187,11 +189,7 @@ def _model(form: Form, values: FloatArray, forces: FloatArray, warmth: FloatArra
         free = rest[2 if form.saturation else 0 :]
         signal = signal * np.append(free, len(free) + 1 - free.sum())
     signal = np.maximum(signal - form.threshold, 0.0)
-    if not form.saturation:
-        return np.asarray(signal)
-    knee, width = largest - band, max(band, 1e-9)
-    bent = knee - width * np.expm1(-np.maximum(signal - knee, 0.0) / width)
-    return np.asarray(np.where(signal > knee, bent, signal))
+    return saturate(signal, largest, band) if form.saturation else signal
 
 
 def _start(form: Form, forces: FloatArray, counts: FloatArray) -> FloatArray:

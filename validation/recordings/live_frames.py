@@ -13,20 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
 from meshes import Indenter
-from meshes.constants import STANDARD_GRAVITY
 from validation.recordings.recording import Recording
 from validation.weiss.continuity import Gap
 from validation.weiss.sensor import Sensor
 
 if TYPE_CHECKING:
-    import mujoco
-
     from fastmodel.parameters import Parameters
 
-#: Grey level of the full scale in an image of 8 bits [-].
-_WHITE = 255
 #: Time step of the simulation [s].
 _TIMESTEP = 1e-3
 #: Period of the simulated load [s].
@@ -75,12 +71,13 @@ def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) 
     """
     import mujoco
 
+    from fastmodel.bench import add_indenter
     from fastmodel.sensor import attach, recommend_options
 
     spec = mujoco.MjSpec()
     recommend_options(spec)
     spec.option.timestep = _TIMESTEP
-    body = _add_indenter(spec, indenter, load)
+    body = add_indenter(spec, indenter, load)
     sensor = attach(spec, spec.worldbody, parameters)
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -95,19 +92,5 @@ def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) 
 
 
 def _make_frame(time: float, counts: npt.NDArray[np.integer], full_scale: int, columns: int) -> Frame:
-    grey = np.minimum(np.rint(_WHITE * counts.astype(np.float64) / full_scale), _WHITE)
-    return Frame(time=time, counts=counts.astype(np.int64), image=grey.astype(np.uint8).reshape(-1, columns))
-
-
-def _add_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float) -> mujoco.MjsBody:
-    """Add an indenter whose weight is the load, on a slide along the normal of the array."""
-    import mujoco
-
-    from fastmodel.bench import add_geoms
-
-    body = spec.worldbody.add_body(name="indenter")
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    body.mass = load / STANDARD_GRAVITY
-    body.inertia, body.explicitinertial = [1e-6 * body.mass] * 3, True
-    add_geoms(spec, body, indenter)
-    return body
+    image = grey_levels(counts, full_scale).reshape(-1, columns)
+    return Frame(time=time, counts=counts.astype(np.int64), image=image)

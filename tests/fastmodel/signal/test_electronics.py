@@ -124,6 +124,12 @@ def test_soft_saturation_never_exceeds_the_sharp_clip_nor_undercuts_the_knee(cou
     assert min(counts, 4000.0 - band) - 1e-9 <= soft <= sharp + 1e-9
 
 
+def test_grey_levels_are_limited_and_black_without_a_full_scale():
+    assert grey_levels([-1, 0, 0.5, 1, 2], 1.0).tolist() == [0, 0, 128, 255, 255]
+    assert grey_levels([1.0], 0.0).tolist() == [0]
+    assert grey_levels([0, 8, 9, 4095, 5000], 4095).tolist() == [0, 0, 1, 255, 255]
+
+
 @given(st.floats(-10, 10), st.floats(0.1, 5), st.floats(0.01, 100))
 def test_grey_levels_depend_on_the_ratio_to_the_full_scale_only(value, full_scale, factor):
     one, other = (int(grey_levels([scale * value], scale * full_scale)[0]) for scale in (1.0, factor))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.signal.electronics import Electronics
+from fastmodel.signal.electronics import Electronics, saturate
 from validation.recordings.series import THRESHOLD
 
 FloatArray = npt.NDArray[np.float64]
@@ -60,9 +60,7 @@ class LoadCurve:
             gains: One factor per texel on the line, before the threshold, shape (n,) [-].
         """
         signal = np.maximum(gains * (self.sensitivity * forces + self.offset) - THRESHOLD, 0.0)
-        knee = self.output_max - self.saturation_band
-        bent = knee - self.saturation_band * np.expm1(-np.maximum(signal - knee, 0.0) / self.saturation_band)
-        return np.where(signal > knee, bent, signal)
+        return saturate(signal, self.output_max, self.saturation_band)
 
     def electronics(self, rate_hz: float, gains: FloatArray | None = None) -> Electronics:
         """The same curve for the fast model."""

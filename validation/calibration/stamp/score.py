@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel import Electronics
+from fastmodel.signal.electronics import grey_levels
 from meshes import TexelArray
 from validation import metrics
 from validation.calibration.stamp.case import WINDOW, StampCase, read_case
@@ -193,7 +194,7 @@ def score_counts(recorded: FloatArray, predicted: FloatArray, *, full_scale: int
         array: The texels.
     """
     r, p, places = recorded[array.active], predicted[array.active], array.centres[array.active]
-    image = metrics.score_images(metrics.grey_levels(r, full_scale), metrics.grey_levels(p, full_scale))
+    image = metrics.score_images(grey_levels(r, full_scale), grey_levels(p, full_scale))
     return CountScore(
         image_changed_percent=image.image_changed_percent,
         pixels_changed=float(image.pixels_changed),
@@ -273,7 +274,7 @@ class _Scorer:
 
     def _grey(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
         array = self._sensor.array
-        grey = metrics.grey_levels(np.where(array.active, counts, 0.0), self._shown.full_scale)
+        grey = grey_levels(np.where(array.active, counts, 0.0), self._shown.full_scale)
         return grey.reshape(array.rows, array.columns)
 
     def _add(
