@@ -1,4 +1,4 @@
-"""Where an indenter stands over the array."""
+"""Pose of an indenter over an array, in the plane of the array."""
 
 from __future__ import annotations
 
@@ -7,43 +7,65 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshes import TexelArray
+from meshes.array import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Largest difference of a yaw from a multiple of a quarter turn that counts as rounding, in quarter turns [-].
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, kw_only=True)
-class Pose:
-    """The indenter's axis and its turn about it.
+class PlanarPose:
+    """Position of the indenter's axis in the array's frame, and rotation of the indenter about it.
 
     Attributes:
-        at: Where the axis stands in the array's frame [m].
-        yaw: Turn about the axis [rad].
+        at: Position (x, y) of the axis in the array's frame [m].
+        yaw: Rotation about the axis, counterclockwise as seen from above [rad].
     """
 
     at: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
 
     @property
-    def square(self) -> bool:
-        """Whether the indenter's axes lie along the array's."""
+    def is_aligned(self) -> bool:
+        """Whether the indenter's axes are parallel to those of the array: the yaw is a multiple of 90 degrees."""
         quarters = 2 * self.yaw / np.pi
-        return abs(quarters - round(quarters)) < 1e-9  # noqa: PLR2004 -- rounding of an angle
+        return abs(quarters - round(quarters)) < _ROUNDING
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Cosine and sine of the turn; exact for quarter turns, so that mirrored poses stay mirror images."""
-        if self.square:
+        """Cosine and sine of the yaw; without rounding for quarter turns, so that mirrored poses remain mirror images.
+
+        It is the direction of the indenter's x axis in the array's frame.
+        """
+        if self.is_aligned:
             return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(2 * self.yaw / np.pi) % 4]
         return float(np.cos(self.yaw)), float(np.sin(self.yaw))
 
-    def placed(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points of the indenter's frame in the array's [m]."""
+    def to_array(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Transform points from the indenter's frame to the array's.
+
+        Args:
+            x: Positions in the indenter's frame, any shape [m].
+            y: Positions of the same shape [m].
+
+        Returns:
+            Positions x and y in the array's frame, each of the same shape [m].
+        """
         c, s = self.direction
         return self.at[0] + c * x - s * y, self.at[1] + s * x + c * y
 
-    def local(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points of the array's frame in the indenter's [m]."""
+    def to_indenter(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Transform points from the array's frame to the indenter's; the inverse of `to_array`.
+
+        Args:
+            x: Positions in the array's frame, any shape [m].
+            y: Positions of the same shape [m].
+
+        Returns:
+            Positions x and y in the indenter's frame, each of the same shape [m].
+        """
         c, s = self.direction
         x, y = x - self.at[0], y - self.at[1]
         return c * x + s * y, c * y - s * x
@@ -51,12 +73,12 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Place:
-    """Where an indentation happens; on a cover of limited size no two places are alike.
+    """An array and the pose of an indenter over it.
 
     Attributes:
         array: The texels.
-        pose: The indenter over them.
+        pose: Pose of the indenter in the array's frame.
     """
 
     array: TexelArray
-    pose: Pose
+    pose: PlanarPose

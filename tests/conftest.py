@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 # Before NumPy loads: test processes share the cores already, and threads of theirs would spin while they wait for one.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import hypothesis
 import pytest
 
 from meshes import Cover, Layer, Material, TexelArray
@@ -17,6 +18,10 @@ from meshes.catalogue import ARRAYS
 
 if TYPE_CHECKING:
     from validation.derivation.derive import Derivation
+
+# A property must hold, however long a busy machine takes to try an example.
+hypothesis.settings.register_profile("default", hypothesis.settings.get_profile("default"), deadline=None)
+hypothesis.settings.load_profile("default")
 
 
 @pytest.fixture(scope="session", autouse=True)

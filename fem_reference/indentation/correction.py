@@ -27,7 +27,7 @@ from fem_reference.indentation.grid_solution import (
     extrapolate_solutions,
 )
 from fem_reference.indentation.small_strain import CELLS
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 #: A path solved on three grids, twice: the baseline and as asked for.  Each is a list of grids for every target.
@@ -56,7 +56,7 @@ class BlockModel:
 
     kind: str
     inputs: Mapping[str, Any]
-    pose: Pose
+    pose: PlanarPose
     lay_out: Callable[[int], Block]
     read_pressure: Callable[[SolidState, Block], BasePressure]
     integrate: Callable[[BasePressure], TexelForces]

@@ -33,7 +33,7 @@ from fem_reference.indentation.grid_solution import BasePressure, GridStudy
 from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
 from fem_reference.small_strain_contact.free_edges import mirrored
 from meshes import FlatPunch, TexelArray
-from meshes.pose import Place, Pose
+from meshes.pose import Place, PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class PosedObstacle:
     """
 
     obstacle: Obstacle
-    pose: Pose
+    pose: PlanarPose
 
     def with_load_scale(self, load_scale: float) -> PosedObstacle:
         """The same with that factor on all heights [-]."""
@@ -62,11 +62,11 @@ class PosedObstacle:
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, any shape."""
-        return self.obstacle.height(*self.pose.local(x, y))
+        return self.obstacle.height(*self.pose.to_indenter(x, y))
 
     def at(self, x: FloatArray, y: FloatArray) -> Height:
         """Height with its derivatives along the array's axes."""
-        found = self.obstacle.at(*self.pose.local(x, y))
+        found = self.obstacle.at(*self.pose.to_indenter(x, y))
         c, s = self.pose.direction
         turn = np.array([[c, -s], [s, c]])
         return Height(
@@ -110,7 +110,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
     )
 
 
-def integrate_nodal(base: BasePressure, array: TexelArray, pose: Pose) -> FloatArray:  # noqa: ARG001 -- one signature
+def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:  # noqa: ARG001 -- one signature
     """Integrate a base pressure, known in the array's frame for one pose, over each texel, shape (n,) [N].
 
     Args:
@@ -129,7 +129,7 @@ def integrate_nodal(base: BasePressure, array: TexelArray, pose: Pose) -> FloatA
     return np.where(array.active, force, 0.0)
 
 
-def _lay_out(path: LoadingPath, pose: Pose, contact: FloatArray, count: int, fillet: float) -> Block:
+def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: int, fillet: float) -> Block:
     """Lay out the whole cover, or the half or quarter that symmetry leaves, with small elements around the contact.
 
     Args:
@@ -141,11 +141,11 @@ def _lay_out(path: LoadingPath, pose: Pose, contact: FloatArray, count: int, fil
     """
     cover, indenter = path.cover, path.indenter
     unit = Units.of(cover).length
-    placed = np.stack(pose.placed(*contact.T)) / unit
+    placed = np.stack(pose.to_array(*contact.T)) / unit
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
     size = min(1.0, float((high - low).min())) / count
-    edge_on_line = isinstance(indenter, FlatPunch) and pose.square and not indenter.axisymmetric
+    edge_on_line = isinstance(indenter, FlatPunch) and pose.is_aligned and not indenter.axisymmetric
     fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
     symmetric = mirrored(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=symmetric[axis]) for axis in (0, 1)]

@@ -32,7 +32,7 @@ from fem_reference.indentation.grid_solution import BasePressure, GridSolution, 
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
 from fem_reference.linear_response.point_spread import PointSpread, closed, decay_length
 from meshes import TexelArray
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None] | None
@@ -101,7 +101,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
     model = BlockModel(
         kind="finite-press",
         inputs={"fillet": fillet},
-        pose=Pose(),
+        pose=PlanarPose(),
         lay_out=lay_out_grid,
         read_pressure=lambda state, _: (state.x, state.y, state.pressure),
         integrate=lambda base: partial(_integrate_spline, base),
@@ -109,13 +109,13 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
     return solve_block_pair(path, approaches, model, progress)
 
 
-def _integrate_spline(base: BasePressure, array: TexelArray, pose: Pose) -> FloatArray:
+def _integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
     """Integrate a base pressure, known in the indenter's frame, over each texel, shape (n,) [N]."""
     nodes, weights = np.polynomial.legendre.leggauss(_TEXEL_POINTS)
     half = np.array(array.texel_size) / 2
     offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
     position = array.centres[:, None, :2] + offset
-    x, y = pose.local(position[..., 0], position[..., 1])
+    x, y = pose.to_indenter(position[..., 0], position[..., 1])
     grid_x, grid_y, pressure = base
     inside = (x > grid_x[0]) & (x < grid_x[-1]) & (y > grid_y[0]) & (y < grid_y[-1])
     value = np.where(inside, RectBivariateSpline(grid_x, grid_y, pressure).ev(x, y), 0.0)

@@ -16,11 +16,11 @@ import numpy.typing as npt
 
 from fem_reference.grid_convergence import extrapolated, grid_convergence
 from meshes import TexelArray
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 #: Normal force on each texel, shape (n,) [N], for an array and the indenter's pose over it.
-TexelForces = Callable[[TexelArray, Pose], FloatArray]
+TexelForces = Callable[[TexelArray, PlanarPose], FloatArray]
 #: Ascending positions along x, shape (m,), and y, shape (n,) [m], and base pressure on their grid, shape (m, n) [Pa].
 BasePressure = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -165,7 +165,7 @@ def correct_solution(
         depth = share * full.depth
         force = depth * correct(lambda each: each.total_force / each.depth)
 
-    def texel_forces(array: TexelArray, pose: Pose) -> FloatArray:
+    def texel_forces(array: TexelArray, pose: PlanarPose) -> FloatArray:
         reference, before, after = (
             each.texel_forces(array, pose) / each.total_force for each in (accurate, baseline, full)
         )
@@ -181,7 +181,7 @@ def correct_solution(
     )
 
 
-def distribute_force(total_force: float, base: BasePressure, half: tuple[float, float], pose: Pose) -> FloatArray:
+def distribute_force(total_force: float, base: BasePressure, half: tuple[float, float], pose: PlanarPose) -> FloatArray:
     """Distribute the indenter's force over the points under it in proportion to the base pressure there.
 
     A substitute for the contact tractions, which the three-dimensional solvers do not return.
@@ -196,7 +196,7 @@ def distribute_force(total_force: float, base: BasePressure, half: tuple[float, 
         Columns x, y in the indenter's frame [m] and force [N], shape (k, 3).
     """
     x, y, pressure = base
-    local_x, local_y = pose.local(*np.meshgrid(x, y, indexing="ij"))
+    local_x, local_y = pose.to_indenter(*np.meshgrid(x, y, indexing="ij"))
     weight = np.outer(np.gradient(x), np.gradient(y)) * np.maximum(pressure, 0)
     under = (np.abs(local_x) <= half[0]) & (np.abs(local_y) <= half[1])
     return np.column_stack([local_x[under], local_y[under], weight[under] * total_force / weight[under].sum()])

@@ -17,7 +17,7 @@ from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from meshes import Cover, Indenter, TexelArray
-from meshes.pose import Place, Pose
+from meshes.pose import Place, PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -140,7 +140,7 @@ def press_path(
         ConvergenceError: As for `press`.
     """
     targets, control = _check_targets(cover, loads, depths)
-    place = Place(array=array, pose=Pose(at=(float(at[0]), float(at[1])), yaw=float(yaw)))
+    place = Place(array=array, pose=PlanarPose(at=(float(at[0]), float(at[1])), yaw=float(yaw)))
     _check_axis(cover, place.pose)
     if not friction >= 0:
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
@@ -177,7 +177,7 @@ def _combine_grids(
         total_force=total,
         depth=float(study.combine([each.depth for each in grids])),
         contact_area=finest.area,
-        contact=np.column_stack([*place.pose.placed(x, y), force]),
+        contact=np.column_stack([*place.pose.to_array(x, y), force]),
         error_estimate={
             "total_force": study.estimate_error([each.total_force / each.depth for each in grids]) + overlap_error,
             "peak_texel": peak_error + study.base_error + overlap_error,
@@ -235,7 +235,7 @@ def _check_depth(cover: Cover, depth: float) -> None:
         )
 
 
-def _check_axis(cover: Cover, pose: Pose) -> None:
+def _check_axis(cover: Cover, pose: PlanarPose) -> None:
     """Raise a ValueError if the indenter's axis is not over the cover."""
     if cover.size is None or all(abs(a) <= edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
         return

@@ -23,7 +23,7 @@ from fem_reference.linear_response.surface_compliance import SurfaceCompliance, 
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
 from meshes import TexelArray
-from meshes.pose import Place, Pose
+from meshes.pose import Place, PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None] | None
@@ -108,11 +108,11 @@ def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInflu
 
 
 def _superpose(
-    contact: FloatArray, base_response: PointSpread | SolidInfluence, array: TexelArray, pose: Pose
+    contact: FloatArray, base_response: PointSpread | SolidInfluence, array: TexelArray, pose: PlanarPose
 ) -> FloatArray:
     """Superpose the base response to all contact forces; nearby forces are first gathered into their centroid."""
     x, y, cell_force = contact.T
-    position = np.column_stack(pose.placed(x, y))
+    position = np.column_stack(pose.to_array(x, y))
     _, group = np.unique(np.round(position / (base_response.thickness * _BIN)), axis=0, return_inverse=True)
     force = np.bincount(group, cell_force)
     centroid = np.column_stack([np.bincount(group, position[:, i] * cell_force) / force for i in range(2)])
@@ -168,7 +168,13 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress) -
 
 
 def _touch_near_sides(
-    surface: SurfaceCompliance, path: LoadingPath, pose: Pose, *, grid: int, load: float | None, depth: float | None
+    surface: SurfaceCompliance,
+    path: LoadingPath,
+    pose: PlanarPose,
+    *,
+    grid: int,
+    load: float | None,
+    depth: float | None,
 ) -> ContactPatch:
     """Solve the contact on a cover of limited size, in a rectangular window that grows until it holds the contact."""
     indenter = path.indenter

@@ -25,7 +25,7 @@ from fem_reference.linear_response.point_spread import decay_length
 from fem_reference.small_strain_contact.frictionless import ContactPatch
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -59,7 +59,7 @@ class SideEdges:
 
     cover: Cover
     indenter: Indenter
-    pose: Pose
+    pose: PlanarPose
     half: FloatArray
     grid: int
 
@@ -67,9 +67,9 @@ class SideEdges:
     def window(self) -> tuple[FloatArray, FloatArray]:
         """Centre and half widths of the cells' rectangle: of a flat face that stands square, its part on the cover."""
         middle, half = np.zeros(2), self.half
-        if not (self.pose.square and self.indenter.is_flat):
+        if not (self.pose.is_aligned and self.indenter.is_flat):
             return middle, half
-        corners = self.pose.local(*self._box)
+        corners = self.pose.to_indenter(*self._box)
         low, high = (np.array([pick(*axis) for axis in corners]) for pick in (min, max))
         return (low + high) / 2, (high - low) / 2
 
@@ -80,14 +80,14 @@ class SideEdges:
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Which points of the indenter's frame lie on the cover."""
-        u, v = self.pose.placed(x, y)
+        u, v = self.pose.to_array(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
 
     def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
         """Forces at points of the indenter's frame [N] to what the sides add to the displacement there [m]."""
         if not self.near:
             return np.zeros_like
-        places = np.stack(self.pose.placed(x, y), axis=-1)
+        places = np.stack(self.pose.to_array(x, y), axis=-1)
         lines, chosen, table = self._difference
         along = [line.at(np.abs(places[:, i]) / self.cover.thickness)[:, chosen[i]] for i, line in enumerate(lines)]
         side = np.where(places < 0, -1.0, 1.0)
@@ -106,8 +106,8 @@ class SideEdges:
 
     def kept(self, patch: ContactPatch) -> ContactPatch:
         """A contact whose outermost cells have their centres on the cover, which scaled cells may miss by a hair."""
-        u, v = self.pose.placed(patch.x, patch.y)
-        x, y = self.pose.local(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
+        u, v = self.pose.to_array(patch.x, patch.y)
+        x, y = self.pose.to_indenter(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
         return replace(patch, x=x, y=y)
 
     @cached_property
@@ -119,7 +119,7 @@ class SideEdges:
     def _box(self) -> tuple[FloatArray, FloatArray]:
         """Low and high ends along x and along y, in the array's frame, of the part of the rectangle on the cover."""
         signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1]])
-        corners = np.stack(self.pose.placed(*(signs * self.half[:, None])))
+        corners = np.stack(self.pose.to_array(*(signs * self.half[:, None])))
         low, high = np.maximum(corners.min(axis=1), -self._side), np.minimum(corners.max(axis=1), self._side)
         return np.array([low[0], high[0]]), np.array([low[1], high[1]])
 
@@ -164,9 +164,9 @@ class SideEdges:
         return lines, chosen, [(a + a.T - b - b.T) / 2 for a, b in zip(cut, whole, strict=True)]
 
 
-def mirrored(indenter: Indenter, pose: Pose) -> tuple[bool, bool]:
+def mirrored(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
     """Whether shape and pose are their own mirror image in the cover's planes x = 0 and y = 0."""
-    if not pose.square:
+    if not pose.is_aligned:
         return False, False
     shape = indenter.mirror_symmetry
     if round(2 * pose.yaw / np.pi) % 2:

@@ -18,7 +18,7 @@ from fem_reference.linear_response.surface_compliance import SurfaceCompliance, 
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.frictionless import guess_touching
 from meshes import Cover, Indenter, TexelArray
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -53,20 +53,20 @@ class Body:
     centre: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> PlanarPose:
         """Position and turn of the indenter in the array's frame."""
-        return Pose(at=self.at, yaw=self.yaw)
+        return PlanarPose(at=self.at, yaw=self.yaw)
 
     @property
     def corners(self) -> FloatArray:
         """Corners of the footprint in the array's frame, shape (4, 2) [m]."""
         signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        return np.column_stack(self.pose.placed(*(signs * self.indenter.footprint).T))
+        return np.column_stack(self.pose.to_array(*(signs * self.indenter.footprint).T))
 
     @property
     def weight_point(self) -> FloatArray:
         """Point of the array's frame where the weight acts, shape (2,) [m]."""
-        return np.array(self.pose.placed(*np.array(self.centre)))
+        return np.array(self.pose.to_array(*np.array(self.centre)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,7 +138,7 @@ def _solve(
     # Whole cells from the lowest corner on, so that edges along the axes fall between cells.
     count = np.maximum(1, np.ceil((high - low) / cell - 1e-9)).astype(int)
     x, y = np.meshgrid(*(low[i] + (np.arange(count[i]) + 0.5) * cell for i in range(2)), indexing="ij")
-    gaps = np.array([body.indenter.gap(*body.pose.local(x, y)) for body in bodies])
+    gaps = np.array([body.indenter.gap(*body.pose.to_indenter(x, y)) for body in bodies])
     gap, owner = gaps.min(axis=0), gaps.argmin(axis=0)
     touching = np.any([guess_touching(np.where(owner == i, gap, np.inf), None) for i in range(len(bodies))], axis=0)
     columns, loads, mover = _constrain_bodies(bodies, np.where(np.isfinite(gap), owner, -1), x, y)

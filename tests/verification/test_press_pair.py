@@ -14,7 +14,7 @@ from fem_reference.finite_strain.newton import Guess
 from fem_reference.finite_strain.paired_path import Pair, _changed, press_pair
 from fem_reference.indentation import small_strain
 from meshes import Box, Cover, Cylinder, Layer, Material, TexelArray
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 FACE = Box(size=(3e-3, 2e-3, 5e-3))
 RUBBER = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 0.4e6}, poisson_ratio=0.45)
@@ -159,6 +159,6 @@ def test_another_load_of_a_flat_face_is_the_first_scaled(control):
         for name in ("total_force", "depth", "area"):
             assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
         assert scaled.contact == pytest.approx(solved.contact, rel=1e-6)
-        forces = scaled.texel_forces(array, Pose(at=(1e-3, 0.0)))
-        assert forces == pytest.approx(solved.texel_forces(array, Pose(at=(1e-3, 0.0))), rel=1e-6)
+        forces = scaled.texel_forces(array, PlanarPose(at=(1e-3, 0.0)))
+        assert forces == pytest.approx(solved.texel_forces(array, PlanarPose(at=(1e-3, 0.0))), rel=1e-6)
         assert forces.sum() == pytest.approx(scaled.total_force, rel=2e-2)

@@ -14,7 +14,7 @@ from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, mirrored
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
-from meshes.pose import Pose
+from meshes.pose import PlanarPose
 
 PAD, THICKNESS = (8e-3, 6e-3), 4e-3
 BALL = Sphere(radius=4e-3)
@@ -28,7 +28,7 @@ def pad(bonded, nu=0.45, size=PAD):
 
 def sides(cover, indenter, *, at=(0.0, 0.0), yaw=0.0, half=None, grid=0):
     size = indenter.footprint if half is None else (half, half)
-    return SideEdges(cover=cover, indenter=indenter, pose=Pose(at=at, yaw=yaw), half=np.array(size), grid=grid)
+    return SideEdges(cover=cover, indenter=indenter, pose=PlanarPose(at=at, yaw=yaw), half=np.array(size), grid=grid)
 
 
 def pressed(cover, indenter, *, cells=40, load=1.0, **where):
@@ -109,20 +109,20 @@ def test_quarter_turned_shape_on_a_quarter_turned_cover_presses_alike(bonded):
 
 def test_symmetry_is_seen_in_the_pose():
     bar = Box(size=(6e-3, 2e-3, 5e-3))
-    assert mirrored(bar, Pose()) == (True, True)
-    assert mirrored(bar, Pose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
-    assert mirrored(bar, Pose(yaw=0.3)) == (False, False)
+    assert mirrored(bar, PlanarPose()) == (True, True)
+    assert mirrored(bar, PlanarPose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
+    assert mirrored(bar, PlanarPose(yaw=0.3)) == (False, False)
 
 
 def test_pose_there_and_back():
-    pose = Pose(at=(1e-3, -2e-3), yaw=0.7)
+    pose = PlanarPose(at=(1e-3, -2e-3), yaw=0.7)
     x, y = np.random.default_rng(0).normal(size=(2, 50))
-    assert np.stack(pose.local(*pose.placed(x, y))) == pytest.approx(np.stack([x, y]))
+    assert np.stack(pose.to_indenter(*pose.to_array(x, y))) == pytest.approx(np.stack([x, y]))
 
 
 def test_posed_obstacle_has_the_derivatives_of_its_height():
     bar = Box(size=(3.0, 1.0, 5.0))
-    posed = PosedObstacle(obstacle=Obstacle(indenter=bar, fillet=0.4), pose=Pose(at=(0.3, -0.2), yaw=0.5))
+    posed = PosedObstacle(obstacle=Obstacle(indenter=bar, fillet=0.4), pose=PlanarPose(at=(0.3, -0.2), yaw=0.5))
     x, y = np.random.default_rng(1).uniform(-1.5, 1.5, (2, 200))
     found, h = posed.at(x, y), 1e-4
     slope = [
@@ -148,7 +148,7 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
     half = np.linspace(0, 6e-3, 9)
     whole = np.linspace(-5e-3, 5e-3, 7)
     forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
-    felt = integrate_nodal(_base_pressure([half, whole], forces, (True, False)), array, Pose())
+    felt = integrate_nodal(_base_pressure([half, whole], forces, (True, False)), array, PlanarPose())
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
     assert array.image(felt)[:, ::-1] == pytest.approx(array.image(felt))
 
