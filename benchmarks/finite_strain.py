@@ -97,20 +97,20 @@ class Pressed:
         from fem_reference.finite_strain.contact import SurfaceContact
         from fem_reference.finite_strain.hyperelastic import Solid
         from fem_reference.finite_strain.indenter_surface import Obstacle
-        from fem_reference.linear_response.axisymmetric import held, tensor_mesh
+        from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
         from meshes import Cover, Layer, Sphere
 
         newton._LOOSE = newton._TIGHT = task["tolerance"]  # noqa: SLF001
         newton._AUGMENTATIONS = 0  # noqa: SLF001
         cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
-        mesh, _ = tensor_mesh(cover, task["through"], np.array(task["radii"]))
+        mesh, _ = mesh_cover(cover, task["through"], np.array(task["radii"]))
         elements = mixed_elements(mesh, axisymmetric=True)
         obstacle = Obstacle(indenter=Sphere(radius=task["ball"]), fillet=0.05)
         self.solid = Solid.of_cover(elements, cover, Units.of(cover))
         self._problem = newton.Problem(
             solid=self.solid,
             contact=SurfaceContact(elements, 1.0, obstacle, penalty=task["penalty"]),
-            fixed=held(cover, *elements.nodes.T, task["radii"][-1]),
+            fixed=find_constrained(cover, *elements.nodes.T, task["radii"][-1]),
             units=Units.of(cover),
         )
 

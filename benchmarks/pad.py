@@ -102,9 +102,9 @@ def worker(task: Task) -> None:
     """Our side of one run: solve, evaluate, write."""
     import pypardiso  # noqa: F401 -- imports are not measured on either side
 
-    from fem_reference.linear_response.finite_cover import texel_lifts
+    from fem_reference.linear_response.finite_cover import solve_adjoint
     from fem_reference.linear_response.mirror_symmetry import Resolution
-    from fem_reference.linear_response.point_spread import closed, point_load_response  # noqa: F401
+    from fem_reference.linear_response.point_spread import point_spread  # noqa: F401
     from meshes import Cover, Layer, Material, TexelArray
 
     rubber = Material(
@@ -115,9 +115,9 @@ def worker(task: Task) -> None:
     places = np.load(task["loads"])
     started, clock = time.process_time(), time.perf_counter()
     across = task["per_texel"] * THICKNESS / PITCH
-    found = texel_lifts(cover, array, Resolution(across=across, through=task["through"], order=task["order"]))
+    found = solve_adjoint(cover, array, Resolution(across=across, through=task["through"], order=task["order"]))
     x, y = (line.at(places[..., axis].ravel() / THICKNESS) for axis, line in enumerate((found.x, found.y)))
-    value = np.einsum("kx,ky,cpxy->cpk", x, y, found.lift, optimize=["einsum_path", (0, 2), (0, 1)])
+    value = np.einsum("kx,ky,cpxy->cpk", x, y, found.texels, optimize=["einsum_path", (0, 2), (0, 1)])
     value = value.reshape(2, 2, TEXELS, TEXELS, *places.shape[:2]).mean(axis=-1)
     cost = {"cpu": time.process_time() - started, "wall": time.perf_counter() - clock, "unknowns": found.unknowns}
     np.save(task["result"], value)
@@ -126,8 +126,8 @@ def worker(task: Task) -> None:
 
 def wide(poisson_ratio: float) -> dict[str, float]:
     """The axisymmetric route on a wide cover: cost and error of the coarsest grid that holds the target."""
-    from fem_reference.linear_response.point_spread import PointSpread, point_load_response
-    from fem_reference.linear_response.point_spread import closed as extended
+    from fem_reference.linear_response.axisymmetric import solve_point_load
+    from fem_reference.linear_response.point_spread import PointSpread
     from meshes import Cover, Layer, Material, TexelArray
 
     rubber = Material(
@@ -138,7 +138,7 @@ def wide(poisson_ratio: float) -> dict[str, float]:
     places = loads()
 
     def answer(elements: int) -> FloatArray:
-        data = extended(point_load_response(cover, elements_per_thickness=elements, reach=reach), reach)
+        data = solve_point_load(cover, elements_per_thickness=elements, reach=reach).extend(reach)
         spread = PointSpread(
             radius=data["radius"], pressure_per_force=data["pressure"], reaction=1.0, thickness=THICKNESS
         )

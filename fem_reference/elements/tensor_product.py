@@ -23,7 +23,7 @@ IntArray = npt.NDArray[np.int64]
 Term = tuple[float, Any, Any, Any]
 
 _PRESSURE = 3
-_LIFT = 2
+_NORMAL = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,8 +90,8 @@ class TensorSolid:
         parts = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         return sp.coo_matrix(parts, shape=(size, size)).tocsr()
 
-    def lifted(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Forces on the free unknowns when the base is lifted by products of functions along x and y.
+    def force_from_base(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Forces on the free unknowns when the base is displaced along z by products of functions along x and y.
 
         Args:
             x: Nodal values along x of each function, shape (k, nodes).
@@ -102,8 +102,8 @@ class TensorSolid:
         """
         out = np.zeros((int(self.offsets[-1]), len(x)))
         for field in range(4):
-            terms = self._terms(min(field, _LIFT), max(field, _LIFT))
-            if field > _LIFT:
+            terms = self._terms(min(field, _NORMAL), max(field, _NORMAL))
+            if field > _NORMAL:
                 terms = [(factor, a.T, b.T, c.T) for factor, a, b, c in terms]
             lowest = 0 if field == _PRESSURE else self.first[field]
             part = sum(
@@ -153,8 +153,8 @@ class TensorSolid:
         out = []
         for axis, (u, p) in enumerate(zip(self.lines, self.pressure_lines, strict=True)):
             one = np.ones(len(u.edges) - 1)
-            mu = self.shear_modulus[self.layer] if axis == _LIFT else one
-            soft = self.bulk_compliance[self.layer] if axis == _LIFT else one
+            mu = self.shear_modulus[self.layer] if axis == _NORMAL else one
+            soft = self.bulk_compliance[self.layer] if axis == _NORMAL else one
             out.append(
                 {
                     "mass": line_matrix(u, u, (0, 0), mu),

@@ -17,7 +17,7 @@ from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import Coarse
 from fem_reference.finite_strain.newton import Equilibrium, Problem
-from fem_reference.linear_response.axisymmetric import BaseResponse, base_response, held, tensor_mesh
+from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
 from meshes import FlatPunch
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,13 +85,13 @@ def press_axisymmetric(
         radii = grade_around_edge(top, size, radius, reach, growth)
     else:
         radii = grade_outward(size, 1.25 * radius, reach, growth)
-    mesh, region = tensor_mesh(thin, elements_per_thickness, radii, top=top)
+    mesh, region = mesh_cover(thin, elements_per_thickness, radii, surface_size=top)
     elements = mixed_elements(mesh, region=region, axisymmetric=True)
     obstacle = Obstacle(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
     problem = Problem(
         solid=Solid.of_cover(elements, path.cover, units),
         contact=SurfaceContact(elements, 1.0, obstacle, penalty=PENALTY / size, friction=path.friction),
-        fixed=held(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
+        fixed=find_constrained(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
         load_scale=path.load_scale,
     )
@@ -108,7 +108,7 @@ def _state(elements: MixedElements, units: Units, obstacle: Obstacle, reached: E
     base, top = np.flatnonzero(z < _TOUCH), np.flatnonzero(z > 1 - _TOUCH)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
-    below = base_response(r[base], reached.reaction[2 * base + 1])
+    below = recover_base_response(r[base], reached.reaction[2 * base + 1])
     return PressedState(
         depth=reached.depth * units.length,
         load=reached.load * units.force,

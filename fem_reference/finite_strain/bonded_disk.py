@@ -18,7 +18,7 @@ from fem_reference.elements.taylor_hood import mixed_elements
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.linear_response.axisymmetric import tensor_mesh
+from fem_reference.linear_response.axisymmetric import mesh_cover
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 
@@ -73,7 +73,7 @@ class Disk:
     def of(cls, material: Material, radius: float, count: int) -> Disk:
         """A disk of `radius` half heights with `count` elements through half the height."""
         unit = Cover(layers=(Layer(thickness=1.0, material=material),))
-        mesh, _ = tensor_mesh(unit, count, np.linspace(0, radius, max(2, round(radius * count)) + 1))
+        mesh, _ = mesh_cover(unit, count, np.linspace(0, radius, max(2, round(radius * count)) + 1))
         elements = mixed_elements(mesh, axisymmetric=True)
         r, z = elements.nodes.T
         top, middle = np.flatnonzero(z > 1 - _TOUCH), np.flatnonzero(z < _TOUCH)

@@ -31,7 +31,7 @@ from fem_reference.indentation.correction import (
 )
 from fem_reference.indentation.grid_solution import BasePressure, GridStudy
 from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
-from fem_reference.small_strain_contact.free_edges import mirrored
+from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import FlatPunch, TexelArray
 from meshes.pose import Place, PlanarPose
 
@@ -83,7 +83,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         ValueError: If no symmetry keeps a sliding cover from moving sideways on its base.
     """
     cover, indenter, pose = path.cover, path.indenter, place.pose
-    if cover.base == "sliding" and not all(mirrored(indenter, pose)):
+    if cover.base == "sliding" and not all(find_mirror_planes(indenter, pose)):
         raise ValueError(
             "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
@@ -147,7 +147,7 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
     size = min(1.0, float((high - low).min())) / count
     edge_on_line = isinstance(indenter, FlatPunch) and pose.is_aligned and not indenter.axisymmetric
     fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
-    symmetric = mirrored(indenter, pose)
+    symmetric = find_mirror_planes(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=symmetric[axis]) for axis in (0, 1)]
     obstacle = Obstacle(indenter=indenter, fillet=fillet / unit, unit=unit)
     posed = PosedObstacle(obstacle=obstacle, pose=replace(pose, at=(pose.at[0] / unit, pose.at[1] / unit)))

@@ -30,7 +30,8 @@ from fem_reference.indentation.correction import (
 )
 from fem_reference.indentation.grid_solution import BasePressure, GridSolution, GridStudy, TexelForces
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
-from fem_reference.linear_response.point_spread import PointSpread, closed, decay_length
+from fem_reference.linear_response.point_spread import PointSpread
+from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import TexelArray
 from meshes.pose import PlanarPose
 
@@ -144,7 +145,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
                 progress=name_grid(progress, count),
             )
             for i, state in enumerate(states):
-                for name, values in closed(state.base, reach).items():
+                for name, values in state.base.extend(reach).items():
                     out[f"{name}_{count}_{i}"] = values
                 out[f"scalars_{count}_{i}"] = np.array(
                     [state.load, state.depth, state.area, state.overlap / state.depth]

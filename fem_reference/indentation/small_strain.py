@@ -18,8 +18,8 @@ from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence
-from fem_reference.linear_response.point_spread import PointSpread, decay_length, point_spread
-from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
+from fem_reference.linear_response.point_spread import PointSpread, point_spread
+from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
 from meshes import TexelArray
@@ -188,7 +188,8 @@ def _touch_near_sides(
         patch = solve_contact(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
         if indenter.is_flat or not cut_off.any():
-            return sides.kept(patch)
+            x, y = sides.clip_to_cover(patch.x, patch.y)  # cells that were scaled may end up beside the cover
+            return replace(patch, x=x, y=y)
         half = np.minimum(largest, _WINDOW * half)
 
 

@@ -1,21 +1,24 @@
-"""Linear axisymmetric solution of a planar layered cover under a unit point load on its top.
+"""Axisymmetric finite elements of a layered cover: mesh, constraints, base pressure, and the unit point load.
 
-The base pressure is recovered from the reactions of the clamped base nodes: the reactions are consistent with the
-elements, add up to the load to rounding, and divided by the mass of the base edges they give a quadratic pressure on
-each edge.  Its error is an oscillation that is orthogonal to linear functions, so the pressure is read at the two
-points of each edge where that oscillation vanishes; measured, the peak is five to ten times closer there than at the
-nodes.  The load is a single nodal force.  That is sound for what is asked here: by Galerkin orthogonality the error
-of a base functional is the error of its smooth dual solution at the loaded point, so the singularity under the load
-does not reach the base.
+The base pressure is computed from the reactions of the clamped base nodes.  The reactions add up to the load to
+rounding; divided by the mass matrix of the base edges they give a pressure that is quadratic on each edge.  Its error
+oscillates and is orthogonal to linear functions.  The pressure is therefore read at the two points of each edge where
+the oscillation vanishes: there the error of the peak was measured five to ten times smaller than at the nodes.
+
+The point load is a single nodal force.  The displacement under it is singular, the base pressure is not: by Galerkin
+orthogonality the error of a functional of the base is the error of its dual solution at the loaded point, and the dual
+solution is smooth there.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import skfem
+from scipy.interpolate import CubicSpline
 
 from fem_reference.elements.grading import grade_outward, layer_heights
 from fem_reference.elements.line import Line, recover_pressure
@@ -24,89 +27,124 @@ from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
-#: A node this close to a boundary lies on it, in thicknesses [-].
-_TOUCH = 1e-9
+#: Distance from a boundary, in thicknesses, below which a node lies on it [-].
+_TOLERANCE = 1e-9
+#: Radius, in thicknesses, up to which the mesh of a point load has even elements [-].
+_EVEN = 4.0
+#: Growth of the elements beyond, times the elements through the cover [-].
+_GROWTH = 1.2
+#: Least number of elements in a layer.
+_LEAST = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseResponse:
-    """Base pressure per unit load.
+    """Base pressure of an axisymmetric load: per unit load, or of a whole load [N].
 
     Attributes:
-        radius: Distances from the load, ascending, shape (m,) [m].
-        pressure: Pressure per force there, shape (m,) [1/m2].
-        reaction: Sum of the base reactions per unit load [-].
+        radius: Distances from the axis, ascending, shape (m,) [m].
+        pressure: Pressure there, shape (m,) [1/m2] or [Pa].
+        reaction: Sum of the base reactions [-] or [N].
     """
 
     radius: FloatArray
     pressure: FloatArray
     reaction: float
 
+    def extend(self, reach: float) -> dict[str, Any]:
+        """Extend the pressure to the axis by symmetry, and to zero at the outer boundary `reach` [m].
 
-def base_response(nodes: FloatArray, forces: FloatArray) -> BaseResponse:
-    """Base pressure from the normal reactions of the base nodes.
+        Returns:
+            `radius` and `pressure`, shape (m + 2,) each, and `reaction`.
+        """
+        r, p = self.radius, self.pressure
+        around_axis = CubicSpline(np.r_[-r[3::-1], r[:4]], np.r_[p[3::-1], p[:4]])
+        return {
+            "radius": np.r_[0.0, r, reach],
+            "pressure": np.r_[around_axis(0.0), p, 0.0],
+            "reaction": self.reaction,
+        }
+
+
+def recover_base_response(nodes: FloatArray, forces: FloatArray) -> BaseResponse:
+    """Compute the base pressure from the normal reactions of the base nodes.
 
     Args:
-        nodes: Radii of the base nodes, ascending, edge ends and middles in turn, shape (m,) [m].
-        forces: Their normal reactions, whole circles, shape (m,) [N].
+        nodes: Radii of the base nodes, ascending; ends and middles of the edges alternate, shape (m,) [m].
+        forces: Their normal reactions, each of a whole circle, shape (m,) [N].
     """
     line = Line(edges=nodes[::2], order=2)
-    radius, pressure = _superconvergent(line, recover_pressure([line], forces, axisymmetric=True))
-    return BaseResponse(radius=radius, pressure=pressure, reaction=float(forces.sum()))
+    pressure = recover_pressure([line], forces, axisymmetric=True)
+    radius = _find_accurate_radii(line)
+    return BaseResponse(radius=radius, pressure=line.at(radius) @ pressure, reaction=float(forces.sum()))
 
 
-def point_load_response(cover: Cover, *, elements_per_thickness: int, reach: float) -> BaseResponse:
+def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float) -> BaseResponse:
     """Solve for a unit point load on the axis.
 
     Args:
         cover: Layers; linear elastic at zero load.
         elements_per_thickness: Elements through the whole cover; each layer gets at least two [-].
-        reach: Radius of the outer boundary, where nothing moves [m].
+        reach: Radius of the outer boundary, where all displacements are zero [m].
     """
-    unit, stiff = cover.thickness, cover.layers[-1].material.shear_modulus  # solve for numbers near one
-    size = cover.thickness / elements_per_thickness
-    radii = grade_outward(size, 4 * cover.thickness, reach, growth=1 + 1.2 / elements_per_thickness)
-    mesh, region = tensor_mesh(cover, elements_per_thickness, radii)
+    # Lengths in thicknesses and moduli in that of the top layer: numbers near one keep the matrix well conditioned.
+    unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
+    size = unit / elements_per_thickness
+    radii = grade_outward(size, _EVEN * unit, reach, growth=1 + _GROWTH / elements_per_thickness)
+    mesh, region = mesh_cover(cover, elements_per_thickness, radii)
     elements = mixed_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
-    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / stiff
-    compliance = np.array([stiff / layer.material.bulk_modulus for layer in cover.layers])
+    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
+    compliance = np.array([modulus / layer.material.bulk_modulus for layer in cover.layers])
     matrix = linear_system(elements, shear, compliance)
     r, z = elements.nodes.T
-    system = ConstrainedSystem(matrix, held(cover, r, z, reach / unit))
+    system = ConstrainedSystem(matrix, find_constrained(cover, r, z, reach / unit))
     load = np.zeros(matrix.shape[0])
     load[2 * int(np.argmin(np.hypot(r, z - 1))) + 1] = -1.0
     solution = system.solve(load)
-    base = np.flatnonzero(np.abs(z) < _TOUCH)
+    base = np.flatnonzero(np.abs(z) < _TOLERANCE)
     base = base[np.argsort(r[base])]
-    forces = system.reaction(solution, load)[2 * base + 1]
-    unitless = base_response(r[base], forces)
-    return BaseResponse(
-        radius=unitless.radius * unit,
-        pressure=unitless.pressure / unit**2,
-        reaction=unitless.reaction,
-    )
+    found = recover_base_response(r[base], system.reaction(solution, load)[2 * base + 1])
+    return BaseResponse(radius=found.radius * unit, pressure=found.pressure / unit**2, reaction=found.reaction)
 
 
-def held(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> npt.NDArray[np.int64]:
-    """Held unknowns: the axis and the outer boundary across, the base along the normal and, if bonded, across."""
-    axis, base, outer = r < _TOUCH, z < _TOUCH, r > reach - _TOUCH
-    across = axis | outer | (base if cover.base == "bonded" else np.zeros_like(base))
-    return np.concatenate([2 * np.flatnonzero(across), 2 * np.flatnonzero(base | outer) + 1])
+def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> IntArray:
+    """Indices of the displacements that are zero: on the axis, on the base and on the outer boundary.
+
+    Args:
+        cover: Tells whether the base is bonded; a sliding base constrains the normal displacement only.
+        r: Radii of the nodes, shape (n,) [thicknesses].
+        z: Heights of the nodes, shape (n,) [thicknesses].
+        reach: Radius of the outer boundary [thicknesses].
+    """
+    axis, base, outer = r < _TOLERANCE, z < _TOLERANCE, r > reach - _TOLERANCE
+    radial = axis | outer | (base if cover.base == "bonded" else np.zeros_like(base))
+    return np.concatenate([2 * np.flatnonzero(radial), 2 * np.flatnonzero(base | outer) + 1])
 
 
-def tensor_mesh(
-    cover: Cover, count: int, radii: FloatArray, *, top: float | None = None
-) -> tuple[skfem.MeshQuad, npt.NDArray[np.int64]]:
-    """Tensor mesh over the given radii [m], and the layer of each element; heights as in `layer_heights`."""
+def mesh_cover(
+    cover: Cover, count: int, radii: FloatArray, *, surface_size: float | None = None
+) -> tuple[skfem.MeshQuad, IntArray]:
+    """Mesh a cover with quadrilaterals.
+
+    Args:
+        cover: The layers.
+        count: Elements through the whole cover; each layer gets at least two [-].
+        radii: Element edges along the radius [m].
+        surface_size: Height of the elements at the top, where it is smaller than that of the others [m].
+
+    Returns:
+        The mesh, and the layer of each element.
+    """
     size = cover.thickness / count
-    counts = [max(2, round(layer.thickness / size)) for layer in cover.layers]
-    heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=top)
+    counts = [max(_LEAST, round(layer.thickness / size)) for layer in cover.layers]
+    heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=surface_size)
     return mesh_layers([radii], heights, layer)
 
 
-def _superconvergent(line: Line, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two points per edge: the roots of the quadratic that is orthogonal to linear functions with weight r."""
+def _find_accurate_radii(line: Line) -> FloatArray:
+    """Two radii on each edge: the roots of the quadratic that is orthogonal to linear functions with weight r [m]."""
     start, length = line.edges[:-1], np.diff(line.edges)
     moment = [start / (j + 1) + length / (j + 2) for j in range(4)]
     determinant = moment[1] ** 2 - moment[0] * moment[2]
@@ -114,5 +152,4 @@ def _superconvergent(line: Line, values: FloatArray) -> tuple[FloatArray, FloatA
     constant = (moment[2] ** 2 - moment[1] * moment[3]) / determinant
     root = np.sqrt(linear**2 / 4 - constant)
     t = np.stack([-linear / 2 - root, -linear / 2 + root], axis=1)
-    radius = (start[:, None] + length[:, None] * t).ravel()
-    return radius, line.at(radius) @ values
+    return np.asarray((start[:, None] + length[:, None] * t).ravel())

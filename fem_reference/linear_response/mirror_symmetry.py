@@ -1,4 +1,9 @@
-"""A quarter of a rectangular cover as a tensor mesh, and texels by what their mirror images share."""
+"""Mirror symmetry of rectangular covers: the mesh of a quarter, its constraints, and the texels that it serves.
+
+A rectangular cover is its own mirror image in the planes x = 0 and y = 0.  A load splits into four parts that are even
+or odd in x and in y; each part needs only the quarter x, y >= 0, with constraints on the planes that depend on its
+parity.
+"""
 
 from __future__ import annotations
 
@@ -10,27 +15,30 @@ import scipy.sparse as sp
 
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.point_spread import decay_length
+from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
-#: Even and odd functions of x and y.
+#: Parities in x and y of the four parts of a load: 0 even, 1 odd.
 PARITIES = ((0, 0), (0, 1), (1, 0), (1, 1))
-#: A cover without a size ends this many decay lengths beyond the array.
+#: Distance from the array at which a cover without a size is cut, in decay lengths [-].
 _MARGIN = 12.0
-#: Distance from texel and side edges, in thicknesses, over which elements stay small, and their growth beyond.
+#: Distance from texel and side edges over which elements stay small, in thicknesses, and their growth beyond [-].
 _NEAR, _GROWTH = 2.0, 0.35
-#: Edges closer than this part of an element are one [-].
+#: Texel edges closer to one another than this part of an element share one element edge [-].
 _SLIVER = 0.05
-#: Elements along z crowd towards the base, where texel edges are sharp: height ~ (i / n) to this power.
+#: Samples between two texel edges from which element edges are computed.
+_SAMPLES = 401
+#: Power of the heights of the elements in the lowest layer: above 1, they are small at the base, where texels end [-].
 _CROWDING = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resolution:
-    """How fine a grid is.
+    """Element sizes of a grid.
 
     Attributes:
         across: Elements per thickness along x and y, near texel and side edges [-].
@@ -45,12 +53,15 @@ class Resolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MirroredTexels:
-    """Texels by what their mirror images share, lengths in thicknesses.
+    """Texels grouped by their mirror images, lengths in thicknesses.
+
+    A texel's span along x is the interval between its edges after its centre is mirrored to x >= 0.  Texels with equal
+    spans along x and along y are mirror images of one another and share one solution.
 
     Attributes:
-        spans: Low and high ends along x and along y of the distinct texels, shape (m, 2) each.
-        pairs: Distinct pairs of an x span and a y span, shape (k, 2).
-        pair: Which pair each texel is, shape (n,).
+        spans: Distinct spans along x and along y, shape (m, 2) each.
+        pairs: Distinct pairs of the number of an x span and of a y span, shape (k, 2).
+        pair: Number of each texel's pair, shape (n,).
         side: Sign of each texel's centre along x and y, 1 in the middle, shape (n, 2).
     """
 
@@ -60,13 +71,13 @@ class MirroredTexels:
     side: FloatArray
 
     @classmethod
-    def of(cls, array: TexelArray, unit: float) -> MirroredTexels:
-        """Sort the texels of a planar array, whose thickness of cover is `unit` [m]."""
-        centres = np.round(array.centres[:, :2] / unit, 9)
+    def group(cls, array: TexelArray, thickness: float) -> MirroredTexels:
+        """Group the texels of a planar array under a cover of the given thickness [m]."""
+        centres = np.round(array.centres[:, :2] / thickness, 9)
         spans, numbers = [], []
         for axis in (0, 1):
             distinct, number = np.unique(np.abs(centres[:, axis]), return_inverse=True)
-            half = array.texel_size[axis] / unit / 2
+            half = array.texel_size[axis] / thickness / 2
             spans.append(np.column_stack([distinct - half, distinct + half]))
             numbers.append(number)
         pairs, pair = np.unique(np.column_stack(numbers), axis=0, return_inverse=True)
@@ -75,63 +86,66 @@ class MirroredTexels:
 
     @property
     def swapped(self) -> IntArray | None:
-        """The pair with x and y exchanged, for each pair; None where there is none."""
+        """Number of the pair with x and y exchanged, for each pair; None if the array is no square grid."""
         if self.spans[0].shape != self.spans[1].shape or not np.allclose(*self.spans, atol=1e-9):
             return None
-        known = {tuple(pair): number for number, pair in enumerate(self.pairs.tolist())}
-        found = [known.get((pair[1], pair[0]), -1) for pair in self.pairs.tolist()]
+        numbers = {tuple(pair): number for number, pair in enumerate(self.pairs.tolist())}
+        found = [numbers.get((pair[1], pair[0]), -1) for pair in self.pairs.tolist()]
         return None if -1 in found else np.array(found)
 
 
-def quarter_solid(cover: Cover, array: TexelArray, resolution: Resolution) -> TensorSolid:
-    """The quarter of a cover with x, y >= 0, lengths in thicknesses and moduli in those of the top layer.
+def mesh_quarter(cover: Cover, array: TexelArray, resolution: Resolution) -> TensorSolid:
+    """Mesh the quarter x, y >= 0 of a cover, lengths in thicknesses and moduli in that of the top layer.
 
     Args:
         cover: Layers, with free side edges at `size` or cut far beyond the array.
         array: A planar array; element edges lie on texel edges.
-        resolution: How fine the grid is.
+        resolution: Element sizes.
     """
-    edges = tuple(_edges(cover, array, axis, resolution.across) for axis in (0, 1))
-    heights, layer = _heights(cover, resolution.through)
-    return solid_of(cover, (edges[0], edges[1], heights / cover.thickness), layer, resolution.order)
+    x, y = (_grade_side(cover, array, axis, resolution.across) for axis in (0, 1))
+    thicknesses = [layer.thickness for layer in cover.layers]
+    counts = [max(1, round(resolution.through * each / cover.thickness)) for each in thicknesses]
+    heights, layer = layer_heights(thicknesses, counts, crowd_base=_CROWDING)
+    return build_solid(cover, (x, y, heights / cover.thickness), layer, resolution.order)
 
 
-def solid_of(
+def build_solid(
     cover: Cover,
     edges: tuple[FloatArray, FloatArray, FloatArray],
     layer: IntArray,
     order: int = 2,
     breaks: tuple[tuple[int, ...], tuple[int, ...]] = ((), ()),
 ) -> TensorSolid:
-    """A tensor mesh of a cover's materials, lengths in thicknesses and moduli in those of the top layer.
+    """Put a cover's materials on a tensor mesh, lengths in thicknesses and moduli in that of the top layer.
 
     Args:
         cover: Layers, bonded or sliding.
         edges: Element edges along x, y and z [thicknesses].
-        layer: Which layer each element along z belongs to, shape (e,).
+        layer: Layer of each element along z, shape (e,).
         order: Polynomial order of the displacement [-].
         breaks: Elements along x and along y before which the pressure may jump.
     """
-    stiff = cover.layers[-1].material.shear_modulus
+    modulus = cover.layers[-1].material.shear_modulus
     sideways = 1 if cover.base == "bonded" else 0
     return TensorSolid(
         edges=edges,
         layer=layer,
-        shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / stiff,
-        bulk_compliance=np.array([stiff / each.material.bulk_modulus for each in cover.layers]),
+        shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / modulus,
+        bulk_compliance=np.array([modulus / each.material.bulk_modulus for each in cover.layers]),
         order=order,
         first=(sideways, sideways, 1),
         breaks=breaks,
     )
 
 
-def mirror_held(
+def constrain_parity(
     solid: TensorSolid, upper: sp.csr_matrix, parity: tuple[int, int], *, sliding: bool
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Entries with unit rows for the unknowns that vanish by symmetry, and which those are, on the same pattern.
+) -> tuple[FloatArray, BoolArray]:
+    """Constrain the unknowns that vanish on the planes of symmetry, without a change of the matrix's pattern.
 
-    For a load even in x, displacement along x is odd in x and vanishes at x = 0; for an odd one the other components
-    and the pressure do.  A block that slides may also drift or turn at no cost; one unknown is held against that.
+    For a load even in x, the displacement along x is odd in x and vanishes at x = 0; for a load odd in x, the other
+    components and the pressure vanish there.  A block on a sliding base may also move or turn as a rigid body without
+    force; one more unknown is constrained against that.
 
     Args:
         solid: The quarter x, y >= 0 of a block.
@@ -140,29 +154,23 @@ def mirror_held(
         sliding: Whether the base slides.
 
     Returns:
-        Entries in the order of the upper triangle, and the held unknowns, shape (n,).
+        Entries in the order of the upper triangle, with unit rows and columns for the constrained unknowns, and which
+        unknowns these are, shape (n,).
     """
-    held = np.zeros(upper.shape[0], dtype=bool)
+    constrained = np.zeros(upper.shape[0], dtype=bool)
     for field in range(4):
-        here = held[solid.offsets[field] : solid.offsets[field + 1]].reshape(solid.field_shape(field))
-        here[0] |= (field == 0) != bool(parity[0])
-        here[:, 0] |= (field == 1) != bool(parity[1])
+        view = constrained[solid.offsets[field] : solid.offsets[field + 1]].reshape(solid.field_shape(field))
+        view[0] |= (field == 0) != bool(parity[0])
+        view[:, 0] |= (field == 1) != bool(parity[1])
         if sliding and ((field == 0 and parity[0] == 1) or (field == 1 and parity == (0, 1))):
-            here[0, -1 if parity == (1, 1) else 0, 0] = True
-    row = np.repeat(np.arange(len(held)), np.diff(upper.indptr))
-    values = np.where(held[row] | held[upper.indices], 0.0, upper.data)
-    values[upper.indptr[:-1][held]] = 1.0  # the diagonal comes first in each row of an upper triangle
-    return values, held
+            view[0, -1 if parity == (1, 1) else 0, 0] = True
+    row = np.repeat(np.arange(len(constrained)), np.diff(upper.indptr))
+    values = np.where(constrained[row] | constrained[upper.indices], 0.0, upper.data)
+    values[upper.indptr[:-1][constrained]] = 1.0  # the diagonal is the first entry of each row of an upper triangle
+    return values, constrained
 
 
-def _heights(cover: Cover, through: int) -> tuple[FloatArray, IntArray]:
-    """Element edges along z [m] and the layer of each element."""
-    thicknesses = [layer.thickness for layer in cover.layers]
-    counts = [max(1, round(through * each / cover.thickness)) for each in thicknesses]
-    return layer_heights(thicknesses, counts, crowd_base=_CROWDING)
-
-
-def _edges(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatArray:
+def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatArray:
     """Element edges from the middle of the cover to its side: on texel edges, small near them [thicknesses]."""
     unit = cover.thickness
     centres, half = array.centres[:, axis], array.texel_size[axis] / 2
@@ -177,12 +185,12 @@ def _edges(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatAr
             marks.append(float(mark))
     sharp = [texel_edges[0] == 0.0, *[True] * (len(marks) - 1), True]
     marks.append(end)
-    parts = [_between(marks[i], marks[i + 1], across, (sharp[i], sharp[i + 1])) for i in range(len(marks) - 1)]
+    parts = [_grade_between(marks[i], marks[i + 1], across, (sharp[i], sharp[i + 1])) for i in range(len(marks) - 1)]
     return np.concatenate([[0.0], *parts])
 
 
-def _between(low: float, high: float, across: float, sharp: tuple[bool, bool]) -> FloatArray:
-    """Element edges in (low, high], 1 / across long near sharp ends and growing away from them."""
-    x = np.linspace(low, high, 401)
-    away = np.minimum(x - low if sharp[0] else np.inf, high - x if sharp[1] else np.inf)
-    return fill_by_spacing(x, (1 + _GROWTH * np.maximum(away - _NEAR, 0)) / across)[1:]
+def _grade_between(low: float, high: float, across: float, sharp: tuple[bool, bool]) -> FloatArray:
+    """Element edges in (low, high], 1 / across apart near sharp ends and growing away from them [thicknesses]."""
+    x = np.linspace(low, high, _SAMPLES)
+    distance = np.minimum(x - low if sharp[0] else np.inf, high - x if sharp[1] else np.inf)
+    return fill_by_spacing(x, (1 + _GROWTH * np.maximum(distance - _NEAR, 0)) / across)[1:]

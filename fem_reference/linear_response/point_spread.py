@@ -1,11 +1,15 @@
-"""Point spread function of a planar cover: what a unit point load on the top puts on the texels below."""
+"""Point spread function of a laterally wide cover: texel forces per unit point load on its top.
+
+The base pressure around a point load is axisymmetric.  It is solved on three grids, and the difference between them
+gives the error estimate.  Texel forces are integrals of the pressure over rectangles, looked up in a table.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,15 +19,37 @@ from fem_reference import result_store
 from fem_reference.elements.grading import growing_steps
 from fem_reference.elements.line import gauss_points
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.linear_response.axisymmetric import BaseResponse, point_load_response
+from fem_reference.linear_response.axisymmetric import solve_point_load
+from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Elements through the thickness of the three grids; the last one is the answer.
+#: Elements through the thickness of the three grids; the finest gives the result.
 GRIDS = (8, 12, 18)
-#: The outer boundary stands at this many decay lengths; the slowest mode has fallen to 1e-5 of itself there.
+#: Distance of the outer boundary from the load, in decay lengths: the slowest mode has fallen to 1e-5 there [-].
 _REACH = 16.0
+#: Integration panels: their number up to `_EVEN_PANELS` / `_PER_THICKNESS` thicknesses, where they are even, their
+#: number per thickness there, and their growth beyond [-].
+_EVEN_PANELS, _PER_THICKNESS, _PANEL_GROWTH = 32, 8, 1.1
+#: Parts into which panels are cut for circles: the part of a circle on active texels has a kink wherever the circle
+#: touches the edge of a texel.
+_CUTS = 4
+#: Gauss points along a texel's edge under uniform pressure, per thickness of the cover, and at least.
+_TEXEL_POINTS, _LEAST_POINTS = 6, 8
+#: Texel corners closer than this part of a texel are one point [-].
+_SAME_CORNER = 1e-6
+
+
+class TexelInfluence(Protocol):
+    """Texel forces of point loads anywhere on a cover."""
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the cover [m]."""
+
+    def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
+        """Force on every texel per unit point load at each position, shape (k, n) [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,11 +57,11 @@ class PointSpread:
     """Axisymmetric base pressure per unit point load on a laterally wide cover.
 
     Attributes:
-        radius: Distances from the load along the base, from 0 to where nothing moves any more, shape (m,) [m].
+        radius: Distances from the load along the base, from 0 to the outer boundary, shape (m,) [m].
         pressure_per_force: Base pressure there, per unit load, shape (m,) [1/m2].
         reaction: Sum of the base reactions per unit load; 1 up to the solver's rounding [-].
         thickness: Thickness of the cover [m].
-        coarse: The same on the coarser grids, coarsest first.
+        coarse: The functions of the coarser grids, coarsest first; they give the error estimate.
     """
 
     radius: FloatArray
@@ -59,7 +85,7 @@ class PointSpread:
 
         Args:
             array: A planar array; masked texels get 0.
-            positions: Places on the cover in the array's frame, shape (k, 2) [m].
+            positions: Points of the cover in the array's frame, shape (k, 2) [m].
 
         Returns:
             Shape (k, n) [-].
@@ -68,8 +94,8 @@ class PointSpread:
             ValueError: If the array is not planar.
         """
         place = np.atleast_2d(np.asarray(positions, dtype=float))
-        corners, index = _corners(array)
-        volume = self._corner_integral(corners[:, 0] - place[:, :1], corners[:, 1] - place[:, 1:])
+        corners, index = _find_corners(array)
+        volume = self._integrate_corner(corners[:, 0] - place[:, :1], corners[:, 1] - place[:, 1:])
         low_low, high_low, low_high, high_high = (volume[:, index[:, i]] for i in range(4))
         return np.asarray(np.where(array.active, high_high - high_low - low_high + low_low, 0.0))
 
@@ -86,22 +112,16 @@ class PointSpread:
         Returns:
             Shape (n,) [-].
         """
-        centre = array.centres[array.middle if texel is None else texel, :2]
-        if load == "point":
-            return np.asarray(self.texel_influence(array, centre)[0])
-        nodes, weights = np.polynomial.legendre.leggauss(max(8, int(6 * max(array.texel_size) / self.thickness)))
-        x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
-        share = np.outer(weights, weights).ravel() / 4
-        return np.asarray(share @ self.texel_influence(array, centre + np.column_stack([x.ravel(), y.ravel()])))
+        return load_texel(self, array, load, texel, points_per_thickness=_TEXEL_POINTS)
 
     def outside(self, array: TexelArray, positions: npt.ArrayLike, *, angles: int = 360) -> FloatArray:
-        """Share of a unit point load that no active texel feels, by quadrature over circles around the load.
+        """Share of a unit point load that reaches no active texel, by quadrature over circles around the load.
 
-        Independent of `texel_influence`: the two add up to 1 only if both are right.
+        The quadrature is independent of `texel_influence`: that the two add up to 1 checks both.
 
         Args:
             array: A planar array.
-            positions: Places on the cover in the array's frame, shape (k, 2) [m].
+            positions: Points of the cover in the array's frame, shape (k, 2) [m].
             angles: Points on each circle [-].
 
         Returns:
@@ -109,19 +129,22 @@ class PointSpread:
         """
         place = np.atleast_2d(np.asarray(positions, dtype=float))
         radius, ring = self._rings
-        turn = np.arange(radius.size)[:, None] * (np.sqrt(5) - 1) / 2  # each circle starts elsewhere, so errors cancel
+        turn = np.arange(radius.size)[:, None] * (np.sqrt(5) - 1) / 2  # a different start on each circle: errors cancel
         angle = 2 * np.pi * ((np.arange(angles) + turn) / angles)
         x, y = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
-        x_edges, y_edges, active = _membership(array)
-        felt = [
+        x_edges, y_edges, active = _map_active_cells(array)
+        on_texels = [
             ring @ active[np.searchsorted(x_edges, x + place_x), np.searchsorted(y_edges, y + place_y)].mean(axis=1)
             for place_x, place_y in place
         ]
-        return self.reaction - np.array(felt)
+        return self.reaction - np.array(on_texels)
 
     @cached_property
     def error_estimate(self) -> dict[str, float]:
-        """Estimated relative errors: `total_force`, `peak_texel` (one texel wide as the cover is thick), `sigma`."""
+        """Estimated relative errors: `total_force`, `peak_texel` and `sigma` [-].
+
+        The peak is that of a texel as wide as the cover is thick; the sigma is represented by the half width.
+        """
         grids = (*self.coarse, self)
         sizes = [1 / n for n in GRIDS]
         patch = TexelArray.grid(1, 1, self.thickness)
@@ -143,20 +166,19 @@ class PointSpread:
 
     @cached_property
     def _spline(self) -> CubicSpline:
+        """Pressure over the distance [1/m2]."""
         return CubicSpline(self.radius, self.pressure_per_force, bc_type="clamped")
 
     @cached_property
     def _rings(self) -> tuple[FloatArray, FloatArray]:
-        """Gauss radii [m] and the share of the load on each ring [-].
-
-        Panels are cut in four: the part of a circle on active texels has a kink wherever the circle touches an edge.
-        """
-        panels = _panels(self.thickness, self.reach)
-        edges = np.interp(np.arange(4 * len(panels) - 3) / 4, np.arange(len(panels)), panels)
+        """Radii of Gauss points [m], and the share of the load on the ring of each [-]."""
+        panels = _cut_panels(self.thickness, self.reach)
+        count = _CUTS * (len(panels) - 1) + 1
+        edges = np.interp(np.arange(count) / _CUTS, np.arange(len(panels)), panels)
         radius, weight = gauss_points(edges, 6)
         return radius, weight * 2 * np.pi * radius * self.pressure(radius)
 
-    def _corner_integral(self, x: FloatArray, y: FloatArray) -> FloatArray:
+    def _integrate_corner(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Integral of the pressure over the rectangle from the load to (x, y), odd in both [-]."""
         limit = self.reach
         value = self._cumulative.ev(np.minimum(np.abs(x), limit), np.minimum(np.abs(y), limit))
@@ -164,7 +186,8 @@ class PointSpread:
 
     @cached_property
     def _cumulative(self) -> RectBivariateSpline:
-        edges = _panels(self.thickness, self.reach)
+        """Integral of the pressure over the rectangle from the load to (x, y), both positive, as a spline [-]."""
+        edges = _cut_panels(self.thickness, self.reach)
         points, share = gauss_points(edges, 4)
         density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
         cells = density.reshape(len(edges) - 1, 4, len(edges) - 1, 4).sum(axis=(1, 3))
@@ -174,7 +197,7 @@ class PointSpread:
 
 
 def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None) -> PointSpread:
-    """Solve for the point spread function on three grids; results are kept in the store.
+    """Solve for the point spread function on three grids.  Results are kept in the store.
 
     Args:
         cover: A laterally wide cover; hyperelastic materials are linearised at zero load.
@@ -192,8 +215,8 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
         for n in GRIDS:
             if progress is not None:
                 progress(f"axisymmetric solve, {n} elements through the cover")
-            response = point_load_response(cover, elements_per_thickness=n, reach=reach)
-            for name, values in closed(response, reach).items():
+            response = solve_point_load(cover, elements_per_thickness=n, reach=reach)
+            for name, values in response.extend(reach).items():
                 out[f"{name}_{n}"] = values
         return out
 
@@ -212,64 +235,69 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
     return grids[-1]
 
 
-def decay_length(cover: Cover) -> float:
-    """Length over which a point load's answer dies away: the thickness, or a stiff layer's bending length [m].
+def load_texel(
+    source: TexelInfluence,
+    array: TexelArray,
+    load: Literal["point", "uniform"],
+    texel: int | None,
+    *,
+    points_per_thickness: int,
+) -> FloatArray:
+    """Force on every texel for a unit load over one texel.
 
-    Layers above each interface bend as a plate of stiffness sum E t^3 / 12 (1 - nu^2) on springs of stiffness E / t in
-    series (Timoshenko and Woinowsky-Krieger, section 57: characteristic length (D / k)^(1/4)).
+    Args:
+        source: Texel forces of point loads.
+        array: A planar array.
+        load: A point load over the texel's centre, or the same force as uniform pressure over the texel.
+        texel: Which texel; `[rows // 2, columns // 2]` when not given.
+        points_per_thickness: Gauss points of the uniform pressure, along a texel's edge as long as the thickness [-].
+
+    Returns:
+        Shape (n,) [-].
     """
-    lengths = [cover.thickness]
-    for split in range(1, len(cover.layers)):
-        below, above = cover.layers[:split], cover.layers[split:]
-        springs = 1 / sum(layer.thickness / layer.material.youngs_modulus for layer in below)
-        plate = sum(
-            layer.material.youngs_modulus * layer.thickness**3 / (12 * (1 - layer.material.poisson_ratio**2))
-            for layer in above
-        )
-        lengths.append((plate / springs) ** 0.25)
-    return max(lengths)
+    centre = array.centres[array.middle if texel is None else texel, :2]
+    if load == "point":
+        return np.asarray(source.texel_influence(array, centre)[0])
+    count = max(_LEAST_POINTS, int(points_per_thickness * max(array.texel_size) / source.thickness))
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
+    share = np.outer(weights, weights).ravel() / 4
+    return np.asarray(share @ source.texel_influence(array, centre + np.column_stack([x.ravel(), y.ravel()])))
 
 
-def closed(response: BaseResponse, reach: float) -> dict[str, Any]:
-    """Extend the response to the axis by symmetry and to zero at the outer boundary."""
-    r, p = response.radius, response.pressure
-    even = CubicSpline(np.r_[-r[3::-1], r[:4]], np.r_[p[3::-1], p[:4]])
-    return {
-        "radius": np.r_[0.0, r, reach],
-        "pressure": np.r_[even(0.0), p, 0.0],
-        "reaction": response.reaction,
-    }
-
-
-def _panels(thickness: float, reach: float) -> FloatArray:
-    """Panel edges from 0 to `reach` that resolve the response: even to 4 thicknesses, then growing [m]."""
-    step = thickness / 8
-    even = np.arange(33) * step
-    edges = np.append(even, even[-1] + np.cumsum(growing_steps(1.1 * step, reach - even[-1], lambda step: 1.1 * step)))
+def _cut_panels(thickness: float, reach: float) -> FloatArray:
+    """Edges of integration panels from 0 to `reach`, even near the load and growing away from it [m]."""
+    step = thickness / _PER_THICKNESS
+    even = np.arange(_EVEN_PANELS + 1) * step
+    steps = growing_steps(_PANEL_GROWTH * step, reach - even[-1], lambda step: _PANEL_GROWTH * step)
+    edges = np.append(even, even[-1] + np.cumsum(steps))
     edges[-1] = reach
     return edges
 
 
-def _corners(array: TexelArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Distinct texel corners, shape (c, 2) [m], and the (low, low), (high, low), (low, high), (high, high) of each."""
+def _find_corners(array: TexelArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Distinct texel corners, shape (c, 2) [m], and the four of each texel, shape (n, 4).
+
+    The four are those at low x and low y, high x and low y, low x and high y, high x and high y.
+    """
     if not array.planar:
         raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
     half = np.array(array.texel_size) / 2
     signs = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
     every = array.centres[:, None, :2] + signs * half
-    grain = min(array.texel_size) * 1e-6
+    grain = min(array.texel_size) * _SAME_CORNER
     _, first, inverse = np.unique(
         np.round(every.reshape(-1, 2) / grain), axis=0, return_index=True, return_inverse=True
     )
     return every.reshape(-1, 2)[first], inverse.reshape(-1, 4)
 
 
-def _membership(array: TexelArray) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Every texel edge along x and along y [m], and whether each cell between them lies on an active texel.
+def _map_active_cells(array: TexelArray) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """All texel edges along x and along y [m], and whether each cell between them lies on an active texel.
 
-    The cells are padded by one on each side, so that `searchsorted` of any place among the edges is its cell.
+    A cell is added on each side, so that `searchsorted` of any position among the edges is the number of its cell.
     """
-    grain = min(array.texel_size) * 1e-6
+    grain = min(array.texel_size) * _SAME_CORNER
     low = np.round((array.centres[array.active, :2] - np.array(array.texel_size) / 2) / grain)
     high = np.round((array.centres[array.active, :2] + np.array(array.texel_size) / 2) / grain)
     edges = [np.unique(np.r_[low[:, axis], high[:, axis]]) for axis in range(2)]

@@ -1,10 +1,10 @@
-"""Laterally wide covers, wave number by wave number: finite elements through the thickness, Fourier along it.
+"""Surface compliance of a laterally wide cover: finite elements through the thickness, Fourier series along it.
 
 A surface pressure cos(k x) moves an isotropic layered cover as (U(z) sin k x, W(z) cos k x) with mean pressure
-P(z) cos k x, so one small one-dimensional mixed problem per wave number (quadratic U, W, linear P, free to jump where
-materials meet) gives how the top yields.  A pressure of any shape follows by superposition, which is how contacts of
-shapes without an axis are solved on a wide cover.  The method is the semi-analytical finite-element method; with the
-axisymmetric solve it is a second discretisation of the same cover.
+P(z) cos k x.  Each wave number k therefore needs one small one-dimensional mixed problem (quadratic U and W, linear P
+that may jump where materials meet).  A pressure of any shape follows by superposition, which is how the contact of
+shapes without an axis is solved on a wide cover.  The method is the semi-analytical finite-element method.  Beside the
+axisymmetric solution it is a second, independent discretisation of the same cover.
 """
 
 from __future__ import annotations
@@ -22,13 +22,27 @@ from meshes import Cover, Layer
 
 FloatArray = npt.NDArray[np.float64]
 
-#: exp(-2 x) falls below 1e-11 here: the top layer no longer feels what is under it.
-_BLIND = 13.0
+#: Product of wave number and thickness of the top layer beyond which the layers below have no effect: exp(-2 x) is
+#: below 1e-11 [-].
+_SHORT_WAVES = 13.0
+#: Quadratic elements in each layer.
+_ELEMENTS = 16
+#: Panels in k: their longest length in half periods of J0(k reach); their length at k = 0 times the thickness; and
+#: their length over k beyond [-].
+_PANEL_PERIODS, _FIRST_PANEL, _PANEL_RATIO = 4.0, 0.25, 0.3
+#: Gauss points in each panel.
+_PANEL_POINTS = 8
+#: Points of the table per thickness of the thinnest layer, and their least and largest number.
+_TABLE_POINTS, _LEAST_POINTS, _MOST_POINTS = 10, 200, 2000
+#: Parts in which the table is computed, to bound the memory of the Bessel functions.
+_BLOCKS = 8
+#: Smallest distance from the corner of a rectangle, to avoid the division by zero there [m].
+_TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlabTransfer:
-    """Answer to a unit surface pressure cos(k x).
+class WaveResponse:
+    """Response to a unit surface pressure cos(k x).
 
     Attributes:
         compliance: Downward displacement of the top per pressure, shape (m,) [m/Pa].
@@ -39,7 +53,26 @@ class SlabTransfer:
     base: FloatArray
 
 
-def slab_transfer(cover: Cover, wave_number: FloatArray, *, elements_per_layer: int = 16) -> SlabTransfer:
+def decay_length(cover: Cover) -> float:
+    """Distance over which the response to a point load decays: the thickness, or a stiff layer's bending length [m].
+
+    The layers above each interface are taken as a plate of stiffness D = sum E t^3 / 12 (1 - nu^2) and those below as
+    springs of stiffness k, where 1 / k = sum t / E.  The bending length is (D / k)^(1/4) (Timoshenko and
+    Woinowsky-Krieger, Theory of Plates and Shells, section 57).
+    """
+    lengths = [cover.thickness]
+    for split in range(1, len(cover.layers)):
+        below, above = cover.layers[:split], cover.layers[split:]
+        springs = 1 / sum(layer.thickness / layer.material.youngs_modulus for layer in below)
+        plate = sum(
+            layer.material.youngs_modulus * layer.thickness**3 / (12 * (1 - layer.material.poisson_ratio**2))
+            for layer in above
+        )
+        lengths.append((plate / springs) ** 0.25)
+    return max(lengths)
+
+
+def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: int = _ELEMENTS) -> WaveResponse:
     """Solve the through-thickness problem of every wave number.
 
     Args:
@@ -47,11 +80,11 @@ def slab_transfer(cover: Cover, wave_number: FloatArray, *, elements_per_layer: 
         wave_number: Wave numbers k > 0, shape (m,) [1/m].
         elements_per_layer: Quadratic elements in each layer [-].
     """
-    constant, linear, square = _matrices(cover, elements_per_layer)
+    constant, linear, square = _assemble(cover, elements_per_layer)
     nodes = 2 * elements_per_layer * len(cover.layers) + 1
     base, top = np.array([0, nodes]), 2 * nodes - 1  # U and W at the base, W at the top
-    held = base if cover.base == "bonded" else base[1:]
-    free = np.setdiff1d(np.arange(len(constant)), held)
+    constrained = base if cover.base == "bonded" else base[1:]
+    free = np.setdiff1d(np.arange(len(constant)), constrained)
     load = np.zeros((len(free), 1))
     load[np.searchsorted(free, top)] = -1.0
     compliance, reaction = np.empty_like(wave_number), np.empty_like(wave_number)
@@ -60,19 +93,19 @@ def slab_transfer(cover: Cover, wave_number: FloatArray, *, elements_per_layer: 
         solution = np.linalg.solve(matrix[np.ix_(free, free)], load)[:, 0]
         compliance[i] = -solution[np.searchsorted(free, top)]
         reaction[i] = matrix[base[1], free] @ solution
-    return SlabTransfer(compliance=compliance, base=reaction)
+    return WaveResponse(compliance=compliance, base=reaction)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceCompliance:
-    """How the top of a wide cover yields to a pressure elsewhere on the top.
+    """Displacement of the top of a wide cover under pressure elsewhere on the top.
 
     The displacement under a point load is that of a half space of the top layer's material (closed form, singular)
-    plus a regular part that the layers below and the base add, tabulated from the elements.
+    plus a regular part due to the finite thickness and the other layers, tabulated from the elements.
 
     Attributes:
-        half_space: (1 - nu) / (2 pi mu) of the top layer: displacement is this over the distance [m2/N].
-        regular: What the finite thickness adds, as a function of distance [m/N].
+        half_space: (1 - nu) / (2 pi mu) of the top layer; this over the distance is the displacement [m2/N].
+        regular: Regular part as a function of distance [m/N].
         reach: Largest distance of the table [m].
         thickness: Thickness of the cover [m].
     """
@@ -83,24 +116,30 @@ class SurfaceCompliance:
     thickness: float
 
     def of_rectangle(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
-        """Displacement at (x, y) under unit pressure on a small rectangle around the origin [m/Pa].
+        """Displacement at (x, y) [m] under unit pressure on a small rectangle around the origin [m/Pa].
 
-        The half-space part is exact (Love 1929; Johnson 1985, eq. 3.25); the regular part is smooth on the scale of
-        the thickness and is taken at the distance between the centres.
+        The half-space part is exact (Love 1929; Johnson, Contact Mechanics, 1985, eq. 3.25).  The regular part varies
+        over distances of the order of the thickness; it is taken at the distance between the centres.
         """
-        near = self.half_space * _love(x, y, width / 2, height / 2)
+        near = self.half_space * _integrate_distance(x, y, width / 2, height / 2)
         return near + width * height * self.regular(np.minimum(np.hypot(x, y), self.reach))
 
 
-def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 16) -> SurfaceCompliance:
-    """Tabulate the compliance of a wide cover's top up to a distance `reach` [m]."""
+def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = _ELEMENTS) -> SurfaceCompliance:
+    """Tabulate the compliance of a wide cover's top.
+
+    Args:
+        cover: Layers; linear elastic at zero load.
+        reach: Largest distance of the table [m].
+        elements_per_layer: Quadratic elements in each layer [-].
+    """
     top = cover.layers[-1]
-    k, weight = _nodes(cover, reach)
-    solved = slab_transfer(cover, k, elements_per_layer=elements_per_layer).compliance
-    excess = (solved - _half_space(top, k)) * k * weight / (2 * np.pi)
-    step = min(layer.thickness for layer in cover.layers) / 10
-    radius = np.linspace(0, reach, int(min(max(reach / step, 200), 2000)))
-    table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, 8)])
+    k, weight = _wave_numbers(cover, reach)
+    solved = solve_waves(cover, k, elements_per_layer=elements_per_layer).compliance
+    excess = (solved - _half_space_compliance(top, k)) * k * weight / (2 * np.pi)
+    step = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
+    radius = np.linspace(0, reach, int(min(max(reach / step, _LEAST_POINTS), _MOST_POINTS)))
+    table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _BLOCKS)])
     return SurfaceCompliance(
         half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
         regular=CubicSpline(radius, table, bc_type="clamped"),
@@ -109,21 +148,22 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
     )
 
 
-def _half_space(layer: Layer, k: FloatArray) -> FloatArray:
+def _half_space_compliance(layer: Layer, k: FloatArray) -> FloatArray:
+    """Displacement of a half space per pressure cos(k x), (1 - nu) / mu k (Johnson 1985, eq. 2.61) [m/Pa]."""
     return (1 - layer.material.poisson_ratio) / (layer.material.shear_modulus * k)
 
 
-def _nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Gauss nodes in k [1/m]: panels of half a period of J0(k reach), graded where layers differ in thickness."""
-    top = _BLIND / cover.layers[-1].thickness
-    widest = np.pi / reach * 4
+def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Gauss points and weights in k that resolve J0(k r) up to r = `reach` and the layers' thicknesses [1/m]."""
+    end = _SHORT_WAVES / cover.layers[-1].thickness
+    longest = np.pi / reach * _PANEL_PERIODS
     edges = [0.0]
-    while edges[-1] < top:
-        edges.append(edges[-1] + min(widest, max(0.25 / cover.thickness, 0.3 * edges[-1])))
-    return gauss_points(np.array(edges), 8)
+    while edges[-1] < end:
+        edges.append(edges[-1] + min(longest, max(_FIRST_PANEL / cover.thickness, _PANEL_RATIO * edges[-1])))
+    return gauss_points(np.array(edges), _PANEL_POINTS)
 
 
-def _matrices(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _assemble(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Matrices of k^0, k^1, k^2 over the nodal values of U, then W, then P, shape (n, n) each.
 
     Energy density per wave: mu (2 exx^2 + 2 ezz^2 + gxz^2 - 2/3 div^2) / 2 - p div - p^2 / 2K with exx = k U,
@@ -134,24 +174,28 @@ def _matrices(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatAr
     u = Line(edges=edges, order=2)
     p = Line(edges=edges, order=1, jumps=tuple(range(count, len(layer), count)))
     mu = np.array([each.material.shear_modulus for each in layers])[layer]
-    compliance = np.array([1 / each.material.bulk_modulus for each in layers])[layer]
+    bulk_compliance = np.array([1 / each.material.bulk_modulus for each in layers])[layer]
     mass, stiffness, mixed = (line_matrix(u, u, each, mu).toarray() for each in ((0, 0), (1, 1), (1, 0)))
     value, slope = (line_matrix(u, p, each).toarray() for each in ((0, 0), (1, 0)))
-    none, empty = np.zeros_like(mass), np.zeros_like(value)
-    squeeze = line_matrix(p, p, weight=compliance).toarray()
+    volume = line_matrix(p, p, weight=bulk_compliance).toarray()
     shear = mixed + 2 / 3 * mixed.T
-    constant = [[stiffness, none, empty], [none, 4 / 3 * stiffness, -slope], [empty.T, -slope.T, -squeeze]]
-    linear = [[none, -shear, -value], [-shear.T, none, empty], [-value.T, empty.T, 0 * squeeze]]
-    square = [[4 / 3 * mass, none, empty], [none, mass, empty], [empty.T, empty.T, 0 * squeeze]]
+    zero, empty = np.zeros_like(mass), np.zeros_like(value)
+    constant = [[stiffness, zero, empty], [zero, 4 / 3 * stiffness, -slope], [empty.T, -slope.T, -volume]]
+    linear = [[zero, -shear, -value], [-shear.T, zero, empty], [-value.T, empty.T, 0 * volume]]
+    square = [[4 / 3 * mass, zero, empty], [zero, mass, empty], [empty.T, empty.T, 0 * volume]]
     return np.block(constant), np.block(linear), np.block(square)
 
 
-def _love(x: FloatArray, y: FloatArray, a: float, b: float) -> FloatArray:
+def _integrate_distance(x: FloatArray, y: FloatArray, a: float, b: float) -> FloatArray:
     """Integral of 1 / distance over the rectangle |x'| < a, |y'| < b, at (x, y) [m]."""
 
-    def corner(u: FloatArray, v: FloatArray) -> FloatArray:
-        """Antiderivative of 1 / sqrt(u^2 + v^2) in u and v."""
-        tiny = 1e-300
-        return u * np.arcsinh(v / (np.abs(u) + tiny)) + v * np.arcsinh(u / (np.abs(v) + tiny))
+    def antiderivative(u: FloatArray, v: FloatArray) -> FloatArray:
+        """Antiderivative of 1 / sqrt(u^2 + v^2) in u and v [m]."""
+        return u * np.arcsinh(v / (np.abs(u) + _TINY)) + v * np.arcsinh(u / (np.abs(v) + _TINY))
 
-    return corner(x + a, y + b) - corner(x - a, y + b) - corner(x + a, y - b) + corner(x - a, y - b)
+    return (
+        antiderivative(x + a, y + b)
+        - antiderivative(x - a, y + b)
+        - antiderivative(x + a, y - b)
+        + antiderivative(x - a, y - b)
+    )

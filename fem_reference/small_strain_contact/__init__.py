@@ -1,1 +1,5 @@
-"""Frictionless contact at small strain: cells on the compliance of the top surface."""
+"""Frictionless contact at small strain, on the compliance of the top surface.
+
+`frictionless` presses one indenter and `several_indenters` presses several at once, both by `constrained_solver`.
+`free_edges` adds what the free side edges of a cover of limited size change.
+"""

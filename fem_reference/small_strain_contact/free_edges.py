@@ -1,16 +1,16 @@
-"""What free side edges add to the way the top of a cover yields.
+"""Compliance that free side edges add to the top of a cover.
 
-A cover of limited size is a wide one with its surroundings cut away, which only makes it softer.  What the cut adds to
-the displacement of the top is smooth away from the sides, while the wide cover's own answer is singular under a load.
-So the two are kept apart: the wide cover's compliance stays the fine one of `slab`, and the difference between the
-cover and the same cover with its surroundings left on comes from three-dimensional elements on two meshes that agree
-under the cover, where the load's singularity and most of the mesh's error cancel.
+A cover of limited size is a wide cover with its surroundings cut away, which makes it softer.  The displacement that
+the cut adds is smooth away from the sides, while the wide cover's displacement is singular under a load.  The two are
+therefore computed apart.  The wide cover's compliance is the accurate one of `surface_compliance`.  The addition is the
+difference between the cover alone and the same cover with its surroundings, both from three-dimensional elements.
+Their meshes agree under the cover, so the singularity and most of the discretisation error cancel.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,9 +20,8 @@ import scipy.sparse as sp
 from fem_reference.elements.grading import fill_by_spacing, growing_steps, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.mirror_symmetry import PARITIES, mirror_held, solid_of
-from fem_reference.linear_response.point_spread import decay_length
-from fem_reference.small_strain_contact.frictionless import ContactPatch
+from fem_reference.linear_response.mirror_symmetry import PARITIES, build_solid, constrain_parity
+from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
 from meshes.pose import PlanarPose
@@ -31,30 +30,37 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Elements through the cover on the three grids, and their size over that of the finest.
+#: Elements through the cover on the three grids, and the element size of each over that of the finest.
 THROUGH, COARSENING = (2, 3, 4), (2.25, 1.5, 1.0)
-#: Sides this many decay lengths away add nothing (their effect travels there and back); the surroundings end here.
+#: Distance from the contact beyond which free edges are ignored, and width of the surroundings, in decay lengths [-].
+#: The effect of an edge decays on the way there and on the way back.
 _NEAR, _FAR = 6.0, 8.0
-#: Size of the elements at the sides over their distance, its bounds in thicknesses, and least of them across a contact.
-_FINE, _SMALLEST, _LARGEST, _LEAST = 1 / 3, 1 / 8, 1 / 2, 6
-#: Growth of elements away from contact and sides, and in the surroundings.
+#: Element size at the sides over the distance of the contact from them, and its bounds in thicknesses [-].
+_FINE, _SMALLEST, _LARGEST = 1 / 3, 1 / 8, 1 / 2
+#: Smallest distance from the sides that sets the element size, in widths of the contact [-].
+_CLEARANCE = 0.15
+#: Least number of elements across a contact.
+_LEAST = 6
+#: Growth of elements per distance from contact and sides, and growth from one to the next in the surroundings [-].
 _GROWTH, _OUTWARD = 0.3, 0.6
-#: Elements of the top layer crowd towards the top: depth ~ (i / n) to this power.
+#: Samples from the middle to the side from which element edges are computed.
+_SAMPLES = 2001
+#: Power of the depths of the elements in the top layer: above 1, they are small at the top [-].
 _CROWDING = 1.5
-#: Right-hand sides solved at once.
+#: Right-hand sides solved at once; bounds the memory.
 _BLOCK = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideEdges:
-    """The free side edges of a cover, seen from one indenter.
+    """The free side edges of a cover, for one indenter at one place.
 
     Attributes:
         cover: A cover with a size.
         indenter: The shape.
-        pose: Where it stands.
+        pose: Position and turn of the indenter.
         half: Half widths of a rectangle around the axis that holds the contact, in the indenter's frame [m].
-        grid: Which of the three grids.
+        grid: Number of the grid, 0 to 2.
     """
 
     cover: Cover
@@ -65,7 +71,10 @@ class SideEdges:
 
     @cached_property
     def window(self) -> tuple[FloatArray, FloatArray]:
-        """Centre and half widths of the cells' rectangle: of a flat face that stands square, its part on the cover."""
+        """Centre and half widths of the rectangle that is cut into cells, in the indenter's frame [m].
+
+        Under a flat face whose axes lie along the array's it is the part of the face on the cover.
+        """
         middle, half = np.zeros(2), self.half
         if not (self.pose.is_aligned and self.indenter.is_flat):
             return middle, half
@@ -79,36 +88,40 @@ class SideEdges:
         return bool(self._distance < _NEAR * decay_length(self.cover))
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Which points of the indenter's frame lie on the cover."""
+        """Whether points of the indenter's frame [m] lie on the cover."""
         u, v = self.pose.to_array(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
 
     def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Forces at points of the indenter's frame [N] to what the sides add to the displacement there [m]."""
+        """Map from forces at points of the indenter's frame [N] to the displacement that the sides add there [m].
+
+        Args:
+            x: Positions of the points, shape (m,) [m].
+            y: Positions of the points, shape (m,) [m].
+        """
         if not self.near:
             return np.zeros_like
         places = np.stack(self.pose.to_array(x, y), axis=-1)
-        lines, chosen, table = self._difference
+        lines, chosen, flexibilities = self._difference
         along = [line.at(np.abs(places[:, i]) / self.cover.thickness)[:, chosen[i]] for i, line in enumerate(lines)]
         side = np.where(places < 0, -1.0, 1.0)
         signs = [(side**parity).prod(axis=1) for parity in self._parities]
         unit = self.cover.thickness * self.cover.layers[-1].material.shear_modulus
 
-        def apply(force: FloatArray) -> FloatArray:
+        def displace(force: FloatArray) -> FloatArray:
             out = np.zeros_like(force)
-            for sign, each in zip(signs, table, strict=True):
+            for sign, flexibility in zip(signs, flexibilities, strict=True):
                 load = along[0].T @ (along[1] * (sign * force)[:, None])
-                lift = (each @ load.ravel()).reshape(load.shape)
-                out += sign * ((along[0] @ lift) * along[1]).sum(axis=1)
+                moved = (flexibility @ load.ravel()).reshape(load.shape)
+                out += sign * ((along[0] @ moved) * along[1]).sum(axis=1)
             return out / (4 * unit)
 
-        return apply
+        return displace
 
-    def kept(self, patch: ContactPatch) -> ContactPatch:
-        """A contact whose outermost cells have their centres on the cover, which scaled cells may miss by a hair."""
-        u, v = self.pose.to_array(patch.x, patch.y)
-        x, y = self.pose.to_indenter(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
-        return replace(patch, x=x, y=y)
+    def clip_to_cover(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Move points of the indenter's frame that lie beyond the side edges onto the edges [m]."""
+        u, v = self.pose.to_array(x, y)
+        return self.pose.to_indenter(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
 
     @cached_property
     def _side(self) -> FloatArray:
@@ -117,7 +130,7 @@ class SideEdges:
 
     @cached_property
     def _box(self) -> tuple[FloatArray, FloatArray]:
-        """Low and high ends along x and along y, in the array's frame, of the part of the rectangle on the cover."""
+        """Low and high ends along x and along y, in the array's frame, of the rectangle's part on the cover [m]."""
         signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1]])
         corners = np.stack(self.pose.to_array(*(signs * self.half[:, None])))
         low, high = np.maximum(corners.min(axis=1), -self._side), np.minimum(corners.max(axis=1), self._side)
@@ -125,47 +138,56 @@ class SideEdges:
 
     @property
     def _distance(self) -> float:
-        """From the rectangle to the nearest side [m]."""
+        """Distance from the rectangle to the nearest side [m]."""
         return min(float(side - np.abs(ends).max()) for side, ends in zip(self._side, self._box, strict=True))
 
     @cached_property
     def _parities(self) -> tuple[tuple[int, int], ...]:
-        """The parities that the contact's forces can have."""
-        even = mirrored(self.indenter, self.pose)
-        return tuple(parity for parity in PARITIES if not any(p and e for p, e in zip(parity, even, strict=True)))
+        """Parities that the contact forces can have: none is odd in an axis along which the contact is symmetric."""
+        symmetric = find_mirror_planes(self.indenter, self.pose)
+        return tuple(
+            parity for parity in PARITIES if not any(p and even for p, even in zip(parity, symmetric, strict=True))
+        )
 
     @cached_property
     def _difference(self) -> tuple[list[Line], list[IntArray], list[FloatArray]]:
-        """Lines of the mesh, their nodes around the contact, and between these what the sides add, by parity [-]."""
+        """Flexibility that the sides add around the contact.
+
+        Returns:
+            Lines of the mesh along x and y, their nodes around the contact, and for each parity the flexibility between
+            these nodes, shape (k, k) [-].
+        """
         unit = self.cover.thickness
-        spans = [_quarter(ends / unit) for ends in self._box]
-        widths = [high - low for low, high in spans]
-        clear = max(self._distance / unit, 0.15 * min(widths))
-        size = float(np.clip(_FINE * clear, _SMALLEST, _LARGEST)) * COARSENING[self.grid]
-        heights, layer = _heights(self.cover, THROUGH[self.grid])
-        inner = [_graded(*span, side / unit, size) for span, side in zip(spans, self._side, strict=True)]
-        outer = [np.concatenate([edges, _outward(edges, _FAR * decay_length(self.cover) / unit)]) for edges in inner]
+        spans = [_mirror_span(ends / unit) for ends in self._box]
+        clearance = max(self._distance / unit, _CLEARANCE * min(high - low for low, high in spans))
+        size = float(np.clip(_FINE * clearance, _SMALLEST, _LARGEST)) * COARSENING[self.grid]
+        thicknesses = [layer.thickness for layer in self.cover.layers]
+        counts = [max(1, round(THROUGH[self.grid] * each / unit)) for each in thicknesses]
+        heights, layer = layer_heights(thicknesses, counts, crowd_surface=_CROWDING)
+        inner = [_grade_cover(*span, side / unit, size) for span, side in zip(spans, self._side, strict=True)]
+        far = _FAR * decay_length(self.cover) / unit
+        outer = [np.concatenate([edges, _grade_surroundings(edges, far)]) for edges in inner]
         lines = [Line(edges=edges, order=2) for edges in inner]
         chosen = [
             np.unique(line.index[(line.edges[:-1] <= high) & (line.edges[1:] >= low)])
             for line, (low, high) in zip(lines, spans, strict=True)
         ]
-        # the pressure may jump at the sides, so that the meshes' energies differ by that of the surroundings alone
+        # The pressure may jump at the sides: then the energies of the two meshes differ by that of the surroundings.
         ends = (len(inner[0]) - 1,), (len(inner[1]) - 1,)
-        cut, whole = (
-            _flexibility(
-                solid_of(self.cover, (x, y, heights / unit), layer, breaks=breaks),
+        alone, surrounded = (
+            _solve_flexibility(
+                build_solid(self.cover, (x, y, heights / unit), layer, breaks=breaks),
                 chosen,
                 self._parities,
-                self.cover.base,
+                sliding=self.cover.base == "sliding",
             )
             for (x, y), breaks in ((inner, ((), ())), (outer, ends))
         )
-        return lines, chosen, [(a + a.T - b - b.T) / 2 for a, b in zip(cut, whole, strict=True)]
+        return lines, chosen, [(a + a.T - b - b.T) / 2 for a, b in zip(alone, surrounded, strict=True)]
 
 
-def mirrored(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
-    """Whether shape and pose are their own mirror image in the cover's planes x = 0 and y = 0."""
+def find_mirror_planes(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
+    """Whether shape and pose are symmetric about the cover's planes x = 0 and y = 0."""
     if not pose.is_aligned:
         return False, False
     shape = indenter.mirror_symmetry
@@ -174,35 +196,28 @@ def mirrored(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
     return shape[0] and pose.at[0] == 0, shape[1] and pose.at[1] == 0
 
 
-def _quarter(ends: FloatArray) -> tuple[float, float]:
-    """A span by its distances from the middle."""
+def _mirror_span(ends: FloatArray) -> tuple[float, float]:
+    """Smallest and largest distance from the middle of the points of a span with the given ends."""
     low, high = ends
     return (0.0 if low <= 0 <= high else float(np.abs(ends).min())), float(np.abs(ends).max())
 
 
-def _graded(low: float, high: float, end: float, size: float) -> FloatArray:
-    """Element edges from 0 to `end`: `size` long at the end, growing inwards and away from `low` to `high`."""
-    x = np.linspace(0, end, 2001)
-    away = np.maximum(np.maximum(low - x, x - high), 0)
-    most = max((high - low) / _LEAST, size) + _GROWTH * away
-    return fill_by_spacing(x, np.minimum(size + _GROWTH * (end - x), most), least=2, round_up=True)
+def _grade_cover(low: float, high: float, end: float, size: float) -> FloatArray:
+    """Element edges from 0 to `end`: `size` apart at the end, growing inwards and away from `low` to `high`."""
+    x = np.linspace(0, end, _SAMPLES)
+    distance = np.maximum(np.maximum(low - x, x - high), 0)
+    largest = max((high - low) / _LEAST, size) + _GROWTH * distance
+    return fill_by_spacing(x, np.minimum(size + _GROWTH * (end - x), largest), least=2, round_up=True)
 
 
-def _outward(edges: FloatArray, length: float) -> FloatArray:
-    """Element edges of the surroundings, growing from the side on."""
+def _grade_surroundings(edges: FloatArray, length: float) -> FloatArray:
+    """Element edges beyond the side, at least up to `length` from it."""
     first = (1 + _OUTWARD) * (edges[-1] - edges[-2])
     return np.asarray(edges[-1] + np.cumsum(growing_steps(first, length, lambda step: (1 + _OUTWARD) * step)))
 
 
-def _heights(cover: Cover, through: int) -> tuple[FloatArray, IntArray]:
-    """Element edges along z [m] and the layer of each element."""
-    thicknesses = [layer.thickness for layer in cover.layers]
-    counts = [max(1, round(through * each / cover.thickness)) for each in thicknesses]
-    return layer_heights(thicknesses, counts, crowd_surface=_CROWDING)
-
-
-def _flexibility(
-    solid: TensorSolid, chosen: list[IntArray], parities: tuple[tuple[int, int], ...], base: str
+def _solve_flexibility(
+    solid: TensorSolid, chosen: list[IntArray], parities: tuple[tuple[int, int], ...], *, sliding: bool
 ) -> list[FloatArray]:
     """Downward displacements of chosen top nodes under unit forces on them, for each parity, shape (k, k) each."""
     upper = solid.upper()
@@ -212,7 +227,7 @@ def _flexibility(
     factors: SymmetricFactors | None = None
     out = []
     for parity in parities:
-        values, held = mirror_held(solid, upper, parity, sliding=base == "sliding")
+        values, constrained = constrain_parity(solid, upper, parity, sliding=sliding)
         if factors is None:
             factors = SymmetricFactors(sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape))
         else:
@@ -220,7 +235,7 @@ def _flexibility(
         parts = []
         for block in np.array_split(unknown, max(1, len(unknown) // _BLOCK)):
             load = np.zeros((upper.shape[0], len(block)))
-            load[block, np.arange(len(block))] = ~held[block]
+            load[block, np.arange(len(block))] = ~constrained[block]
             parts.append(factors.solve(load)[unknown])
         out.append(np.hstack(parts))
     return out

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +15,7 @@ import numpy.typing as npt
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
+from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,8 +23,6 @@ BoolArray = npt.NDArray[np.bool_]
 
 #: Samples of a round shape's height along its radius.
 _RADII = 10_001
-#: Samples along each side of a lower surface, to see whether it is a plane.
-_FLAT_SAMPLES = 41
 #: Samples along the longer side of a window, to measure the area of a flat face.
 _AREA_SAMPLES = 1201
 #: Most refinements of the grid onto the contact; each of them shrinks the grid at most twentyfold.
@@ -70,20 +68,6 @@ class ContactPatch:
         return self.force.size * self.cell**2
 
 
-class Sides(Protocol):
-    """What the side edges of a cover of limited size change, in the indenter's frame."""
-
-    @property
-    def window(self) -> tuple[FloatArray, FloatArray]:
-        """Centre and half widths of a rectangle that holds the contact, shape (2,) each [m]."""
-
-    def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Whether points lie on the cover."""
-
-    def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Map from forces at points [N] to the displacement that the sides add there [m]."""
-
-
 def solve_contact(
     surface: SurfaceCompliance,
     indenter: Indenter,
@@ -91,7 +75,7 @@ def solve_contact(
     cells: int,
     load: float | None = None,
     depth: float | None = None,
-    sides: Sides | None = None,
+    sides: SideEdges | None = None,
 ) -> ContactPatch:
     """Press an indenter, refining the grid onto the contact until `cells` span it.
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.linear_response.point_spread import PointSpread, decay_length, point_spread
-from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
+from fem_reference.linear_response.point_spread import PointSpread, point_spread
+from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.frictionless import guess_touching
 from meshes import Cover, Indenter, TexelArray

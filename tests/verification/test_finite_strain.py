@@ -17,7 +17,7 @@ from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import transferred
 from fem_reference.finite_strain.newton import PathError, Problem
-from fem_reference.linear_response.axisymmetric import held, tensor_mesh
+from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere
 
 
@@ -160,13 +160,13 @@ def test_mirror_planes_are_found():
 def path_problem(nu=0.45, count=4, penalty=PENALTY):
     cover = rubber(nu)
     units = Units.of(cover)
-    mesh, _ = tensor_mesh(units.thin(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
+    mesh, _ = mesh_cover(units.thin(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
     elements = mixed_elements(mesh, axisymmetric=True)
     obstacle = Obstacle(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
     return Problem(
         solid=Solid.of_cover(elements, cover, units),
         contact=SurfaceContact(elements, 1.0, obstacle, penalty=penalty * count),
-        fixed=held(units.thin(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
+        fixed=find_constrained(units.thin(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
         units=units,
     )
 

@@ -18,7 +18,7 @@ from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.paired_path import press_pair
-from fem_reference.linear_response.point_spread import decay_length
+from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 
 #: Share of the heights that counts as small strain.

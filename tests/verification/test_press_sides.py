@@ -11,7 +11,7 @@ from fem_reference import press
 from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.indentation.finite_cover import PosedObstacle, _base_pressure, _side, integrate_nodal
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from fem_reference.small_strain_contact.free_edges import SideEdges, mirrored
+from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
 from meshes.pose import PlanarPose
@@ -109,9 +109,9 @@ def test_quarter_turned_shape_on_a_quarter_turned_cover_presses_alike(bonded):
 
 def test_symmetry_is_seen_in_the_pose():
     bar = Box(size=(6e-3, 2e-3, 5e-3))
-    assert mirrored(bar, PlanarPose()) == (True, True)
-    assert mirrored(bar, PlanarPose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
-    assert mirrored(bar, PlanarPose(yaw=0.3)) == (False, False)
+    assert find_mirror_planes(bar, PlanarPose()) == (True, True)
+    assert find_mirror_planes(bar, PlanarPose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
+    assert find_mirror_planes(bar, PlanarPose(yaw=0.3)) == (False, False)
 
 
 def test_pose_there_and_back():

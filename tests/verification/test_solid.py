@@ -13,8 +13,8 @@ from fem_reference import point_spread
 from fem_reference.elements.line import Line, line_matrix
 from fem_reference.elements.taylor_hood import linear_system, mixed_elements
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, texel_lifts
-from fem_reference.linear_response.mirror_symmetry import Resolution, quarter_solid
+from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, solve_adjoint
+from fem_reference.linear_response.mirror_symmetry import Resolution, mesh_quarter
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material, TexelArray
 
@@ -26,7 +26,7 @@ THREE = TexelArray.grid(3, 3, 3.4e-3)
 
 
 def one_grid(cover, array, resolution=COARSE):
-    return SolidInfluence(cover=cover, array=array, grids=(texel_lifts(cover, array, resolution),))
+    return SolidInfluence(cover=cover, array=array, grids=(solve_adjoint(cover, array, resolution),))
 
 
 def foil_on_foam(**options):
@@ -65,7 +65,7 @@ def match_columns(found, expected):
 def test_quarter_and_dual_equal_the_whole_cover_loaded_at_a_point(bonded, nu, base):
     """A load on the whole cover, general elements, reactions recovered: the same discrete answer by another way."""
     cover = bonded(nu, size=(11e-3, 8e-3), base=base)
-    solid = quarter_solid(cover, SMALL, COARSE)
+    solid = mesh_quarter(cover, SMALL, COARSE)
     x, y, z = (solid.lines[0].edges, solid.lines[1].edges, solid.lines[2].edges)
     mesh = skfem.MeshHex.init_tensor(np.r_[-x[:0:-1], x], np.r_[-y[:0:-1], y], z)
     whole = mixed_elements(mesh, order=6)
@@ -122,7 +122,7 @@ def test_even_pressure_on_a_sliding_cover_presses_evenly(bonded, nu):
     solution = one_grid(cover, SMALL)
     x, y = solution.grids[-1].x, solution.grids[-1].y
     whole = [line.integral(0, line.edges[-1]) / line.edges[-1] for line in (x, y)]
-    share = np.einsum("x,y,pxy->p", *whole, solution.grids[-1].lift[0])
+    share = np.einsum("x,y,pxy->p", *whole, solution.grids[-1].texels[0])
     assert share == pytest.approx(np.full(len(share), 9e-6 / (11e-3 * 8e-3)), rel=1e-9)
 
 
@@ -137,9 +137,9 @@ def test_mirrored_loads_have_mirrored_answers_and_a_square_can_be_turned(bonded)
 
 def test_exchanging_x_and_y_saves_work_and_changes_nothing(bonded, monkeypatch):
     square = bonded(0.5, size=(11e-3, 11e-3))
-    short = texel_lifts(square, THREE, COARSE).lift
+    short = solve_adjoint(square, THREE, COARSE).texels
     monkeypatch.setattr("fem_reference.linear_response.finite_cover.MirroredTexels.swapped", None)
-    assert np.abs(texel_lifts(square, THREE, COARSE).lift - short).max() < 1e-11
+    assert np.abs(solve_adjoint(square, THREE, COARSE).texels - short).max() < 1e-11
 
 
 def test_an_array_off_the_middle_is_served_too(bonded):

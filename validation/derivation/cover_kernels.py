@@ -43,8 +43,7 @@ def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_tex
         spread: The point spread function of the cover.
         per_texel: Cells along one pitch; from the thickness of the cover when not given [-].
     """
-    from fem_reference.linear_response.point_spread import decay_length
-    from fem_reference.linear_response.surface_compliance import surface_compliance
+    from fem_reference.linear_response.surface_compliance import decay_length, surface_compliance
 
     count = per_texel or int(np.clip(math.ceil(min(array.pitch) / (_CELL_SIZE * cover.thickness)), *_CELLS_PER_PITCH))
     cell = (array.pitch[0] / count, array.pitch[1] / count)
