@@ -18,3 +18,22 @@ def softcover(capsys, tmp_path, monkeypatch):
         return left.value.code, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture
+def plug_in(monkeypatch):
+    """Put virtual sensors on ports; they are unplugged at the end of the test."""
+    pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
+    from tests.support.virtual_port import VirtualPort
+
+    # closing a port waits for its reader: let that take a moment only
+    monkeypatch.setattr("validation.weiss.link._READ_TIMEOUT", 0.01)
+    ports = []
+
+    def start(source=None, **options):
+        ports.append(VirtualPort(source, **options))
+        return ports[-1]
+
+    yield start
+    for port in ports:
+        port.unplug()

@@ -1,4 +1,4 @@
-"""Weiss WTS tactile arrays on a serial port: protocol, driver and a stand-in for the device.
+"""Weiss WTS tactile arrays on a serial port: the protocol, a driver and a virtual sensor.
 
     with Sensor("/dev/ttyACM0") as sensor:
         print(sensor.matrix(), sensor.temperature())
@@ -8,21 +8,22 @@
             else:
                 print(event.time, event.counts.max())
 
-Bytes on the wire are messages (`messages`), found in a damaged stream by `parser`; some messages hold frames
-(`frames`).  `commands` lists what can be asked and how answers are laid out; what no source confirms is named once, in
-`unconfirmed`.  `Sensor` talks to a port and hands out `Reading`s and `Gap`s; `VirtualSensor` answers like the device
-and `serve` puts it on a port.  Nothing here knows file formats: `validation.recordings` writes and reads them, and
-`validation.recordings.live_frames` makes of readings the same frames that a simulation gives.
+The bytes on the line are messages (`messages`), which `parser` finds in a stream that may be damaged.  Some messages
+hold frames (`frames`).  `commands` lists the commands and the layout of their answers.  `unconfirmed` lists what is
+assumed because no source confirms it.  `Sensor` asks the device on a port and yields a `Reading` for each frame and a
+`Gap` for each place where frames are missing.  `VirtualSensor` answers as the device does, and `serve` runs it on a
+port.  File formats are in `validation.recordings`; `validation.recordings.live_frames` converts readings to the frames
+that a simulation yields.
 
-Needs numpy and pyserial only.  Times of the host are monotonic [ns]; times of the device are its own ticks, which
-most likely are milliseconds.
+Needs numpy and pyserial only.  Times of the host are monotonic [ns].  Times of the device are ticks of its own clock,
+which are assumed to be milliseconds.
 """
 
 from validation.weiss.continuity import Gap
 from validation.weiss.link import LinkLostError, PortError
 from validation.weiss.sensor import NoAnswerError, Reading, Sensor, SensorError
 from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
-from validation.weiss.virtual import Misbehaviour, VirtualSensor, from_frames, pattern, playback
+from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording
 
 __all__ = [
     "Gap",
@@ -36,8 +37,8 @@ __all__ = [
     "SensorError",
     "SerialEnd",
     "VirtualSensor",
-    "from_frames",
-    "pattern",
-    "playback",
     "serve",
+    "show_frames",
+    "show_pattern",
+    "show_recording",
 ]

@@ -1,6 +1,7 @@
-"""Every documented command: its identifier, what is sent with it and how its answer is laid out, as data.
+"""The documented commands: their identifiers, and the layouts of requests and answers.
 
-Every answer has the identifier of its command and starts with a status (u16 LE); a periodic frame has none.
+An answer has the identifier of its command and starts with a status (16 bits, unsigned, little-endian).  A periodic
+frame has no status.
 """
 
 from __future__ import annotations
@@ -11,16 +12,19 @@ from dataclasses import dataclass
 from enum import IntEnum
 from types import MappingProxyType
 
-from validation.weiss.messages import Message, encode
+from validation.weiss.messages import Message, encode_message
 from validation.weiss.unconfirmed import GAIN_FORMAT, RUN_LENGTH_FLAG, THRESHOLD_FORMAT
 
 _STATUS = struct.Struct("<H")
-_CELLS_PER_METRE = 100_000
-_TEMPERATURES_PER_DEGREE = 10
+#: Units in which the device gives lengths [1/m] and temperatures [1/K].
+_LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
+
+#: Values of a request or an answer, as its layout says.
+Values = tuple[int | bytes, ...]
 
 
 class Command(IntEnum):
-    """Identifiers of commands."""
+    """Identifiers of the commands."""
 
     PERIODIC_FRAME = 0x00
     LOOP = 0x06
@@ -44,7 +48,7 @@ class Command(IntEnum):
 
 
 class Status(IntEnum):
-    """First word of every answer."""
+    """Status of an answer."""
 
     SUCCESS = 0
     NOT_AVAILABLE = 1
@@ -81,11 +85,11 @@ class Status(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What goes with a command.
+    """Layout of a command's request and answer.
 
     Attributes:
-        request: struct format of the request's payload; None for bytes as they are.
-        answer: struct format of what follows the status; None for bytes as they are.
+        request: `struct` format of the request's payload; None for raw bytes.
+        answer: `struct` format of the answer's payload after the status; None for raw bytes.
     """
 
     request: str | None = ""
@@ -119,14 +123,14 @@ LAYOUTS: Mapping[Command, Layout] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class MatrixInfo:
-    """What the device says of its array.
+    """Description of the array by the device.
 
     Attributes:
-        columns: Texels along x [-].
-        rows: Texels along y [-].
+        columns: Number of texels along x [-].
+        rows: Number of texels along y [-].
         cell_width: Pitch along x [m].
         cell_height: Pitch along y [m].
-        full_scale: Largest output [counts].
+        full_scale: Largest count [-].
     """
 
     columns: int
@@ -143,7 +147,7 @@ class MatrixInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class SystemInfo:
-    """What the device says of itself.
+    """Description of the device by itself.
 
     Attributes:
         kind: 0 unknown, 1 WTS.
@@ -158,47 +162,48 @@ class SystemInfo:
     serial_number: int
 
 
-Values = tuple[int | bytes, ...]
-
-
-def request(command: Command, *values: int | bytes) -> bytes:
-    """Message that asks for `command`.
+def encode_request(command: Command, *values: int | bytes) -> bytes:
+    """Message that asks for a command.
 
     Raises:
         ValueError: If the values do not fit the command's layout.
     """
-    return encode(command, _pack(command, LAYOUTS[command].request, values))
+    return encode_message(command, _pack(command, LAYOUTS[command].request, values))
 
 
-def answer(command: Command, status: Status, *values: int | bytes) -> bytes:
-    """Message that answers `command`; an answer that is not a success carries the status alone."""
+def encode_answer(command: Command, status: Status, *values: int | bytes) -> bytes:
+    """Message that answers a command; an answer with any status but success carries the status alone.
+
+    Raises:
+        ValueError: If the values do not fit the command's layout.
+    """
     data = _pack(command, LAYOUTS[command].answer, values) if status == Status.SUCCESS else b""
-    return encode(command, _STATUS.pack(status) + data)
+    return encode_message(command, _STATUS.pack(status) + data)
 
 
-def read_request(message: Message) -> tuple[Command, Values]:
+def decode_request(message: Message) -> tuple[Command, Values]:
     """Command and values of a request.
 
     Raises:
         KeyError: If the command is unknown.
         ValueError: If the payload does not fit the command's layout.
     """
-    command = _known(message.identifier)
+    command = _find_command(message.identifier)
     return command, _unpack(command, LAYOUTS[command].request, message.payload)
 
 
-def read_answer(message: Message) -> tuple[int, Values]:
-    """Status and values of an answer; values are empty unless the status is 0.
+def decode_answer(message: Message) -> tuple[int, Values]:
+    """Status and values of an answer; the values are empty unless the status is 0 (success).
 
     Raises:
         KeyError: If the command is unknown.
         ValueError: If the payload does not fit the command's layout.
     """
-    command = _known(message.identifier)
+    command = _find_command(message.identifier)
     if len(message.payload) < _STATUS.size:
-        raise ValueError(f"the answer to {command.name} has no status")
-    status = int.from_bytes(message.payload[:2], "little")
-    if status:
+        raise ValueError(f"the answer to {command.name} has no status; expected {_STATUS.size} bytes or more")
+    (status,) = _STATUS.unpack_from(message.payload)
+    if status != Status.SUCCESS:
         return status, ()
     return status, _unpack(command, LAYOUTS[command].answer, message.payload[_STATUS.size :])
 
@@ -211,30 +216,35 @@ def describe_status(status: int) -> str:
         return f"unknown status ({status})"
 
 
-def frame_flags(*, run_length: bool) -> int:
+def make_frame_flags(*, run_length: bool) -> int:
     """Flags of the commands that ask for frames."""
     return RUN_LENGTH_FLAG if run_length else 0
 
 
-def matrix_values(info: MatrixInfo) -> tuple[int, ...]:
+def join_bytes(values: Values) -> bytes:
+    """The raw bytes among the values of a request or an answer."""
+    return b"".join(value for value in values if isinstance(value, bytes))
+
+
+def encode_matrix_info(info: MatrixInfo) -> tuple[int, ...]:
     """Values of the answer to `matrix info`."""
-    width, height = (round(size * _CELLS_PER_METRE) for size in (info.cell_width, info.cell_height))
+    width, height = (round(length * _LENGTH_UNITS_PER_METRE) for length in (info.cell_width, info.cell_height))
     return (info.columns, info.rows, width, height, info.full_scale)
 
 
-def matrix_info(values: Values) -> MatrixInfo:
+def decode_matrix_info(values: Values) -> MatrixInfo:
     """Read the values of the answer to `matrix info`."""
     columns, rows, width, height, full_scale = (int(value) for value in values)
     return MatrixInfo(
         columns=columns,
         rows=rows,
-        cell_width=width / _CELLS_PER_METRE,
-        cell_height=height / _CELLS_PER_METRE,
+        cell_width=width / _LENGTH_UNITS_PER_METRE,
+        cell_height=height / _LENGTH_UNITS_PER_METRE,
         full_scale=full_scale,
     )
 
 
-def system_info(values: Values) -> SystemInfo:
+def decode_system_info(values: Values) -> SystemInfo:
     """Read the values of the answer to `system info`."""
     kind, hardware, firmware, serial = (int(value) for value in values)
     digits = (firmware >> 12, firmware >> 8 & 15, firmware >> 4 & 15, firmware & 15)
@@ -242,34 +252,31 @@ def system_info(values: Values) -> SystemInfo:
     return SystemInfo(kind=kind, hardware_revision=hardware, firmware=version, serial_number=serial)
 
 
-def temperature(values: Values) -> float:
+def encode_temperature(degrees: float) -> tuple[int]:
+    """Values of the answer to `temperature`, from a temperature [degC]."""
+    return (round(degrees * _TEMPERATURE_UNITS_PER_KELVIN),)
+
+
+def decode_temperature(values: Values) -> float:
     """Read the value of the answer to `temperature` [degC]."""
-    return int(values[0]) / _TEMPERATURES_PER_DEGREE
+    return int(values[0]) / _TEMPERATURE_UNITS_PER_KELVIN
 
 
-def _known(identifier: int) -> Command:
-    try:
-        command = Command(identifier)
-    except ValueError:
-        command = Command.PERIODIC_FRAME
-    if command not in LAYOUTS:
+def _find_command(identifier: int) -> Command:
+    if identifier not in LAYOUTS:
         raise KeyError(f"no command has the identifier {identifier:#04x}")
-    return command
+    return Command(identifier)
 
 
 def _pack(command: Command, layout: str | None, values: Values) -> bytes:
     try:
-        if layout is None:
-            return b"".join(bytes(value) for value in values if isinstance(value, bytes))
-        return struct.pack(layout, *values)
+        return join_bytes(values) if layout is None else struct.pack(layout, *values)
     except struct.error as error:
         raise ValueError(f"{command.name}: {values} does not fit its layout {layout!r}: {error}") from error
 
 
 def _unpack(command: Command, layout: str | None, payload: bytes) -> Values:
-    if layout is None:
-        return (payload,)
     try:
-        return tuple(struct.unpack(layout, payload))
+        return (payload,) if layout is None else struct.unpack(layout, payload)
     except struct.error as error:
         raise ValueError(f"{command.name}: {len(payload)} bytes do not fit its layout {layout!r}") from error

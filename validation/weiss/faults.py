@@ -1,6 +1,7 @@
-"""What goes wrong on a serial link, as functions of the messages that were meant to be sent.
+"""Faults of a serial line, as functions that damage one message.
 
-Fuzzing and the stand-in for the device use the same faults.
+Each takes a message and a random generator and returns the bytes that arrive.  The tests of the parser and the virtual
+sensor use the same faults.
 """
 
 from __future__ import annotations
@@ -9,96 +10,85 @@ from collections.abc import Callable, Mapping
 from random import Random
 from types import MappingProxyType
 
-from validation.weiss.messages import PREAMBLE
+from validation.weiss.messages import HEAD_SIZE, PREAMBLE
 
-#: What the SDH generation sends while it boots.
-BOOT_TEXT = b"\x1b[5n\x1b[5n\x1b[5n"
+Fault = Callable[[bytes, Random], bytes]
+
+#: Text that the SDH generation of sensors sends while it boots.
+_BOOT_TEXT = b"\x1b[5n\x1b[5n\x1b[5n"
 
 
 def flip_bit(message: bytes, random: Random) -> bytes:
-    """One bit changes."""
+    """Change one bit."""
     damaged = bytearray(message)
     damaged[random.randrange(len(damaged))] ^= 1 << random.randrange(8)
     return bytes(damaged)
 
 
 def change_bytes(message: bytes, random: Random) -> bytes:
-    """A run of one to eight bytes becomes noise."""
+    """Replace one to eight bytes by random ones."""
     start = random.randrange(len(message))
     length = min(random.randint(1, 8), len(message) - start)
     return message[:start] + random.randbytes(length) + message[start + length :]
 
 
 def drop_bytes(message: bytes, random: Random) -> bytes:
-    """A run of one to sixteen bytes is missing."""
+    """Remove one to sixteen bytes."""
     start = random.randrange(len(message))
     return message[:start] + message[start + random.randint(1, 16) :]
 
 
 def repeat_bytes(message: bytes, random: Random) -> bytes:
-    """A run of one to sixteen bytes comes twice."""
+    """Send one to sixteen bytes twice."""
     start = random.randrange(len(message))
     end = start + random.randint(1, 16)
     return message[:end] + message[start:]
 
 
 def insert_noise(message: bytes, random: Random) -> bytes:
-    """One to forty bytes of noise stand in or before the message."""
+    """Insert one to forty random bytes in or before the message."""
     start = random.randrange(len(message))
     return message[:start] + random.randbytes(random.randint(1, 40)) + message[start:]
 
 
 def cut(message: bytes, random: Random) -> bytes:
-    """The message ends too early."""
+    """End the message too early."""
     return message[: random.randrange(1, len(message))]
 
 
 def extra_preamble(message: bytes, random: Random) -> bytes:
-    """One to five more AA stand before the message."""
+    """Send one to five more AA before the message."""
     return PREAMBLE[:1] * random.randint(1, 5) + message
 
 
 def false_head(message: bytes, random: Random) -> bytes:
-    """A head that promises a payload stands before the message."""
+    """Send a head that announces a payload before the message."""
     return PREAMBLE + random.choice((b"\x00", b"\x20")) + bytes([random.randrange(256), 0]) + message
 
 
-def lose(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults are called alike
-    """The message does not come."""
+def lose(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults take the same arguments
+    """Send nothing."""
     return b""
 
 
-def repeat(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults are called alike
-    """The message comes twice."""
+def repeat(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults take the same arguments
+    """Send the message twice."""
     return message + message
 
 
-def boot_text(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults are called alike
-    """Text of a booting device stands before the message."""
-    return BOOT_TEXT + message
+def boot_text(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults take the same arguments
+    """Send the text of a booting device before the message."""
+    return _BOOT_TEXT + message
 
 
 def wrong_size(message: bytes, random: Random) -> bytes:
-    """The size field is wrong."""
-    return message[:4] + random.randbytes(2) + message[6:]
+    """Replace the size field by a random one."""
+    return message[: HEAD_SIZE - 2] + random.randbytes(2) + message[HEAD_SIZE:]
 
 
-Fault = Callable[[bytes, Random], bytes]
-
-#: Every fault by name.
-FAULTS: Mapping[str, Fault] = MappingProxyType(
-    {
-        "flip-bit": flip_bit,
-        "change-bytes": change_bytes,
-        "drop-bytes": drop_bytes,
-        "repeat-bytes": repeat_bytes,
-        "insert-noise": insert_noise,
-        "cut": cut,
-        "extra-preamble": extra_preamble,
-        "false-head": false_head,
-        "lose": lose,
-        "repeat": repeat,
-        "boot-text": boot_text,
-        "wrong-size": wrong_size,
-    }
+_ALL = (
+    *(flip_bit, change_bytes, drop_bytes, repeat_bytes, insert_noise, cut),
+    *(extra_preamble, false_head, lose, repeat, boot_text, wrong_size),
 )
+#: Every fault by the name that the command line takes, e.g. `flip-bit`.
+FAULTS: Mapping[str, Fault] = MappingProxyType({fault.__name__.replace("_", "-"): fault for fault in _ALL})

@@ -1,4 +1,4 @@
-"""Frames: the texel values of one instant, raw or run-length encoded."""
+"""Frames: the counts of all texels at one instant, raw or run-length encoded."""
 
 from __future__ import annotations
 
@@ -12,20 +12,23 @@ from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, RUN_LENGTH_VALUE_BITS
 
 CountArray = npt.NDArray[np.uint16]
 
-#: Largest value a texel can have: 12 bits.
+#: Largest count of a texel: 12 bits [-].
 LARGEST_COUNT = 0x0FFF
+#: Clock of the device (u32 LE) and flags (u8).
 _HEAD = struct.Struct("<IB")
+HEAD_SIZE = _HEAD.size
+#: Longest run that one run-length unit can hold: 4 bits [-].
 _LONGEST_RUN = 15
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class DeviceFrame:
-    """What one frame message holds.
+    """Content of a frame message.
 
     Attributes:
-        ticks: The device's clock, u32.
-        counts: Texel values, shape (n,), row-major, x fastest.
-        run_length: Whether it was sent run-length encoded.
+        ticks: Clock of the device, 32 bits unsigned [ticks].
+        counts: Shape (n,), row by row, x fastest [-].
+        run_length: Whether the frame was sent run-length encoded.
     """
 
     ticks: int
@@ -34,15 +37,15 @@ class DeviceFrame:
 
 
 def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False) -> bytes:
-    """Payload of a frame message (of an answer to `read single frame`, what follows the status).
+    """Payload of a frame message, or of an answer to `read single frame` after the status.
 
     Args:
-        ticks: The device's clock; wraps at 2**32.
-        counts: Texel values, shape (n,), 0..4095.
+        ticks: Clock of the device; wraps at 2**32 [ticks].
+        counts: Shape (n,), 0..4095 [-].
         run_length: Whether to run-length encode.
 
     Raises:
-        ValueError: If a value does not fit 12 bits.
+        ValueError: If a count does not fit 12 bits.
     """
     values = np.asarray(counts).ravel()
     if values.size and (int(values.min()) < 0 or int(values.max()) > LARGEST_COUNT):
@@ -56,33 +59,34 @@ def decode_frame(payload: bytes, *, texels: int | None = None) -> DeviceFrame:
     """Read the payload of a frame message.
 
     Args:
-        payload: Clock, flags, texels; without the status that answers carry.
-        texels: How many texels there must be; any number when not given.
+        payload: Clock, flags and counts, without the status of an answer.
+        texels: Expected number of texels; any number if not given [-].
 
     Raises:
-        ValueError: If it is too short, has unknown flags, a value over 12 bits or the wrong number of texels.
+        ValueError: If the payload is too short, has unknown flags, a count over 12 bits or the wrong number of texels.
     """
-    if len(payload) < _HEAD.size:
-        raise ValueError(f"a frame has at least {_HEAD.size} bytes, not {len(payload)}")
+    if len(payload) < HEAD_SIZE:
+        raise ValueError(f"a frame has at least {HEAD_SIZE} bytes, not {len(payload)}")
     ticks, flags = _HEAD.unpack_from(payload)
-    if flags & ~RUN_LENGTH_FLAG or len(payload) % 2 != _HEAD.size % 2:
+    if flags & ~RUN_LENGTH_FLAG or len(payload) % 2 != HEAD_SIZE % 2:
         raise ValueError(f"not a frame: flags {flags:#04x}, {len(payload)} bytes")
-    units = np.frombuffer(payload, dtype="<u2", offset=_HEAD.size)
+    units = np.frombuffer(payload, dtype="<u2", offset=HEAD_SIZE)
     run_length = bool(flags & RUN_LENGTH_FLAG)
     counts = _expand(units) if run_length else units.astype(np.uint16)
     if counts.size and int(counts.max()) > LARGEST_COUNT:
         raise ValueError(f"texel value {counts.max()} does not fit 12 bits")
     if texels is not None and counts.size != texels:
         raise ValueError(f"a frame of this array has {texels} texels, not {counts.size}")
-    return DeviceFrame(ticks, counts, run_length)
+    return DeviceFrame(ticks=ticks, counts=counts, run_length=run_length)
 
 
-def compress(counts: npt.NDArray[np.uint16]) -> bytes:
-    """Run-length encode texel values of 0..4095, shape (n,)."""
+def compress(counts: CountArray) -> bytes:
+    """Run-length encode counts of 0..4095, shape (n,)."""
     if not counts.size:
         return b""
     starts = np.flatnonzero(np.concatenate(([True], counts[1:] != counts[:-1])))
     lengths = np.diff(np.append(starts, counts.size))
+    # a run longer than one unit can hold becomes several full units and a rest of 1..15
     full, rest = np.divmod(lengths - 1, _LONGEST_RUN)
     values = np.repeat(counts[starts].astype(np.uint16), full + 1)
     runs = np.full(values.size, _LONGEST_RUN, dtype=np.uint16)
@@ -90,7 +94,8 @@ def compress(counts: npt.NDArray[np.uint16]) -> bytes:
     return bytes((values | (runs << RUN_LENGTH_VALUE_BITS)).astype("<u2").tobytes())
 
 
-def _expand(units: npt.NDArray[np.uint16]) -> CountArray:
+def _expand(units: CountArray) -> CountArray:
+    """Counts of run-length units, shape (n,)."""
     runs = units >> RUN_LENGTH_VALUE_BITS
     if not runs.all():
         raise ValueError("a run of length 0 in a run-length encoded frame")

@@ -1,4 +1,4 @@
-"""Asks a connected sensor what no document says, so that `unconfirmed` can be settled on the bench."""
+"""Asks a connected sensor about each assumption that no source confirms (see `unconfirmed`)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,19 @@ from validation.weiss.frames import compress
 from validation.weiss.sensor import Reading, Sensor, SensorError
 from validation.weiss.unconfirmed import TICK
 
-_NANO = 1e-9
-_FRAMES = 300
+#: Number of frames over which the tick of the clock is measured: about a second [-].
+_CLOCK_FRAMES = 300
+_SECONDS_PER_NANOSECOND = 1e-9
 
 
 def inquire(sensor: Sensor) -> Mapping[str, str]:
-    """One line per open question.  Nothing in the device is changed.
+    """Answer each open question in one line; no setting of the device is changed.
 
     Args:
         sensor: An open sensor that does not stream.
+
+    Returns:
+        The answers by topic.
 
     Raises:
         PortError: If the sensor stops answering.
@@ -31,10 +35,10 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
         "matrix info (0x30)": lambda: str(sensor.matrix()),
         "threshold (0x35)": lambda: f"{sensor.threshold()}, read as an unsigned 16 bit number",
         "gain (0x37)": lambda: f"{sensor.gain()}, read as an unsigned 8 bit number",
-        "loop (0x06)": lambda: _loop(sensor),
-        "clock": lambda: _clock(sensor),
-        "run length": lambda: _run_length(sensor),
-        "texel order": lambda: _order(sensor),
+        "loop (0x06)": lambda: _check_loop(sensor),
+        "clock": lambda: _measure_clock(sensor),
+        "run length": lambda: _check_run_length(sensor),
+        "texel order": lambda: _find_largest_texel(sensor),
     }
     return {topic: _ask(question) for topic, question in questions.items()}
 
@@ -46,37 +50,34 @@ def _ask(question: Callable[[], str]) -> str:
         return f"not as assumed: {error}"
 
 
-def _loop(sensor: Sensor) -> str:
+def _check_loop(sensor: Sensor) -> str:
     sent = b"softcover"
     (data,) = sensor.ask(Command.LOOP, sent)
     return "answers with the bytes it was sent" if data == sent else f"answers {data!r} to {sent!r}"
 
 
-def _clock(sensor: Sensor) -> str:
+def _measure_clock(sensor: Sensor) -> str:
     stream = sensor.stream()
-    readings = [event for event in islice(stream, _FRAMES) if isinstance(event, Reading)]
+    readings = [event for event in islice(stream, _CLOCK_FRAMES) if isinstance(event, Reading)]
     stream.close()
-    ticks, seconds = (
-        readings[-1].ticks - readings[0].ticks,
-        (readings[-1].host_time - readings[0].host_time) * _NANO,
-    )
-    rate = (len(readings) - 1) / seconds
-    return f"{seconds / ticks * 1e3:.4f} ms per tick (assumed {TICK * 1e3:g} ms), {rate:.1f} frames/s free-running"
+    first, last = readings[0], readings[-1]
+    seconds = (last.host_time - first.host_time) * _SECONDS_PER_NANOSECOND
+    tick, rate = seconds / (last.ticks - first.ticks), (len(readings) - 1) / seconds
+    return f"{tick * 1e3:.4f} ms per tick (assumed {TICK * 1e3:g} ms), {rate:.1f} frames/s free-running"
 
 
-def _run_length(sensor: Sensor) -> str:
+def _check_run_length(sensor: Sensor) -> str:
     raw, packed = sensor.single(), sensor.single(run_length=True)
     if not packed.run_length:
         return "asked for, but the frame came raw"
-    apart = int(np.abs(raw.counts.astype(int) - packed.counts).max())
-    size = len(compress(packed.counts))
+    difference = int(np.abs(raw.counts.astype(int) - packed.counts).max())
     return (
-        f"decodes to {len(packed.counts)} texels in {size} bytes, at most {apart} counts from the raw frame before it"
+        f"decodes to {len(packed.counts)} texels in {len(compress(packed.counts))} bytes, "
+        f"at most {difference} counts from the raw frame before it"
     )
 
 
-def _order(sensor: Sensor) -> str:
-    counts = sensor.single().counts
-    columns = sensor.matrix().columns
-    row, column = divmod(int(counts.argmax()), columns)
-    return f"largest is texel {counts.argmax()}, read as row {row}, column {column}: press a corner to check"
+def _find_largest_texel(sensor: Sensor) -> str:
+    texel = int(sensor.single().counts.argmax())
+    row, column = divmod(texel, sensor.matrix().columns)
+    return f"largest is texel {texel}, read as row {row}, column {column}: press a corner to check"

@@ -1,4 +1,4 @@
-"""A serial port that is read in the background, so that a slow consumer does not stall it."""
+"""A serial port that a thread reads in the background, so that a slow consumer does not stall it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from pathlib import Path
 import serial
 from serial.tools import list_ports
 
-#: How long the reader waits for a byte before it looks whether it should stop [s].
-_PATIENCE = 0.05
-_WRITE_TIMEOUT = 1.0
-#: Sockets do not tell how many bytes wait: so many are asked for at once, for so long at most [s].
-_SOCKET_PIECE, _SOCKET_PATIENCE = 64, 0.005
-#: Bytes held for a consumer that is behind: five seconds of an array of 84 texels at 271 frames/s.
+#: Largest number of bytes kept for a slow consumer: five seconds of an array of 84 texels at 271 frames/s.
 BUFFER_BYTES = 256 * 1024
+#: Longest wait for a byte, after which the reader checks whether it should stop [s].
+_READ_TIMEOUT = 0.05
+_WRITE_TIMEOUT = 1.0
+#: A socket does not tell how many bytes wait: the reader asks for this many [bytes], at most for this long [s].
+_SOCKET_BYTES, _SOCKET_TIMEOUT = 64, 0.005
+#: Ports that can be named, for error messages.
+_ACCEPTED = "accepted: a port such as /dev/ttyACM0, or a pyserial URL"
 
 
 class PortError(OSError):
@@ -32,12 +34,12 @@ class LinkLostError(PortError):
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes as they came from the port.
+    """Bytes as received from the port.
 
     Attributes:
         host_time: When they were read, monotonic [ns].
         data: The bytes.
-        lost: Bytes before these that were thrown away because nobody fetched them.
+        lost: Number of bytes before these that were discarded, because the buffer was full [-].
     """
 
     host_time: int
@@ -51,7 +53,7 @@ class Link:
     Args:
         port: Name of a port, or a pyserial URL such as `socket://host:port`.
         baud_rate: Speed of a true UART; USB virtual ports ignore it [1/s].
-        buffer_bytes: Most bytes held for the consumer; what comes beyond is thrown away and counted.
+        buffer_bytes: Largest number of bytes kept for the consumer; further ones are discarded and counted.
 
     Raises:
         PortError: If the port cannot be opened.
@@ -60,14 +62,15 @@ class Link:
     def __init__(self, port: str, *, baud_rate: int = 115_200, buffer_bytes: int = BUFFER_BYTES) -> None:
         self.port = port
         self._is_url = "://" in port
-        self._serial = _open(port, baud_rate)
+        self._serial = _open_port(port, baud_rate, is_url=self._is_url)
         self._limit = buffer_bytes
         self._chunks: deque[Chunk] = deque()
-        self._held = self._lost = 0
+        #: Bytes in the chunks, and bytes discarded since the last chunk.
+        self._buffered = self._lost = 0
         self._changed = threading.Condition()
         self._failure: Exception | None = None
         self._stopping = False
-        self._reader = threading.Thread(target=self._read_on, name=f"read {port}", daemon=True)
+        self._reader = threading.Thread(target=self._keep_reading, name=f"read {port}", daemon=True)
         self._reader.start()
 
     def write(self, data: bytes) -> None:
@@ -82,16 +85,19 @@ class Link:
             raise LinkLostError(f"{self.port}: the port went away or takes no bytes: {error}") from error
 
     def read(self, timeout: float) -> list[Chunk]:
-        """Fetch what came since the last call, waiting for the first byte for `timeout` [s] at most.
+        """Fetch the bytes received since the last call.
+
+        Args:
+            timeout: Longest wait for the first byte [s].
 
         Raises:
-            LinkLostError: If the port went away; what came before is handed out first.
+            LinkLostError: If the port went away and all bytes received before were fetched.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._chunks or self._failure, timeout)
             chunks = list(self._chunks)
             self._chunks.clear()
-            self._held = 0
+            self._buffered = 0
         if not chunks and self._failure is not None:
             raise LinkLostError(f"{self.port}: the port went away (unplugged?)") from self._failure
         return chunks
@@ -102,40 +108,39 @@ class Link:
         self._reader.join()
         self._serial.close()
 
-    def _read_on(self) -> None:
+    def _keep_reading(self) -> None:
         port = self._serial
         try:
             while not self._stopping:
-                waiting = port.in_waiting
-                data = port.read(_SOCKET_PIECE if self._is_url else max(1, waiting))
+                data = port.read(_SOCKET_BYTES if self._is_url else max(1, port.in_waiting))
                 if data:
-                    self._hold(bytes(data))
+                    self._buffer(bytes(data))
         except (OSError, serial.SerialException, TypeError) as error:
-            # pyserial raises TypeError where the file descriptor vanishes under it
+            # pyserial raises TypeError if its file descriptor is closed while it reads
             with self._changed:
                 self._failure = error
                 self._changed.notify_all()
 
-    def _hold(self, data: bytes) -> None:
+    def _buffer(self, data: bytes) -> None:
+        """Keep bytes for the consumer, or discard them if the buffer is full."""
         with self._changed:
-            if self._held + len(data) > self._limit:
+            if self._buffered + len(data) > self._limit:
                 self._lost += len(data)
                 return
             self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
-            self._held += len(data)
+            self._buffered += len(data)
             self._lost = 0
             self._changed.notify_all()
 
 
-def _open(port: str, baud_rate: int) -> serial.SerialBase:
-    url = "://" in port
-    # only names of ports can be locked against a second client
-    options = {} if url else {"exclusive": True}
+def _open_port(port: str, baud_rate: int, *, is_url: bool) -> serial.SerialBase:
+    # only a port with a name of its own can be locked against a second client
+    options = {} if is_url else {"exclusive": True}
     try:
         opened = serial.serial_for_url(
             port,
             baudrate=baud_rate,
-            timeout=_SOCKET_PATIENCE if url else _PATIENCE,
+            timeout=_SOCKET_TIMEOUT if is_url else _READ_TIMEOUT,
             write_timeout=_WRITE_TIMEOUT,
             **options,
         )
@@ -146,22 +151,23 @@ def _open(port: str, baud_rate: int) -> serial.SerialBase:
 
 
 def _explain(port: str, error: Exception) -> str:
-    """Why a port cannot be opened, in one line that says what to do."""
+    """Why a port cannot be opened and what to do about it, in one line."""
     number = getattr(error, "errno", None)
     text = str(error)
     if number == errno.ENOENT:
         names = ", ".join(entry.device for entry in list_ports.comports()) or "none"
         return f"{port}: no such port; ports on this machine: {names}"
     if number == errno.EACCES:
-        return f"{port}: no permission to open it; {_remedy(port)}"
+        return f"{port}: no permission to open it; {_find_remedy(port)}"
     if "exclusively lock" in text or number == errno.EBUSY:
         return f"{port}: another program has it open; only one client can use a sensor"
     if "configure port" in text or number in (errno.ENOTTY, errno.EISDIR):
-        return f"{port}: not a serial port; accepted: a port such as /dev/ttyACM0, or a pyserial URL"
-    return f"{port}: cannot be opened: {' '.join(text.split())}"
+        return f"{port}: not a serial port; {_ACCEPTED}"
+    return f"{port}: cannot be opened: {' '.join(text.split())}; {_ACCEPTED}"
 
 
-def _remedy(port: str) -> str:
+def _find_remedy(port: str) -> str:
+    """How the user gets permission to open a port."""
     try:
         import grp
 

@@ -1,32 +1,35 @@
-"""A WTS sensor on a port."""
+"""The driver of a WTS sensor on a port."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 from validation.weiss import commands
 from validation.weiss.commands import Command, MatrixInfo, SystemInfo, Values
 from validation.weiss.continuity import Continuity, Gap
-from validation.weiss.frames import CountArray, DeviceFrame, decode_frame
+from validation.weiss.frames import DeviceFrame, decode_frame
 from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
 from validation.weiss.messages import Message
 from validation.weiss.parser import Counters, Parser
 from validation.weiss.unconfirmed import TARE, TICK, UNTARE
 
-#: Readings and gaps held for a consumer that asks for something else in between.
+#: Largest number of readings and gaps kept while the consumer of a stream sends commands in between [-].
 _MOST_EVENTS = 8192
+#: How often a command is sent before the sensor is taken for mute, and number of unfetched answers kept [-].
 _ATTEMPTS = 3
+#: Pause between two attempts to open a port again [s].
 _REOPEN_PAUSE = 0.1
-_NANO = 1e-9
+#: A stream without a frame is silent after this many timeouts of an answer, and after this many intervals [-].
+_SILENT_TIMEOUTS, _SILENT_INTERVALS = 2, 3
+_SECONDS_PER_NANOSECOND = 1e-9
 
 
 class SensorError(PortError):
-    """The sensor refused a command; the message says which and why."""
+    """The sensor refused a command, or its answer is not as assumed; the message says which and why."""
 
 
 class NoAnswerError(PortError):
@@ -34,36 +37,33 @@ class NoAnswerError(PortError):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Reading:
+class Reading(DeviceFrame):
     """One frame of the sensor.
 
     Attributes:
-        counts: Texel values, shape (n,), row-major, x fastest.
-        ticks: The device's clock.
+        ticks: Clock of the device, 32 bits unsigned [ticks].
+        counts: Shape (n,), row by row, x fastest [-].
+        run_length: Whether the frame was sent run-length encoded.
         host_time: When its last byte was read, monotonic [ns].
-        run_length: Whether it came run-length encoded.
     """
 
-    counts: CountArray
-    ticks: int
     host_time: int
-    run_length: bool
 
     @property
     def time(self) -> float:
-        """The device's clock [s]."""
+        """Clock of the device [s]."""
         return self.ticks * TICK
 
 
-class Sensor:
-    """An open sensor.  Use it in a `with` block: leaving stops the frames and closes the port.
+class Sensor(AbstractContextManager["Sensor"]):
+    """An open sensor.  Use it in a `with` block: leaving it stops the stream and closes the port.
 
     Args:
         port: Name of a port, or a pyserial URL such as `socket://host:port`.
         baud_rate: Speed of a true UART; USB virtual ports ignore it [1/s].
-        timeout: How long to wait for an answer before asking again, three times in all [s].
-        buffer_bytes: Most bytes held for a consumer that is behind.
-        tap: Called with every piece of bytes that comes, before it is parsed.
+        timeout: How long to wait for an answer before the command is sent again, three times in all [s].
+        buffer_bytes: Largest number of bytes kept for a slow consumer.
+        tap: Called with all bytes as they are received, before they are parsed.
 
     Raises:
         PortError: If the port cannot be opened or no sensor answers on it.
@@ -82,63 +82,56 @@ class Sensor:
         self.timeout = timeout
         self.tap = tap
         self._open_link: Callable[[], Link] = lambda: Link(port, baud_rate=baud_rate, buffer_bytes=buffer_bytes)
+        #: Settings that were made, to make them again after a reconnection.
         self._settings: dict[Command, int] = {}
         self._events: deque[Reading | Gap] = deque()
         self._answers: list[Message] = []
         self._parser = Parser()
         self._continuity = Continuity()
         self._streaming = False
-        self._last: int | None = None
+        self._last_ticks: int | None = None
         self._link = self._open_link()
         try:
-            self._greet()
+            self._check_sensor()
         except BaseException:
             self._link.close()
             raise
 
-    def __enter__(self) -> Self:
-        """Nothing more to do: the port is open."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop and close."""
+    def __exit__(self, *_: object) -> None:
+        """Stop the stream and close the port."""
         self.close()
 
     @property
     def counters(self) -> Counters:
-        """What came over the port up to now."""
+        """Totals of the bytes and messages received up to now."""
         return self._parser.counters
 
-    # what can be asked
-
     def info(self) -> SystemInfo:
-        """Kind, revision, firmware and serial number."""
-        return commands.system_info(self.ask(Command.SYSTEM_INFO))
+        """Ask for kind, hardware revision, firmware version and serial number."""
+        return commands.decode_system_info(self.ask(Command.SYSTEM_INFO))
 
     def matrix(self) -> MatrixInfo:
-        """Rows, columns, pitch and full scale."""
-        return commands.matrix_info(self.ask(Command.MATRIX_INFO))
+        """Ask for rows, columns, pitch and full scale."""
+        return commands.decode_matrix_info(self.ask(Command.MATRIX_INFO))
 
     def sensor_type(self) -> str:
-        """Name of the sensor's type."""
-        return self._text(Command.SENSOR_TYPE)
+        """Ask for the name of the sensor's type."""
+        return self._ask_text(Command.SENSOR_TYPE)
 
     def tag(self) -> str:
-        """Name that a user gave to the device."""
-        return self._text(Command.GET_TAG)
+        """Ask for the name that a user gave to the device."""
+        return self._ask_text(Command.GET_TAG)
 
     def set_tag(self, tag: str) -> None:
         """Give the device a name (ASCII)."""
         self.ask(Command.SET_TAG, tag.encode("ascii"))
 
     def temperature(self) -> float:
-        """Temperature of the device [degC]."""
-        return commands.temperature(self.ask(Command.TEMPERATURE))
+        """Ask for the temperature of the device [degC]."""
+        return commands.decode_temperature(self.ask(Command.TEMPERATURE))
 
     def threshold(self) -> int:
-        """Threshold below which a texel reads 0 [counts]."""
+        """Ask for the threshold below which a texel reads 0 [counts]."""
         return int(self.ask(Command.GET_THRESHOLD)[0])
 
     def set_threshold(self, threshold: int) -> None:
@@ -146,11 +139,11 @@ class Sensor:
         self._set(Command.SET_THRESHOLD, threshold)
 
     def gain(self) -> int:
-        """Front-end gain, in the device's own unit."""
+        """Ask for the front-end gain, in the unit of the device [-]."""
         return int(self.ask(Command.GET_GAIN)[0])
 
     def set_gain(self, gain: int) -> None:
-        """Set the front-end gain; it is set again after a reconnection."""
+        """Set the front-end gain, in the unit of the device [-]; it is set again after a reconnection."""
         self._set(Command.SET_GAIN, gain)
 
     def tare(self) -> None:
@@ -158,7 +151,7 @@ class Sensor:
         self.ask(Command.TARE, TARE)
 
     def untare(self) -> None:
-        """Take `tare` back."""
+        """Undo `tare`."""
         self.ask(Command.TARE, UNTARE)
 
     def single(self, *, run_length: bool = False) -> Reading:
@@ -167,42 +160,40 @@ class Sensor:
         Args:
             run_length: Whether to ask for run-length encoding.
         """
-        (data,) = self.ask(Command.READ_SINGLE_FRAME, commands.frame_flags(run_length=run_length))
-        if not isinstance(data, bytes):
-            raise TypeError(f"a frame is bytes, not {data!r}")
-        return _reading(decode_frame(data), time.monotonic_ns())
+        values = self.ask(Command.READ_SINGLE_FRAME, commands.make_frame_flags(run_length=run_length))
+        return _make_reading(decode_frame(commands.join_bytes(values)), time.monotonic_ns())
 
     def ask(self, command: Command, *values: int | bytes) -> Values:
-        """Send any documented command and return what its answer holds after the status.
+        """Send any documented command and return the values of its answer.
 
         Raises:
-            SensorError: If the status is not success, or the answer is laid out otherwise than assumed.
+            SensorError: If the status is not success, or if the layout of the answer is not as assumed.
             NoAnswerError: If no answer comes.
             LinkLostError: If the port goes away.
         """
+        name = command.name.lower().replace("_", " ")
         for _ in range(_ATTEMPTS):
             self._answers.clear()
-            self._link.write(commands.request(command, *values))
-            found = self._await(command)
-            if found is None:
+            self._link.write(commands.encode_request(command, *values))
+            message = self._await_answer(command)
+            if message is None:
                 continue
-            name = command.name.lower().replace("_", " ")
             try:
-                status, answered = commands.read_answer(found)
+                status, answered = commands.decode_answer(message)
             except ValueError as error:
                 raise SensorError(f"{self.port}: the answer to `{name}` is not as assumed: {error}") from error
             if status:
                 raise SensorError(f"{self.port}: the sensor refused `{name}`: {commands.describe_status(status)}")
             return answered
-        raise NoAnswerError(f"{self.port}: no answer to {command.name.lower()} in {_ATTEMPTS * self.timeout:g} s")
+        raise NoAnswerError(f"{self.port}: no answer to `{name}` in {_ATTEMPTS * self.timeout:g} s; check the cable")
 
     def stream(
         self, *, run_length: bool = False, interval_ms: int = 0, reconnect: float = 0.0
     ) -> Generator[Reading | Gap, None, None]:
-        """Frames as the device sends them, and a `Gap` wherever some are missing.
+        """Yield frames as the device sends them, and a `Gap` wherever frames are missing.
 
-        Ends only by the caller (leave the loop, close the iterator) or by an error; either way the device is told
-        to stop.  Commands may be sent between two frames.
+        The stream ends if the caller closes it or by an error.  In either case the device is told to stop.  Commands
+        may be sent between two frames.
 
         Args:
             run_length: Whether to ask for run-length encoding.
@@ -212,50 +203,50 @@ class Sensor:
         Raises:
             LinkLostError: If the port goes away and does not come back in time.
         """
-        values = (commands.frame_flags(run_length=run_length), interval_ms)
-        silence = max(2 * self.timeout, 3e-3 * interval_ms)
-        self._begin(values)
+        values = (commands.make_frame_flags(run_length=run_length), interval_ms)
+        silence = max(_SILENT_TIMEOUTS * self.timeout, _SILENT_INTERVALS * interval_ms * 1e-3)
+        self._start_stream(values)
         try:
             while True:
                 try:
-                    yield from self._next_events(silence, values)
+                    yield from self._await_events(silence, values)
                 except LinkLostError as error:
-                    yield from self._flush()
+                    self._end_wait()
+                    self._events.extend(self._continuity.finish())
+                    yield from self._take_events()
                     yield self._reconnect(error, reconnect, values)
         finally:
-            self._end()
+            self._stop_stream()
 
     def last_gaps(self) -> list[Gap]:
-        """Gaps among the first frames of a stream that was left before they could be told."""
+        """Gaps among the first frames of a stream that ended before they could be judged."""
         return self._continuity.finish()
 
     def close(self) -> None:
-        """Stop the frames and close the port; safe to call twice."""
-        self._end()
+        """Stop the stream and close the port; a second call does nothing."""
+        self._stop_stream()
         self._link.close()
 
-    # how it is done
-
-    def _greet(self) -> None:
-        """Silence a device that another client left streaming, and see that it is a sensor."""
+    def _check_sensor(self) -> None:
+        """Stop a stream that another client left running, and check that a sensor answers."""
         try:
-            self._quiet(Command.STOP_PERIODIC_FRAMES)
+            self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
             self.info()
         except NoAnswerError as error:
             seen = self.counters.bytes_seen
-            what = (
+            reason = (
                 f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
                 if seen
                 else "nothing came back (is it the sensor's port, and is the sensor powered?)"
             )
-            raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {what}") from error
+            raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {reason}") from error
         try:
             self._parser.texels = self.matrix().texels
         except SensorError:
             self._parser.texels = None
 
-    def _quiet(self, command: Command, *values: int | bytes) -> None:
-        """Ask for something that a device may refuse because it is so already."""
+    def _ask_unless_refused(self, command: Command, *values: int | bytes) -> None:
+        """Send a command that a device may refuse because it is in the wanted state already."""
         try:
             self.ask(command, *values)
         except SensorError:
@@ -265,95 +256,103 @@ class Sensor:
         self.ask(command, value)
         self._settings[command] = value
 
-    def _text(self, command: Command) -> str:
-        (data,) = self.ask(command)
-        return data.decode("ascii", "replace") if isinstance(data, bytes) else str(data)
+    def _ask_text(self, command: Command) -> str:
+        return commands.join_bytes(self.ask(command)).decode("ascii", "replace")
 
-    def _await(self, command: Command) -> Message | None:
+    def _await_answer(self, command: Command) -> Message | None:
+        """Wait for the answer to a command; None if it does not come in time."""
         deadline = time.monotonic() + self.timeout
         while (left := deadline - time.monotonic()) > 0:
-            self._pump(left)
-            for message in self._answers:
-                if message.identifier == command:
-                    return message
-        self._dispatch(self._parser.finish(), time.monotonic_ns())
+            self._receive(left)
+            if answer := self._find_answer(command):
+                return answer
+        self._end_wait()
+        return self._find_answer(command)
+
+    def _find_answer(self, command: Command) -> Message | None:
         return next((message for message in self._answers if message.identifier == command), None)
 
-    def _pump(self, timeout: float) -> None:
+    def _receive(self, timeout: float) -> None:
+        """Receive and sort bytes; wait for the first one at most for `timeout` [s]."""
         for chunk in self._link.read(timeout):
             if self.tap is not None:
                 self.tap(chunk)
             if chunk.lost:
                 self._events.append(Gap(kind="overflow", host_time=chunk.host_time, skipped=chunk.lost))
-            self._dispatch(self._parser.feed(chunk.data), chunk.host_time)
+            self._sort_messages(self._parser.feed(chunk.data), chunk.host_time)
 
-    def _dispatch(self, messages: list[Message], host_time: int) -> None:
+    def _end_wait(self) -> None:
+        """Sort the messages that the parser kept back while it waited for the rest of a damaged one."""
+        self._sort_messages(self._parser.finish(), time.monotonic_ns())
+
+    def _sort_messages(self, messages: list[Message], host_time: int) -> None:
+        """Keep answers for `_find_answer`, and frames with the gaps between them as events of the stream."""
         for message in messages:
             if message.identifier != Command.PERIODIC_FRAME:
                 self._answers.append(message)
                 del self._answers[:-_ATTEMPTS]
                 continue
             frame = decode_frame(message.payload)
-            gaps = self._continuity.next(frame.ticks, skipped=message.skipped, host_time=host_time)
-            self._events += [*gaps, _reading(frame, host_time)]
-            self._last = frame.ticks
+            gaps = self._continuity.add(frame.ticks, skipped=message.skipped, host_time=host_time)
+            self._events += [*gaps, _make_reading(frame, host_time)]
+            self._last_ticks = frame.ticks
         if len(self._events) > _MOST_EVENTS:
             lost = len(self._events)
             self._events.clear()
             self._events.append(Gap(kind="overflow", host_time=host_time, frames=lost))
 
-    def _begin(self, values: tuple[int, int]) -> None:
+    def _start_stream(self, values: tuple[int, int]) -> None:
         self._events.clear()
         self._continuity = Continuity()
         self._streaming = True
-        self._quiet(Command.START_PERIODIC_FRAMES, *values)
+        self._ask_unless_refused(Command.START_PERIODIC_FRAMES, *values)
 
-    def _next_events(self, silence: float, values: tuple[int, int]) -> Iterator[Reading | Gap]:
-        deadline = time.monotonic() + silence
-        while not self._events and (left := deadline - time.monotonic()) > 0:
-            self._pump(left)
-        if not self._events:
-            self._dispatch(self._parser.finish(), time.monotonic_ns())
-            self._link.write(commands.request(Command.START_PERIODIC_FRAMES, *values))
-            yield Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence)
-        while self._events:
-            yield self._events.popleft()
-
-    def _flush(self) -> Iterator[Reading | Gap]:
-        self._dispatch(self._parser.finish(), time.monotonic_ns())
-        self._events.extend(self._continuity.finish())
-        while self._events:
-            yield self._events.popleft()
-
-    def _reconnect(self, error: LinkLostError, patience: float, values: tuple[int, int]) -> Gap:
-        lost, last = time.monotonic_ns(), self._last
-        self._link.close()
-        while (time.monotonic_ns() - lost) * _NANO < patience:
-            time.sleep(_REOPEN_PAUSE)
-            try:
-                self._link = self._open_link()
-                self._parser = Parser(texels=self._parser.texels)
-                self._greet()
-                for command, value in self._settings.items():
-                    self.ask(command, value)
-                self._begin(values)
-            except PortError:
-                self._link.close()
-                continue
-            now = time.monotonic_ns()
-            return Gap(kind="link lost", host_time=now, after=last, seconds=(now - lost) * _NANO)
-        raise error
-
-    def _end(self) -> None:
+    def _stop_stream(self) -> None:
         if not self._streaming:
             return
         self._streaming = False
         try:
-            self._quiet(Command.STOP_PERIODIC_FRAMES)
+            self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
         except PortError:
-            # the device is gone or mute: there is nothing left to stop
+            # the device is gone or does not answer: there is nothing left to stop
             return
 
+    def _await_events(self, silence: float, values: tuple[int, int]) -> Iterator[Reading | Gap]:
+        """Wait for events and yield them; after a silence [s] report it and ask for frames again."""
+        deadline = time.monotonic() + silence
+        while not self._events and (left := deadline - time.monotonic()) > 0:
+            self._receive(left)
+        if not self._events:
+            self._end_wait()
+            self._link.write(commands.encode_request(Command.START_PERIODIC_FRAMES, *values))
+            yield Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence)
+        yield from self._take_events()
 
-def _reading(frame: DeviceFrame, host_time: int) -> Reading:
-    return Reading(counts=frame.counts, ticks=frame.ticks, host_time=host_time, run_length=frame.run_length)
+    def _take_events(self) -> Iterator[Reading | Gap]:
+        while self._events:
+            yield self._events.popleft()
+
+    def _reconnect(self, error: LinkLostError, patience: float, values: tuple[int, int]) -> Gap:
+        """Try for `patience` [s] to open the port and start the stream again; return the gap."""
+        lost, last_ticks = time.monotonic_ns(), self._last_ticks
+        self._link.close()
+        while (time.monotonic_ns() - lost) * _SECONDS_PER_NANOSECOND < patience:
+            time.sleep(_REOPEN_PAUSE)
+            try:
+                self._link = self._open_link()
+                self._parser = Parser(texels=self._parser.texels)
+                self._check_sensor()
+                for command, value in self._settings.items():
+                    self.ask(command, value)
+                self._start_stream(values)
+            except PortError:
+                self._link.close()
+                continue
+            now = time.monotonic_ns()
+            seconds = (now - lost) * _SECONDS_PER_NANOSECOND
+            return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=seconds)
+        raise error
+
+
+def _make_reading(frame: DeviceFrame, host_time: int) -> Reading:
+    return Reading(ticks=frame.ticks, counts=frame.counts, run_length=frame.run_length, host_time=host_time)

@@ -1,4 +1,4 @@
-"""Puts a virtual sensor on a port: a pseudo-terminal, or any port that pyserial opens."""
+"""Runs a virtual sensor on a port: a pseudo-terminal, or any port that pyserial opens."""
 
 from __future__ import annotations
 
@@ -6,43 +6,45 @@ import os
 import select
 import threading
 import time
-from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 import serial
 
 from validation.weiss.link import PortError
 from validation.weiss.virtual import VirtualSensor
 
-#: Bytes that wait for a client that does not read; beyond that whole frames are left out, as a device does.
-BACKLOG = 4096
-_IDLE = 0.05
-_PIECE = 4096
+#: Number of bytes that wait for a client that does not read; beyond it complete frames are left out, as a device does.
+BACKLOG_BYTES = 4096
+#: Longest wait for bytes of a client, after which the server checks whether it should stop [s].
+_RECEIVE_TIMEOUT = 0.05
+#: Bytes that are read from a client at a time.
+_PIECE_BYTES = 4096
+_WRITE_TIMEOUT = 1.0
 
 
 class End(Protocol):
     """The device's end of a connection."""
 
     def send(self, data: bytes) -> int:
-        """Send what can be sent now; return how many bytes that was."""
+        """Send as many bytes as possible without waiting, and return their number."""
 
     def receive(self, wait: float) -> bytes:
-        """What came; waits for the first byte for `wait` [s] at most."""
+        """Return the bytes received; wait for the first one at most for `wait` [s]."""
 
 
-class PseudoTerminal:
-    """A pseudo-terminal: a client opens `name` as if it were a port.  Not on Windows.
+class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
+    """A pseudo-terminal, which a client opens by its `name` like a port.  Not on Windows.
 
-    The client's side stays open here, so that clients may come and go, and is set raw before any client opens it: a
-    fresh pseudo-terminal echoes.
+    The client's side stays open here, so that clients may come and go.  It is set raw before any client opens it,
+    because a new pseudo-terminal echoes.
 
     Args:
-        link: Where to put a symbolic link to the port, so that it can be named; an old link is replaced.
+        link: Where to create a symbolic link to the port, as its name; an existing link is replaced.
 
     Raises:
-        PortError: If the link cannot be made.
+        PortError: If the link cannot be created.
     """
 
     def __init__(self, link: str | Path | None = None) -> None:
@@ -55,59 +57,58 @@ class PseudoTerminal:
         tty.setraw(self._client)
         os.set_blocking(self._device, False)
         self.port = os.ttyname(self._client)
-        self.name = self.port
-        self._link = None if link is None else Path(link)
-        if self._link is not None:
-            self._place(self._link)
-            self.name = str(self._link)
+        self._closed = False
+        self._link: Path | None = None
+        if link is not None:
+            self._create_link(Path(link))
+        self.name = self.port if link is None else str(link)
 
-    def _place(self, link: Path) -> None:
-        try:
-            if link.is_symlink():
-                link.unlink()
-            link.symlink_to(self.port)
-        except OSError as error:
-            self._link = None
-            self.close()
-            raise PortError(f"{link}: cannot put the port here: {error.strerror}") from error
-
-    def __enter__(self) -> Self:
-        """Nothing more to do: it is open."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
+    def __exit__(self, *_: object) -> None:
+        """Close the pseudo-terminal."""
         self.close()
 
     def send(self, data: bytes) -> int:
-        """Send what fits into the buffer of a client that does not read."""
+        """Send as many bytes as the buffer of the client takes, and return their number."""
         try:
             return os.write(self._device, data)
         except BlockingIOError:
             return 0
 
     def receive(self, wait: float) -> bytes:
-        """What a client sent."""
+        """Return the bytes that a client sent; wait for the first one at most for `wait` [s]."""
         readable, _, _ = select.select([self._device], [], [], wait)
-        return os.read(self._device, _PIECE) if readable else b""
+        return os.read(self._device, _PIECE_BYTES) if readable else b""
 
     def close(self) -> None:
-        """Close it: for a client the port is unplugged."""
-        # another one may have taken the name meanwhile
+        """Close the pseudo-terminal; a client sees the port as unplugged.  A second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        # leave a link alone that another pseudo-terminal has replaced meanwhile
         if self._link is not None and self._link.is_symlink() and str(self._link.readlink()) == self.port:
             self._link.unlink()
-        self._link = None
-        for descriptor in (self._client, self._device):
-            try:
-                os.close(descriptor)
-            except OSError:
-                continue
+        os.close(self._client)
+        os.close(self._device)
+
+    def _create_link(self, link: Path) -> None:
+        try:
+            if link.is_symlink():
+                link.unlink()
+            link.symlink_to(self.port)
+        except OSError as error:
+            self.close()
+            raise PortError(
+                f"{link}: cannot create a link to the port here: {error.strerror}; name a new file"
+            ) from error
+        self._link = link
 
 
 class SerialEnd:
     """The device's end of a real cable, or of a pyserial URL.
+
+    Args:
+        port: Name of a port, or a pyserial URL.
+        baud_rate: Speed of a true UART [1/s].
 
     Raises:
         PortError: If it cannot be opened.
@@ -116,16 +117,16 @@ class SerialEnd:
     def __init__(self, port: str, *, baud_rate: int = 115_200) -> None:
         self.name = port
         try:
-            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=1.0)
+            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=_WRITE_TIMEOUT)
         except (OSError, ValueError) as error:
             raise PortError(f"{port}: cannot be opened: {error}") from error
 
     def send(self, data: bytes) -> int:
-        """Send all."""
+        """Send all bytes and return their number."""
         return int(self._serial.write(data) or 0)
 
     def receive(self, wait: float) -> bytes:
-        """What a client sent."""
+        """Return the bytes that a client sent; wait for the first one at most for `wait` [s]."""
         self._serial.timeout = wait
         return bytes(self._serial.read(max(1, self._serial.in_waiting)))
 
@@ -140,21 +141,19 @@ def serve(
     *,
     stop: threading.Event | None = None,
     seconds: float | None = None,
-    backlog_bytes: int = BACKLOG,
-    on_turn: Callable[[VirtualSensor], None] | None = None,
+    backlog_bytes: int = BACKLOG_BYTES,
 ) -> int:
     """Run a virtual sensor on a port in real time.
 
     Args:
         sensor: The sensor.
-        end: Its end of the connection.
+        end: The device's end of the connection.
         stop: Ends the run when set.
-        seconds: How long to run; until stopped when not given [s].
-        backlog_bytes: Bytes that wait for a client that does not read, before whole frames are left out.
-        on_turn: Called once in every turn of the loop, to show progress.
+        seconds: Duration of the run; until stopped if not given [s].
+        backlog_bytes: Number of bytes that wait for a client that does not read, before complete frames are left out.
 
     Returns:
-        Frames that were left out because the client did not read.
+        Number of frames that were left out because the client did not read [-].
     """
     start = time.monotonic()
     backlog, left_out = b"", 0
@@ -162,24 +161,22 @@ def serve(
         now = time.monotonic() - start
         if seconds is not None and now >= seconds:
             break
-        for frame in sensor.due(now):
+        for frame in sensor.take_due_frames(now):
             if len(backlog) < backlog_bytes:
                 backlog += frame
             else:
                 left_out += 1
-            # frames that were late are not left out: only a client that does not read loses any
-            backlog = _sent(end, backlog)
+            # send after each frame: then frames that are late together do not count as backlog
+            backlog = _send(end, backlog)
         due = sensor.next_due
-        wait = _IDLE if due is None else min(_IDLE, max(0.0, due - (time.monotonic() - start)))
+        wait = _RECEIVE_TIMEOUT if due is None else min(_RECEIVE_TIMEOUT, max(0.0, due - (time.monotonic() - start)))
         received = end.receive(wait)
         if received:
             backlog += sensor.receive(received, time.monotonic() - start)
-        backlog = _sent(end, backlog)
-        if on_turn is not None:
-            on_turn(sensor)
+        backlog = _send(end, backlog)
     return left_out
 
 
-def _sent(end: End, data: bytes) -> bytes:
-    """Send what can be sent and return the rest."""
+def _send(end: End, data: bytes) -> bytes:
+    """Send as many bytes as possible and return the rest."""
     return data[end.send(data) :] if data else data

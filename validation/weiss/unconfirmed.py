@@ -1,6 +1,7 @@
-"""What no source confirms about the protocol: every such assumption stands here and nowhere else.
+"""Assumptions about the protocol that no source confirms; no other file holds any.
 
-A sensor on the bench settles them; changing a constant here changes driver and stand-in together.
+A measurement on a real sensor can settle them (`softcover doctor --port`).  A change of a constant here changes the
+driver and the virtual sensor together.
 """
 
 from __future__ import annotations
@@ -11,19 +12,19 @@ from types import MappingProxyType
 #: Length of one tick of the device's clock [s].
 TICK = 1e-3
 
-#: Flag bit, in requests and frames, that says the texels are run-length encoded.
+#: Flag bit, in requests and frames, for run-length encoded texels.
 RUN_LENGTH_FLAG = 0x01
 
-#: Bits of a run-length unit that hold the value; the bits above hold how often it occurs (1..15).
+#: Number of low bits of a run-length unit that hold the count; the bits above hold the length of the run (1..15).
 RUN_LENGTH_VALUE_BITS = 12
 
-#: Payload of the tare command that takes the present image as zero, and the one that takes this back.
+#: Payload of the tare command that takes the present image as zero, and of the one that undoes it.
 TARE, UNTARE = 1, 0
 
-#: struct formats of the threshold and the front-end gain, in requests and in answers.
+#: `struct` formats of the threshold and of the front-end gain, in requests and in answers.
 THRESHOLD_FORMAT, GAIN_FORMAT = "<H", "<B"
 
-#: What is assumed, by topic, in words a user can check on the bench.
+#: Each assumption by its topic, in words that a user can check on a real sensor.
 UNCONFIRMED: Mapping[str, str] = MappingProxyType(
     {
         "clock": "a tick of the frame's timestamp is 1 ms",

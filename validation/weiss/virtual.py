@@ -1,15 +1,15 @@
-"""A stand-in for the device: speaks the protocol as a WTS does and shows what it is told to show.
+"""A virtual sensor: answers the protocol as a WTS does and shows given texel values.
 
-`VirtualSensor` is a function of bytes and time and knows no port; `serve` puts it on one.  How a real device
-answers where no source says so follows `unconfirmed`.
+`VirtualSensor` turns bytes and times into bytes and needs no port; `serve` runs it on one.  Where no source tells how a
+real device answers, it follows `unconfirmed`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from random import Random
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from validation.weiss import commands
 from validation.weiss.commands import Command, MatrixInfo, Status, Values
 from validation.weiss.faults import FAULTS
 from validation.weiss.frames import LARGEST_COUNT, encode_frame
-from validation.weiss.messages import Message, encode
+from validation.weiss.messages import Message, encode_message
 from validation.weiss.parser import Parser
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, TICK
 
@@ -26,17 +26,33 @@ from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, TICK
 Source = Callable[[float], npt.ArrayLike]
 
 WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
+#: Temperature of the device at the start and after a long time [degC], and time constant of its rise [s].
+_COLD, _WARM, _WARMING_TIME = 25.0, 35.0, 1200.0
+#: The pattern `blob`: count at its centre [-], and two standard deviations squared [texels^2].
+_BLOB_PEAK, _BLOB_SPREAD = 3000, 4.0
+#: The pattern `ramp`: difference from texel to texel [counts] and rise over time [counts/s].
+_RAMP_STEP, _RAMP_RATE = 40, 1000
+#: The pattern `corner`: count of the first texel [-].
+_CORNER_COUNT = 2000
+
+
+class HasCounts(Protocol):
+    """A frame of any kind, with counts of shape (n,)."""
+
+    @property
+    def counts(self) -> npt.NDArray[np.integer]:
+        """Shape (n,) [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Misbehaviour:
-    """What the device does wrong, on request.
+    """Faults that a virtual sensor makes on request.
 
     Attributes:
-        rates: How often each of `FAULTS` hits a message, by name, 0..1 [-].
+        rates: Probability that a fault hits a message, 0..1 [-], by its name in `FAULTS`.
         refused: Commands that are answered with a status other than success.
-        pauses: Times since the start between which nothing is sent, (from, to) [s].
-        seed: Start of the random numbers.
+        pauses: Intervals (from, to) since the start in which no frames are sent [s].
+        seed: Seed of the random numbers.
     """
 
     rates: Mapping[str, float] = field(default_factory=dict)
@@ -45,7 +61,7 @@ class Misbehaviour:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check the names.
+        """Check names and rates.
 
         Raises:
             ValueError: If a fault is unknown or a rate is not in 0..1.
@@ -58,14 +74,17 @@ class Misbehaviour:
 
 
 class VirtualSensor:
-    """What the device does, without a port.
+    """The behaviour of a device, without a port.
 
     Args:
-        source: What it shows.
-        matrix: What it says of its array.
+        source: Texel values that it shows.
+        matrix: Array that it describes.
         rate: Frames per second when free-running [Hz].
-        sensor_type: What it calls itself.
-        misbehaviour: What it does wrong.
+        sensor_type: Name of its type.
+        misbehaviour: Faults that it makes; none if not given.
+
+    Raises:
+        ValueError: If the rate is not positive.
     """
 
     def __init__(
@@ -84,98 +103,102 @@ class VirtualSensor:
         self._source = source
         self._rate = rate
         self._type = sensor_type
-        self._wrong = misbehaviour or Misbehaviour()
-        self._random = Random(self._wrong.seed)  # noqa: S311 -- reproducible faults, no secret
+        self._misbehaviour = misbehaviour or Misbehaviour()
+        self._random = Random(self._misbehaviour.seed)  # noqa: S311 -- reproducible faults, no secret
         self._parser = Parser(texels=matrix.texels)
         self._tag = b""
         self._threshold = self._gain = 0
+        #: Counts that are subtracted since `tare`.
         self._zero: npt.NDArray[np.int64] = np.zeros(matrix.texels, dtype=np.int64)
+        #: Time between periodic frames; None while there are none [s].
         self._period: float | None = None
         self._flags = 0
-        self._next = 0.0
+        self._next_due = 0.0
 
     @property
     def next_due(self) -> float | None:
         """When the next periodic frame is due, since the start; None while there are none [s]."""
-        return None if self._period is None else self._next
+        return None if self._period is None else self._next_due
 
     def receive(self, data: bytes, now: float) -> bytes:
         """Take bytes from the client and return the answers.
 
         Args:
-            data: What the client sent.
+            data: Bytes that the client sent.
             now: Time since the start [s].
         """
-        return b"".join(self._damaged(self._answer(message, now)) for message in self._parser.feed(data))
+        return b"".join(self._damage(self._answer(message, now)) for message in self._parser.feed(data))
 
-    def due(self, now: float) -> list[bytes]:
-        """Periodic frames that are due by now.
+    def take_due_frames(self, now: float) -> list[bytes]:
+        """Return the messages of the periodic frames that are due and were not returned before.
 
         Args:
             now: Time since the start [s].
         """
         frames = []
-        while self._period is not None and self._next <= now:
-            if not any(start <= self._next < end for start, end in self._wrong.pauses):
-                frame = encode(Command.PERIODIC_FRAME, self._frame(self._next, self._flags))
-                frames.append(self._damaged(frame))
+        while self._period is not None and self._next_due <= now:
+            if not any(start <= self._next_due < end for start, end in self._misbehaviour.pauses):
+                frame = encode_message(Command.PERIODIC_FRAME, self._make_frame(self._next_due, self._flags))
+                frames.append(self._damage(frame))
                 self.frames_sent += 1
-            self._next += self._period
+            self._next_due += self._period
         return frames
 
-    def _damaged(self, message: bytes) -> bytes:
-        for name, rate in self._wrong.rates.items():
-            if self._random.random() < rate:
+    def _damage(self, message: bytes) -> bytes:
+        for name, rate in self._misbehaviour.rates.items():
+            if self._random.random() < rate and message:
                 message = FAULTS[name](message, self._random)
         return message
 
     def _answer(self, message: Message, now: float) -> bytes:
         try:
-            command, values = commands.read_request(message)
+            command, values = commands.decode_request(message)
         except KeyError:
-            return encode(message.identifier, int(Status.COMMAND_UNKNOWN).to_bytes(2, "little"))
+            return encode_message(message.identifier, int(Status.COMMAND_UNKNOWN).to_bytes(2, "little"))
         except ValueError:
             status = Status.NOT_ENOUGH_PARAMETERS if not message.payload else Status.COMMAND_FORMAT_ERROR
-            return commands.answer(Command(message.identifier), status)
-        if command in self._wrong.refused:
-            return commands.answer(command, self._wrong.refused[command])
-        status, answered = self._carry_out(command, values, now)
-        return commands.answer(command, status, *answered)
+            return commands.encode_answer(Command(message.identifier), status)
+        if command in self._misbehaviour.refused:
+            return commands.encode_answer(command, self._misbehaviour.refused[command])
+        status, answered = self._execute(command, values, now)
+        return commands.encode_answer(command, status, *answered)
 
-    def _carry_out(self, command: Command, values: Values, now: float) -> tuple[Status, Values]:
-        told = self._told(now).get(command)
-        if told is not None:
-            return Status.SUCCESS, told
+    def _execute(self, command: Command, values: Values, now: float) -> tuple[Status, Values]:
+        """Execute a command; return the status and the values of the answer."""
+        state = self._report_state(now).get(command)
+        if state is not None:
+            return Status.SUCCESS, state
         number = values[0] if values and isinstance(values[0], int) else 0
-        data = b"".join(value for value in values if isinstance(value, bytes))
+        data = commands.join_bytes(values)
         match command:
             case Command.LOOP:
                 return Status.SUCCESS, (data,)
             case Command.READ_SINGLE_FRAME:
-                return Status.SUCCESS, (self._frame(now, number),)
+                return Status.SUCCESS, (self._make_frame(now, number),)
             case Command.START_PERIODIC_FRAMES:
-                return self._start(number, values[1], now), ()
+                return self._start_frames(number, int(values[1]), now), ()
             case _:
                 return self._change(command, number, data, now), ()
 
-    def _told(self, now: float) -> Mapping[Command, Values]:
-        """What the device says of itself."""
+    def _report_state(self, now: float) -> Mapping[Command, Values]:
+        """Values of the answers to commands that only ask for a property of the device."""
         return {
-            Command.MATRIX_INFO: commands.matrix_values(self.matrix),
+            Command.MATRIX_INFO: commands.encode_matrix_info(self.matrix),
             Command.GET_THRESHOLD: (self._threshold,),
             Command.GET_GAIN: (self._gain,),
             Command.SENSOR_TYPE: (self._type.encode("ascii"),),
-            Command.TEMPERATURE: (round(10 * _temperature(now)),),
+            Command.TEMPERATURE: commands.encode_temperature(_compute_temperature(now)),
             Command.SYSTEM_INFO: (1, 1, 0x1000, 1),
             Command.GET_TAG: (self._tag,),
         }
 
     def _change(self, command: Command, number: int, data: bytes, now: float) -> Status:
+        """Execute a command whose answer has no values; return the status."""
         match command:
             case Command.STOP_PERIODIC_FRAMES:
                 self._period = None
             case Command.TARE:
-                self._zero = self._shown(now) if number == TARE else np.zeros_like(self._zero)
+                self._zero = self._show(now) if number == TARE else np.zeros_like(self._zero)
             case Command.SET_THRESHOLD if number > LARGEST_COUNT:
                 return Status.RANGE_ERROR
             case Command.SET_THRESHOLD:
@@ -188,29 +211,29 @@ class VirtualSensor:
                 return Status.FEATURE_NOT_SUPPORTED
         return Status.SUCCESS
 
-    def _start(self, flags: int, interval: int | bytes, now: float) -> Status:
+    def _start_frames(self, flags: int, interval_ms: int, now: float) -> Status:
         if self._period is not None:
             return Status.ALREADY_RUNNING
-        self._period = max(int(interval) * 1e-3, 1 / self._rate)
+        self._period = max(interval_ms * 1e-3, 1 / self._rate)
         self._flags = flags
-        self._next = now
+        self._next_due = now
         return Status.SUCCESS
 
-    def _frame(self, now: float, flags: int) -> bytes:
-        counts = np.clip(self._shown(now) - self._zero - self._threshold, 0, LARGEST_COUNT)
+    def _make_frame(self, now: float, flags: int) -> bytes:
+        counts = np.clip(self._show(now) - self._zero - self._threshold, 0, LARGEST_COUNT)
         return encode_frame(int(now / TICK), counts, run_length=bool(flags & RUN_LENGTH_FLAG))
 
-    def _shown(self, now: float) -> npt.NDArray[np.int64]:
+    def _show(self, now: float) -> npt.NDArray[np.int64]:
+        """Counts of the source, shape (n,), before tare and threshold."""
         return np.clip(np.asarray(self._source(now), dtype=np.int64).ravel(), 0, self.matrix.full_scale)
 
 
-def _temperature(now: float) -> float:
-    """A pad that warms from 25 to 35 degC with a time constant of 20 min [degC]."""
-    return float(35 - 10 * np.exp(-now / 1200))
+def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
+    """Show a test pattern.
 
-
-def pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
-    """A moving picture to recognise: `blob`, `ramp` (every frame differs), `corner` or `zero`.
+    Args:
+        name: `blob` (a moving peak), `ramp` (every frame differs), `corner` (the first texel only) or `zero`.
+        matrix: The array.
 
     Raises:
         ValueError: If the name is unknown.
@@ -218,65 +241,71 @@ def pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(matrix.columns), np.arange(matrix.rows)))
     order = np.arange(matrix.texels)
 
-    def blob(time: float) -> npt.ArrayLike:
+    def show_blob(time: float) -> npt.ArrayLike:
         column = (matrix.columns - 1) * (1 + np.sin(2 * time)) / 2
         row = (matrix.rows - 1) * (1 + np.sin(time)) / 2
         squared = (x - column) ** 2 + (y - row) ** 2
-        return np.asarray(np.rint(3000 * np.exp(-squared / 4)), dtype=np.int64)
+        return np.asarray(np.rint(_BLOB_PEAK * np.exp(-squared / _BLOB_SPREAD)), dtype=np.int64)
 
-    pictures: dict[str, Source] = {
-        "blob": blob,
-        "ramp": lambda time: (order * 40 + round(time * 1000)) % (LARGEST_COUNT + 1),
-        "corner": lambda time: np.where(order == 0, 2000, 0),  # noqa: ARG005 -- it stands still
-        "zero": lambda time: np.zeros_like(order),  # noqa: ARG005 -- it stands still
+    patterns: dict[str, Source] = {
+        "blob": show_blob,
+        "ramp": lambda time: (order * _RAMP_STEP + round(time * _RAMP_RATE)) % (LARGEST_COUNT + 1),
+        "corner": lambda _: np.where(order == 0, _CORNER_COUNT, 0),
+        "zero": lambda _: np.zeros_like(order),
     }
-    if name not in pictures:
-        raise ValueError(f"unknown pattern {name!r}; known patterns: {', '.join(pictures)}")
-    return pictures[name]
+    if name not in patterns:
+        raise ValueError(f"unknown pattern {name!r}; known patterns: {', '.join(patterns)}")
+    return patterns[name]
 
 
-def playback(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = True) -> Source:
-    """Show recorded frames at the times they were recorded.
+def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = True) -> Source:
+    """Show recorded frames at the times at which they were recorded.
 
     Args:
         times: Shape (frames,), rising [s].
-        counts: Shape (frames, n).
-        loop: Whether to start again at the end; else the last frame stays.
+        counts: Shape (frames, n) [-].
+        loop: Whether to start again at the end; otherwise the last frame stays.
 
     Raises:
-        ValueError: If there are no frames or the shapes disagree.
+        ValueError: If there are no frames, or not as many times as frames.
     """
-    when, values = np.asarray(times, dtype=float), np.asarray(counts)
-    if not len(when) or len(when) != len(values):
-        raise ValueError(f"a playback needs as many times as frames and at least one, not {len(when)}")
-    when = when - when[0]
-    # the last frame is shown as long as the others on average
-    whole = when[-1] * len(when) / max(1, len(when) - 1)
+    moments, values = np.asarray(times, dtype=float), np.asarray(counts)
+    if not len(moments) or len(moments) != len(values):
+        raise ValueError(f"a playback needs as many times as frames and at least one, not {len(moments)}")
+    moments = moments - moments[0]
+    # the last frame is shown for the mean time between frames
+    duration = moments[-1] * len(moments) / max(1, len(moments) - 1)
 
     def show(time: float) -> npt.ArrayLike:
-        moment = time % whole if loop and whole else time
-        return np.asarray(values[max(0, int(np.searchsorted(when, moment, side="right")) - 1)])
+        moment = time % duration if loop and duration else time
+        return np.asarray(values[max(0, int(np.searchsorted(moments, moment, side="right")) - 1)])
 
     return show
 
 
-def from_frames(frames: Iterable[Any]) -> Source:
-    """Show the `counts` of frames one after the other, one per frame sent; the last one stays.
+def show_frames(frames: Iterable[HasCounts]) -> Source:
+    """Show frames one after the other, one for each frame sent; the last one stays.
 
     Args:
-        frames: Objects with `counts`, shape (n,), such as those of the fast model; may be endless.
+        frames: Such as those of the fast model; may be endless.
 
     Raises:
         ValueError: If there is none.
     """
-    coming: Iterator[Any] = iter(frames)
-    shown = next(coming, None)
-    if shown is None:
-        raise ValueError("at least one frame is needed to show")
-    first = [shown]
+    remaining = iter(frames)
+    try:
+        shown = next(remaining)
+    except StopIteration:
+        raise ValueError("at least one frame is needed to show") from None
 
-    def show(time: float) -> npt.ArrayLike:  # noqa: ARG001 -- frames come in their own order
-        first[0] = next(coming, first[0])
-        return np.asarray(first[0].counts)
+    def show(time: float) -> npt.ArrayLike:  # noqa: ARG001 -- the order of the frames decides
+        nonlocal shown
+        shown = next(remaining, shown)
+        return shown.counts
 
     return show
+
+
+def _compute_temperature(now: float) -> float:
+    """Temperature of the device at a time since the start [s]: an exponential rise [degC]."""
+    return float(_WARM - (_WARM - _COLD) * np.exp(-now / _WARMING_TIME))

@@ -1,182 +1,94 @@
-"""`record`, `replay`, `import` and `emulate` as a user meets them."""
+"""Commands: requests and answers of every documented command, and their values in SI units."""
 
-import json
-import os
-import re
-import signal
-import subprocess
-import sys
-import time
-from itertools import islice
-
-import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-import fastmodel
-from meshes import Sphere, TexelArray
-from validation.cli.entry import main
-from validation.recordings import mcap_reader
-from validation.recordings.importing import open_recording
-from validation.recordings.live_frames import replay_frames, simulate_frames, stream_frames
-from validation.weiss.sensor import Sensor
-from validation.weiss.virtual import VirtualSensor, from_frames, pattern
-
-
-def _run(capsys, *words):
-    """Exit status, standard output and standard error of one command."""
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    out, errors = capsys.readouterr()
-    return caught.value.code, out, errors
-
-
-def test_record_replay_import(plug_in, tmp_path, capsys):
-    path = tmp_path / "touch.mcap"
-    options = ("--indenter", "sphere:radius=5mm", "--load", "500g", "--note", "palm", "--threshold", "9", "--json")
-    status, out, _ = _run(capsys, "record", plug_in().port, "--out", path, "--seconds", "0.3", *options)
-    told = json.loads(out)
-    assert status == 0
-    assert (told["gaps"], told["ended"]) == (0, "done")
-    assert told["frames"] == len(mcap_reader.read(path).times) > 10
-
-    status, out, _ = _run(capsys, "replay", path, "--json", "--csv", tmp_path / "a.csv")
-    replayed = json.loads(out)
-    assert status == 0
-    assert replayed["frames"] == told["frames"]
-    assert replayed["setup"]["load"] == pytest.approx(4.903325)
-    assert replayed["setup"]["device"]["threshold"] == 9
-
-    status, _, errors = _run(capsys, "import", tmp_path / "a.csv", "--out", tmp_path / "b.mcap", "--note", "again")
-    assert status == 0
-    back = mcap_reader.read(tmp_path / "b.mcap")
-    assert np.array_equal(back.arrays[0].counts, mcap_reader.read(path).arrays[0].counts)
-    assert (back.setup.note, back.setup.indenter) == ("again", "sphere:radius=5mm")
-    assert _run(capsys, "import", tmp_path / "a.csv", "--out", tmp_path / "b.mcap")[0] == 2
-    status, _, errors = _run(capsys, "replay", path)
-    assert "4.903 N; palm" in errors
-
-
-def test_a_cut_off_recording_is_completed_in_place(plug_in, tmp_path, capsys):
-    path = tmp_path / "cut.mcap"
-    assert _run(capsys, "record", plug_in().port, "--out", path, "--seconds", "0.3", "--json")[0] == 0
-    path.write_bytes(path.read_bytes()[:-2000])
-    assert not mcap_reader.is_complete(path)
-    assert "cut off" in _run(capsys, "replay", path)[2]
-    assert _run(capsys, "import", path)[0] == 0
-    assert mcap_reader.is_complete(path)
-
-
-@pytest.mark.parametrize(
-    ("words", "status", "line"),
-    [
-        (["record", "/dev/ttyNONE9"], 3, "no such port"),
-        (["record", "x", "--indenter", "pyramid"], 2, "unknown indenter"),
-        (["record", "x", "--load", "heavy"], 2, "--load"),
-        (["record", "x", "--load", "-5N"], 2, "--load"),
-        (["record", "x", "--seconds", "-1"], 2, "--seconds: accepted: 0 or more, not -1"),
-        (["record", "x", "--gain", "300"], 2, "--gain: accepted: 0..255, not 300"),
-        (["replay", "/etc/hostname"], 2, "not a recording; accepted"),
-        (["replay", "nothing.mcap"], 2, "no such file"),
-        (["import", "nothing.bag"], 2, "no such file"),
-        (["emulate", "--show", "blub"], 2, "did you mean 'blob'"),
-        (["emulate", "--fault", "sabotage=1"], 2, "known faults: flip-bit"),
-        (["emulate", "--fault", "lose=often"], 2, "for example lose=0.01"),
-        (["emulate", "--pause", "2"], 2, "for example 2:3"),
-        (["emulate", "/dev/ttyNONE9"], 3, "cannot be opened"),
-    ],
+from validation.weiss.commands import (
+    LAYOUTS,
+    Command,
+    Layout,
+    MatrixInfo,
+    Status,
+    decode_answer,
+    decode_matrix_info,
+    decode_request,
+    decode_system_info,
+    decode_temperature,
+    describe_status,
+    encode_answer,
+    encode_matrix_info,
+    encode_request,
+    encode_temperature,
 )
-def test_bad_input_ends_in_one_line(capsys, words, status, line):
-    code, out, errors = _run(capsys, *words)
-    assert (code, out) == (status, "")
-    assert len(errors.splitlines()) == 1
-    assert line in errors
+from validation.weiss.frames import encode_frame
+from validation.weiss.messages import Message, encode_message
+from validation.weiss.parser import Parser
+
+#: Values that fit each layout.
+_VALUES = {
+    "": (),
+    "<B": (3,),
+    "<H": (500,),
+    "<BH": (1, 10),
+    "<5H": (6, 14, 340, 340, 4095),
+    "<h": (-12,),
+    "<BBHI": (1, 2, 0x1234, 99),
+    None: (b"abc",),
+}
 
 
-def test_something_else_on_the_port_and_a_second_client(plug_in, answering, capsys, monkeypatch):
-    monkeypatch.setitem(Sensor.__init__.__kwdefaults__, "timeout", 0.1)
-    with answering(b"hello\r\n") as port:
-        status, _, errors = _run(capsys, "record", port)
-    assert (status, len(errors.splitlines())) == (3, 1)
-    assert "none of them is an answer" in errors
-    bench = plug_in()
-    with Sensor(bench.port):
-        status, _, errors = _run(capsys, "record", bench.port)
-    assert (status, len(errors.splitlines())) == (3, 1)
-    assert "another program has it open" in errors
+def _find_message(data):
+    parser = Parser()
+    (message,) = parser.feed(data) + parser.finish()
+    return message
 
 
-def test_emulate_in_a_process_of_its_own(tmp_path):
-    port = tmp_path / "wts"
-    words = ["emulate", str(port), "--show", "ramp", "--fault", "lose=0.05", "--json"]
-    code = "import sys; from validation.cli.entry import main; main(sys.argv[1:])"
-    run = subprocess.Popen(  # noqa: S603
-        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+def _choose_values(command, layout):
+    """Values that fit a layout; the parser accepts only a possible frame as the answer to `read single frame`."""
+    if command == Command.READ_SINGLE_FRAME and layout is None:
+        return (encode_frame(5, [1, 2, 3]),)
+    return _VALUES[layout]
+
+
+@pytest.mark.parametrize("command", LAYOUTS)
+def test_requests_and_answers_of_every_command_come_back(command):
+    layout: Layout = LAYOUTS[command]
+    asked, answered = (_choose_values(command, part) for part in (layout.request, layout.answer))
+    assert decode_request(Message(command, encode_request(command, *asked)[6:-2])) == (command, asked)
+    assert decode_answer(_find_message(encode_answer(command, Status.SUCCESS, *answered))) == (0, answered)
+    assert decode_answer(_find_message(encode_answer(command, Status.ACCESS_DENIED))) == (16, ())
+
+
+def test_values_are_read_in_si_units():
+    assert decode_system_info((1, 3, 0x1203, 77)).firmware == "1.2.0.3"
+    assert decode_matrix_info((6, 14, 340, 340, 4095)).cell_width == pytest.approx(3.4e-3)
+    assert decode_temperature((-125,)) == -12.5
+    assert encode_temperature(-12.5) == (-125,)
+
+
+@given(*[st.integers(1, 65535)] * 3, *[st.integers(1, 65535)] * 2)
+def test_any_description_of_an_array_comes_back(columns, rows, full_scale, width, height):
+    info = MatrixInfo(
+        columns=columns, rows=rows, cell_width=width / 100_000, cell_height=height / 100_000, full_scale=full_scale
     )
-    told = "".join(iter(run.stdout.readline, "}\n")) + "}"
-    assert json.loads(told)["port"] == str(port)
-    with Sensor(str(port)) as sensor:
-        events = list(islice(sensor.stream(), 150))
-    assert {"Reading", "Gap"} == {type(event).__name__ for event in events}
-    run.send_signal(signal.SIGTERM)
-    _, errors = run.communicate(timeout=10)
-    assert run.returncode == 0
-    assert re.search(r"\d+ frames sent", errors)
-    assert not os.path.lexists(port)
+    assert decode_matrix_info(encode_matrix_info(info)) == info
+    assert info.texels == rows * columns
 
 
-def test_doctor_asks_the_sensor(plug_in, capsys, monkeypatch):
-    monkeypatch.setattr("validation.weiss.inquiry._FRAMES", 60)
-    status, out, _ = _run(capsys, "doctor", "--port", plug_in().port, "--json")
-    told = json.loads(out)
-    assert status == 0
-    assert "assumed 1 ms" in told["answers"]["clock"]
-    assert "mask" in told["assumed"]
+def test_a_status_is_described_in_words():
+    assert describe_status(12) == "no parameter expected (12)"
+    assert describe_status(99) == "unknown status (99)"
 
 
-def _parameters():
-    return fastmodel.Parameters(
-        array=TexelArray.grid(14, 6, 3.4e-3),
-        spread=fastmodel.Gaussian(sigma_x=0.6, sigma_y=0.6, ksize_x=5, ksize_y=5),
-        electronics=fastmodel.WTS_0614_34,
-    )
-
-
-def test_simulated_frames_come_out_of_the_same_door(plug_in, tmp_path):
-    """What the fast model shows arrives over the wire as the same type with the same counts."""
-    shown = list(islice(simulate_frames(_parameters(), Sphere(radius=8e-3), load=6.0), 20, 60))
-    assert max(frame.counts.max() for frame in shown) > 500
-    with Sensor(plug_in(from_frames(shown)).port) as sensor:
-        received = list(islice(stream_frames(sensor), 35))
-    assert {type(frame) for frame in received} == {type(frame) for frame in shown}
-    assert all(np.array_equal(mine.counts, theirs.counts) for mine, theirs in zip(received, shown[1:], strict=False))
-    assert received[20].image.shape == (14, 6)
-    assert received[20].image.max() == round(255 * received[20].counts.max() / 4095)
-
-
-def test_recorded_frames_come_out_of_the_same_door(tmp_path):
-    first, second = replay_frames(open_recording(_recorded(tmp_path)))
-    assert (first.time, second.time) == (0, 1)
-    assert second.counts.tolist() == [3, 4]
-    assert second.image.shape == (1, 2)
-    assert type(second) is fastmodel.Frame
-
-
-def test_emulate_shows_the_fast_model_and_a_recording(tmp_path, capsys):
-    _parameters().save(tmp_path / "derived")
-    for show in (tmp_path / "derived", _recorded(tmp_path)):
-        status, out, _ = _run(capsys, "emulate", tmp_path / "p", "--show", show, "--seconds", "0.1", "--json")
-        assert (status, json.loads(out)["show"]) == (0, str(show))
-
-
-def _recorded(folder):
-    path = folder / "a.csv"
-    path.write_text("# rows = 1\ntime,a,b\n0,1,2\n1,3,4\n")
-    return path
-
-
-def test_the_virtual_sensor_alone_is_fast_enough():
-    sensor = VirtualSensor(pattern("blob"))
-    sensor.receive(bytes.fromhex("AAAAAA210300000000F55C"), 0.0)
-    start = time.perf_counter()
-    assert len(sensor.due(1.0)) in (271, 272)
-    assert time.perf_counter() - start < 0.5
+def test_misuse_is_refused_with_its_reason():
+    with pytest.raises(ValueError, match="layout"):
+        encode_request(Command.SET_THRESHOLD, 70000)
+    with pytest.raises(KeyError, match="0x7f"):
+        decode_answer(_find_message(encode_message(0x7F, b"\0\0")))
+    with pytest.raises(KeyError, match="0x00"):
+        decode_request(Message(Command.PERIODIC_FRAME, b""))
+    with pytest.raises(ValueError, match="status"):
+        decode_answer(_find_message(encode_message(0x30, b"\0")))
+    with pytest.raises(ValueError, match="layout"):
+        decode_answer(_find_message(encode_message(0x30, b"\0\0\0")))

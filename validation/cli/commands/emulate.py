@@ -103,10 +103,10 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
 def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Source, MatrixInfo | None]:
     """Find the frames to show, and the array that shows them; None for the default array."""
     from validation.sensor_file import BUILT_IN
-    from validation.weiss.virtual import from_frames, pattern, playback
+    from validation.weiss.virtual import show_frames, show_pattern, show_recording
 
     if show in _PATTERNS:
-        return pattern(show), None
+        return show_pattern(show), None
     path = Path(show)
     if show not in BUILT_IN and not path.exists():
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
@@ -121,7 +121,7 @@ def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Sourc
         with Progress() as progress:
             parameters = find_parameters(found, progress)
         frames = simulate_frames(parameters, shape, load=weight)
-        return from_frames(frames), _make_matrix(parameters.array, parameters.electronics.output_max)
+        return show_frames(frames), _make_matrix(parameters.array, parameters.electronics.output_max)
     from validation.recordings.importing import open_recording
 
     recording = open_recording(path)
@@ -129,7 +129,7 @@ def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Sourc
     if not len(recording.times):
         raise InputError(f"--show: {path} holds no frames to show")
     recorded = recording.arrays[array]
-    return playback(recording.times, recorded.counts), _make_matrix(recorded.texels, recorded.full_scale)
+    return show_recording(recording.times, recorded.counts), _make_matrix(recorded.texels, recorded.full_scale)
 
 
 def _make_matrix(texels: TexelArray, full_scale: int) -> MatrixInfo:

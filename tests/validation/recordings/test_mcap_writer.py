@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from validation.recordings import capture, mcap_reader, ros_messages
+from validation.recordings.importing import save
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import RecordingError, Setup
 from validation.weiss.virtual import WTS_0614_34
+
+SETUP = Setup(indenter="sphere:radius=5mm", load=4.9, note="left palm, 3rd trial")
 
 
 def _write(path, frames, arrays=1):
@@ -118,3 +121,28 @@ def test_a_file_system_without_room(tmp_path):
     path.touch()
     with pytest.raises(StorageError, match="name a new file"):
         _write(path, 1)
+
+
+def test_a_recorder_killed_before_its_first_frame_leaves_no_file_or_one_with_its_setup(tmp_path, monkeypatch):
+    path, sizes = tmp_path / "early.mcap", []
+    write = os.write
+    monkeypatch.setattr(os, "open", lambda *words, open_=os.open: sizes.append(path.exists()) or open_(*words))
+    monkeypatch.setattr(os, "write", lambda *words: sizes.append(path.stat().st_size) or write(*words))
+    options = {"arrays": [capture.make_device_array(WTS_0614_34)], "setup": SETUP, "serial": "7", "start": 10**18}
+    writer = RecordingWriter(path, **options)
+    assert sizes == [False, 0]
+    monkeypatch.undo()
+    left = path.read_bytes()
+    writer.close()
+    path.write_bytes(left)
+    recording = mcap_reader.read(path)
+    assert (recording.setup, recording.serial) == (SETUP, "7")
+    assert not recording.complete
+    assert (len(recording.times), recording.seconds) == (0, 0.0)
+    assert recording.arrays[0].counts.shape == (0, 84)
+    assert recording.arrays[0].texels.rows == 14
+    assert recording.started.timestamp() == 10**9
+    assert mcap_reader.recover(path)
+    assert mcap_reader.read(path).complete
+    assert save(recording, tmp_path / "again.mcap") == 0
+    assert mcap_reader.read(tmp_path / "again.mcap").setup == SETUP

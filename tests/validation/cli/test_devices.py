@@ -1,0 +1,153 @@
+"""`record`, `replay`, `import`, `emulate` and `doctor --port` as a user meets them."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from itertools import islice
+
+import numpy as np
+import pytest
+
+import fastmodel
+from meshes import TexelArray
+from tests.support.virtual_port import answer_always
+from validation.cli.entry import main
+from validation.recordings import mcap_reader
+from validation.weiss.sensor import Sensor
+
+pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
+
+
+def _run(capsys, *words):
+    """Exit status, standard output and standard error of one command."""
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    out, errors = capsys.readouterr()
+    return caught.value.code, out, errors
+
+
+def test_a_recording_is_shown_and_imported_again(plug_in, tmp_path, capsys):
+    path = tmp_path / "touch.mcap"
+    options = ("--indenter", "sphere:radius=5mm", "--load", "500g", "--note", "palm", "--threshold", "9", "--json")
+    status, out, _ = _run(capsys, "record", plug_in().name, "--out", path, "--seconds", "0.3", *options)
+    told = json.loads(out)
+    assert status == 0
+    assert (told["gaps"], told["ended"]) == (0, "done")
+    assert told["frames"] == len(mcap_reader.read(path).times) > 0
+
+    status, out, _ = _run(capsys, "replay", path, "--json", "--csv", tmp_path / "a.csv")
+    replayed = json.loads(out)
+    assert status == 0
+    assert replayed["frames"] == told["frames"]
+    assert replayed["setup"]["load"] == pytest.approx(4.903325)
+    assert replayed["setup"]["device"]["threshold"] == 9
+
+    status, _, errors = _run(capsys, "import", tmp_path / "a.csv", "--out", tmp_path / "b.mcap", "--note", "again")
+    assert status == 0
+    back = mcap_reader.read(tmp_path / "b.mcap")
+    assert np.array_equal(back.arrays[0].counts, mcap_reader.read(path).arrays[0].counts)
+    assert (back.setup.note, back.setup.indenter) == ("again", "sphere:radius=5mm")
+    assert _run(capsys, "import", tmp_path / "a.csv", "--out", tmp_path / "b.mcap")[0] == 2
+    status, _, errors = _run(capsys, "replay", path)
+    assert "4.903 N; palm" in errors
+
+
+def test_a_cut_off_recording_is_completed_in_place(plug_in, tmp_path, capsys):
+    path = tmp_path / "cut.mcap"
+    assert _run(capsys, "record", plug_in().name, "--out", path, "--seconds", "0.3", "--json")[0] == 0
+    path.write_bytes(path.read_bytes()[:-2000])
+    assert not mcap_reader.is_complete(path)
+    assert "cut off" in _run(capsys, "replay", path)[2]
+    assert _run(capsys, "import", path)[0] == 0
+    assert mcap_reader.is_complete(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "line"),
+    [
+        (["record", "/dev/ttyNONE9"], 3, "no such port"),
+        (["record", "x", "--indenter", "pyramid"], 2, "unknown indenter"),
+        (["record", "x", "--load", "heavy"], 2, "--load"),
+        (["record", "x", "--load", "-5N"], 2, "--load"),
+        (["record", "x", "--seconds", "-1"], 2, "--seconds: accepted: 0 or more, not -1"),
+        (["record", "x", "--gain", "300"], 2, "--gain: accepted: 0..255, not 300"),
+        (["replay", "/etc/hostname"], 2, "not a recording; accepted"),
+        (["replay", "nothing.mcap"], 2, "no such file"),
+        (["import", "nothing.bag"], 2, "no such file"),
+        (["emulate", "--show", "blub"], 2, "did you mean 'blob'"),
+        (["emulate", "--fault", "sabotage=1"], 2, "known faults: flip-bit"),
+        (["emulate", "--fault", "lose=often"], 2, "for example lose=0.01"),
+        (["emulate", "--pause", "2"], 2, "for example 2:3"),
+        (["emulate", "/dev/ttyNONE9"], 3, "cannot be opened"),
+    ],
+)
+def test_bad_input_ends_in_one_line(capsys, words, status, line):
+    code, out, errors = _run(capsys, *words)
+    assert (code, out) == (status, "")
+    assert len(errors.splitlines()) == 1
+    assert line in errors
+
+
+def test_another_device_on_the_port_and_a_second_client_are_refused(plug_in, capsys, monkeypatch):
+    monkeypatch.setitem(Sensor.__init__.__kwdefaults__, "timeout", 0.1)
+    with answer_always(b"hello\r\n") as name:
+        status, _, errors = _run(capsys, "record", name)
+    assert (status, len(errors.splitlines())) == (3, 1)
+    assert "none of them is an answer" in errors
+    port = plug_in()
+    with Sensor(port.name):
+        status, _, errors = _run(capsys, "record", port.name)
+    assert (status, len(errors.splitlines())) == (3, 1)
+    assert "another program has it open" in errors
+
+
+def test_emulate_serves_a_port_until_it_is_stopped(tmp_path):
+    port = tmp_path / "wts"
+    words = ["emulate", str(port), "--show", "ramp", "--fault", "lose=0.05", "--json"]
+    code = "import sys; from validation.cli.entry import main; main(sys.argv[1:])"
+    run = subprocess.Popen(  # noqa: S603
+        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    told = "".join(iter(run.stdout.readline, "}\n")) + "}"
+    assert json.loads(told)["port"] == str(port)
+    with Sensor(str(port)) as sensor:
+        events = list(islice(sensor.stream(), 150))
+    assert {"Reading", "Gap"} == {type(event).__name__ for event in events}
+    run.send_signal(signal.SIGTERM)
+    _, errors = run.communicate(timeout=60)
+    assert run.returncode == 0
+    assert re.search(r"\d+ frames sent", errors)
+    assert not os.path.lexists(port)
+
+
+def test_doctor_asks_the_sensor(plug_in, capsys, monkeypatch):
+    monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 60)
+    status, out, _ = _run(capsys, "doctor", "--port", plug_in().name, "--json")
+    told = json.loads(out)
+    assert status == 0
+    assert "assumed 1 ms" in told["answers"]["clock"]
+    assert "mask" in told["assumed"]
+
+
+def _parameters():
+    return fastmodel.Parameters(
+        array=TexelArray.grid(14, 6, 3.4e-3),
+        spread=fastmodel.Gaussian(sigma_x=0.6, sigma_y=0.6, ksize_x=5, ksize_y=5),
+        electronics=fastmodel.WTS_0614_34,
+    )
+
+
+def test_emulate_shows_the_fast_model_and_a_recording(tmp_path, capsys):
+    _parameters().save(tmp_path / "derived")
+    for show in (tmp_path / "derived", _recorded(tmp_path)):
+        status, out, _ = _run(capsys, "emulate", tmp_path / "p", "--show", show, "--seconds", "0.1", "--json")
+        assert (status, json.loads(out)["show"]) == (0, str(show))
+
+
+def _recorded(folder):
+    path = folder / "a.csv"
+    path.write_text("# rows = 1\ntime,a,b\n0,1,2\n1,3,4\n")
+    return path

@@ -1,0 +1,49 @@
+"""Frames of a sensor, of a recording and of a simulation are of one type."""
+
+from datetime import UTC, datetime
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+import fastmodel
+from meshes import Sphere, TexelArray
+from validation.recordings import Recording
+from validation.recordings.live_frames import replay_frames, simulate_frames, stream_frames
+from validation.recordings.recording import make_array
+from validation.weiss.sensor import Sensor
+from validation.weiss.virtual import show_frames
+
+PARAMETERS = fastmodel.Parameters(
+    array=TexelArray.grid(14, 6, 3.4e-3),
+    spread=fastmodel.Gaussian(sigma_x=0.6, sigma_y=0.6, ksize_x=5, ksize_y=5),
+    electronics=fastmodel.WTS_0614_34,
+)
+
+
+def test_simulated_frames_arrive_unchanged_over_a_port(plug_in):
+    simulated = list(islice(simulate_frames(PARAMETERS, Sphere(radius=8e-3), load=6.0), 20, 60))
+    assert max(frame.counts.max() for frame in simulated) > 500
+    with Sensor(plug_in(show_frames(simulated)).name) as sensor:
+        received = list(islice(stream_frames(sensor), 35))
+    assert {type(frame) for frame in received} == {type(frame) for frame in simulated} == {fastmodel.Frame}
+    for mine, theirs in zip(received, simulated[1:], strict=False):
+        assert np.array_equal(mine.counts, theirs.counts)
+    assert received[20].image.shape == (14, 6)
+    assert received[20].image.max() == round(255 * received[20].counts.max() / 4095)
+
+
+def test_recorded_frames_are_replayed_with_their_times():
+    counts = np.array([[1, 2], [3, 4095]], dtype=np.int32)
+    recording = Recording(
+        path=Path("a.csv"),
+        sha256="",
+        started=datetime(2026, 1, 1, tzinfo=UTC),
+        times=np.array([0.0, 1.0]),
+        arrays=(make_array(1, 2, counts),),
+    )
+    first, second = replay_frames(recording)
+    assert (first.time, second.time) == (0, 1)
+    assert (first.counts.tolist(), second.counts.tolist()) == ([1, 2], [3, 4095])
+    assert second.image.tolist() == [[0, 255]]
+    assert type(second) is fastmodel.Frame

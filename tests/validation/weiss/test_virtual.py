@@ -1,0 +1,110 @@
+"""The virtual sensor without a port: its clock, its answers and the values that it shows."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from validation.weiss.commands import Command, decode_answer, decode_temperature, encode_request
+from validation.weiss.faults import FAULTS
+from validation.weiss.frames import decode_frame
+from validation.weiss.messages import encode_message
+from validation.weiss.parser import Parser
+from validation.weiss.sensor import Reading
+from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording
+
+START = encode_request(Command.START_PERIODIC_FRAMES, 0, 0)
+
+
+def _parse(*pieces):
+    parser = Parser(texels=84)
+    return [message for piece in pieces for message in parser.feed(piece)]
+
+
+@pytest.mark.parametrize(("rate", "frames"), [(271.0, 272), (1.0, 2), (1000.0, 1001)])
+def test_frames_come_at_their_rate(rate, frames):
+    """From 0 s to 1 s, both included."""
+    sensor = VirtualSensor(show_pattern("blob"), rate=rate)
+    sensor.receive(START, 0.0)
+    messages = _parse(*sensor.take_due_frames(1.0 + 1e-9))
+    assert len(messages) == sensor.frames_sent == frames
+    ticks = [decode_frame(message.payload).ticks for message in messages]
+    assert np.allclose(ticks, np.arange(frames) * 1000 / rate, rtol=0, atol=1.001)
+
+
+def test_an_interval_slows_the_frames_down():
+    sensor = VirtualSensor(show_pattern("blob"))
+    sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 0, 100), 0.0)
+    assert len(sensor.take_due_frames(0.95)) == 10
+
+
+def test_no_frames_come_in_a_pause():
+    sensor = VirtualSensor(show_pattern("ramp"), misbehaviour=Misbehaviour(pauses=((0.2, 0.7),)))
+    sensor.receive(START, 0.0)
+    ticks = [decode_frame(message.payload).ticks for message in _parse(*sensor.take_due_frames(1.0))]
+    assert max(np.diff(ticks)) == pytest.approx(500, abs=5)
+    assert not any(205 <= tick < 695 for tick in ticks)
+
+
+def test_the_pad_warms_up():
+    def read_temperature(now):
+        sensor = VirtualSensor(show_pattern("zero"))
+        (message,) = _parse(sensor.receive(encode_request(Command.TEMPERATURE), now))
+        return decode_temperature(decode_answer(message)[1])
+
+    assert [read_temperature(now) for now in (0, 1200 * np.log(2), 1e6)] == [25, 30, 35]
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_answered_or_ignored(data):
+    sensor = VirtualSensor(show_pattern("ramp"))
+    assert all(message.payload for message in _parse(sensor.receive(data, 0.0)))
+
+
+@given(st.integers(0, 255).filter(lambda identifier: identifier != 0xAA), st.binary(max_size=20))
+def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
+    sensor = VirtualSensor(show_pattern("ramp"))
+    request = encode_message(identifier, payload)
+    requests, answers = _parse(request), _parse(sensor.receive(request, 0.0))
+    assert [answer.identifier for answer in answers] == [found.identifier for found in requests]
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_any_fault_can_follow_a_lost_message(name):
+    """A message that is lost already cannot be damaged any further."""
+    sensor = VirtualSensor(show_pattern("ramp"), misbehaviour=Misbehaviour(rates={"lose": 1.0, name: 1.0}))
+    sensor.receive(START, 0.0)
+    assert b"".join(sensor.take_due_frames(0.1)) == b""
+
+
+def test_a_recording_is_shown_at_its_times_and_again():
+    counts = np.arange(3 * 84).reshape(3, 84)
+    show = show_recording([10.0, 10.5, 11.0], counts)
+    assert [int(np.asarray(show(time))[0]) for time in (0, 0.4, 0.5, 1.2, 1.6)] == [0, 0, 84, 168, 0]
+    assert int(np.asarray(show_recording([0, 1], counts[:2], loop=False)(9))[0]) == 84
+
+
+def test_frames_are_shown_one_by_one_and_the_last_one_stays():
+    counts = np.arange(3 * 84).reshape(3, 84)
+    show = show_frames(Reading(counts=row, ticks=0, host_time=0, run_length=False) for row in counts)
+    assert [int(show(0.0)[0]) for _ in range(4)] == [84, 168, 168, 168]
+
+
+def test_the_pattern_corner_is_the_first_texel():
+    assert np.flatnonzero(show_pattern("corner")(0.3)).tolist() == [0]
+    assert not np.any(show_pattern("zero")(0.3))
+
+
+def test_bad_input_is_refused_with_what_is_known():
+    with pytest.raises(ValueError, match="known patterns: blob"):
+        show_pattern("nothing")
+    with pytest.raises(ValueError, match="known faults: flip-bit"):
+        Misbehaviour(rates={"sabotage": 1})
+    with pytest.raises(ValueError, match=r"0\.\.1"):
+        Misbehaviour(rates={"lose": 2})
+    with pytest.raises(ValueError, match="at least one"):
+        show_recording([], [])
+    with pytest.raises(ValueError, match="at least one"):
+        show_frames([])
+    with pytest.raises(ValueError, match="rate"):
+        VirtualSensor(show_pattern("zero"), rate=0)
