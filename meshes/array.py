@@ -1,4 +1,4 @@
-"""Texel arrays: where the pressure-sensitive elements are and how large they are."""
+"""Texel arrays: positions and sizes of pressure-sensitive elements."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Share of a pitch by which texels of an even grid may stand off it [-].
-_EVEN = 1e-6
+#: Largest distance of a texel from its place on a regular grid, over the pitch: rounding of coordinates in a file [-].
+_REGULAR = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TexelArray:
-    """A tactile array of `n` texels, in the array's own frame.
+    """A tactile array of n texels.
 
-    Texels are row-major, x fastest.  A texel whose `active` entry is false exists as a place but measures
-    nothing: force on it counts as force outside the array.
+    In the array's frame x goes along columns, y along rows and z out of the cover.  Texels are in row-major order, x
+    fastest.  A masked texel, whose `active` entry is false, measures nothing: force on it counts as force outside the
+    array.
 
     Attributes:
         centres: Texel centres, shape (n, 3) [m].
         normals: Unit outward normals, shape (n, 3) [-].
-        texel_size: Edge lengths of a texel's sensitive rectangle along x and y [m].
+        texel_size: Edge lengths, along x and y, of the rectangle in which a texel measures [m].
         pitch: Distance between neighbouring centres along x and y [m].
         rows: Number of image rows [-].
         columns: Number of image columns [-].
-        active: Which texels measure, shape (n,).
-        name: What to call the array in reports.
+        active: Whether each texel measures, shape (n,).
+        name: Name in reports.
     """
 
     centres: FloatArray
@@ -42,10 +43,11 @@ class TexelArray:
     name: str = "array"
 
     def __post_init__(self) -> None:
-        """Check shapes and freeze the arrays.
+        """Check the shapes and make the arrays read-only.
 
         Raises:
-            ValueError: If shapes disagree, a size is not positive, or a normal is not a unit vector.
+            ValueError: If shapes disagree, a size is not positive, a normal is not a unit vector, or all texels are
+                masked.
         """
         n = len(self.centres)
         if self.rows < 1 or self.columns < 1 or self.rows * self.columns != n:
@@ -72,22 +74,22 @@ class TexelArray:
         active: npt.ArrayLike | None = None,
         name: str = "array",
     ) -> TexelArray:
-        """Make a flat, centred grid of texels.
+        """Make a planar array of texels on a regular grid, centred on the origin.
 
         Args:
             rows: Number of rows along y [-].
             columns: Number of columns along x [-].
-            pitch: Distance between centres, one number or (x, y) [m].
-            texel_size: Sensitive rectangle of a texel; the pitch when not given [m].
-            active: Which texels measure, shape (rows, columns) or (rows * columns,); all when not given.
-            name: What to call the array.
+            pitch: Distance between neighbouring centres, one number or (x, y) [m].
+            texel_size: Edge lengths of a texel, one number or (x, y); the pitch if None [m].
+            active: Whether each texel measures, shape (rows, columns) or (rows * columns,); all do if None.
+            name: Name in reports.
 
         Raises:
-            ValueError: If a number is not positive or `active` has the wrong shape.
+            ValueError: If a number is not positive, or `active` has the wrong shape or masks all texels.
         """
         if rows < 1 or columns < 1:
             raise ValueError(f"rows and columns must be at least 1, not {rows} and {columns}")
-        step = _pair(pitch)
+        step = _as_pair(pitch)
         x = (np.arange(columns) - (columns - 1) / 2) * step[0]
         y = (np.arange(rows) - (rows - 1) / 2) * step[1]
         centres = np.zeros((rows * columns, 3))
@@ -97,7 +99,7 @@ class TexelArray:
         return cls(
             centres=centres,
             normals=np.tile([0.0, 0.0, 1.0], (rows * columns, 1)),
-            texel_size=step if texel_size is None else _pair(texel_size),
+            texel_size=step if texel_size is None else _as_pair(texel_size),
             pitch=step,
             rows=rows,
             columns=columns,
@@ -107,40 +109,47 @@ class TexelArray:
 
     @property
     def count(self) -> int:
-        """Number of texels, masked ones included [-]."""
+        """Number of texels n, masked ones included [-]."""
         return len(self.centres)
 
     @property
     def planar(self) -> bool:
-        """Whether all texels lie in the plane z = 0 and look along +z."""
+        """Whether all texels lie in the plane z = 0 and their normals point along +z."""
         return bool(np.allclose(self.centres[:, 2], 0) and np.allclose(self.normals, [0, 0, 1]))
 
     @property
-    def even(self) -> bool:
-        """Whether it is flat and its texels lie on a grid of the pitch."""
+    def regular(self) -> bool:
+        """Whether the array is planar and its texels lie on a grid of the given pitch."""
         if not self.planar:
             return False
         grid = TexelArray.grid(self.rows, self.columns, self.pitch)
-        return bool(np.ptp(self.centres - grid.centres, axis=0).max() <= _EVEN * min(self.pitch))
+        return bool(np.ptp(self.centres - grid.centres, axis=0).max() <= _REGULAR * min(self.pitch))
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Edge lengths of the rectangle that holds every texel, along x and y [m]."""
-        spread = np.ptp(self.centres[:, :2], axis=0)
-        return (float(spread[0] + self.texel_size[0]), float(spread[1] + self.texel_size[1]))
+        """Edge lengths of the rectangle that contains all texels, along x and y [m]."""
+        distance = np.ptp(self.centres[:, :2], axis=0)
+        return (float(distance[0] + self.texel_size[0]), float(distance[1] + self.texel_size[1]))
 
     @property
     def middle(self) -> int:
-        """Index of texel `[rows // 2, columns // 2]` [-]."""
+        """Index of the texel in the middle of the image, `[rows // 2, columns // 2]` [-]."""
         return (self.rows // 2) * self.columns + self.columns // 2
 
     def image(self, values: npt.ArrayLike) -> npt.NDArray[np.generic]:
-        """Arrange one value per texel as an image, shape (..., n) to (..., rows, columns)."""
+        """Arrange values as images.
+
+        Args:
+            values: One value per texel, shape (..., n).
+
+        Returns:
+            The values, shape (..., rows, columns).
+        """
         flat = np.asarray(values)
         return flat.reshape(*flat.shape[:-1], self.rows, self.columns)
 
 
-def _pair(value: float | tuple[float, float]) -> tuple[float, float]:
+def _as_pair(value: float | tuple[float, float]) -> tuple[float, float]:
     if isinstance(value, tuple):
         return (float(value[0]), float(value[1]))
     return (float(value), float(value))

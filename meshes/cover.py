@@ -14,7 +14,7 @@ class Layer:
 
     Attributes:
         thickness: Thickness [m].
-        material: What it is made of.
+        material: Material of the layer.
     """
 
     thickness: float
@@ -32,13 +32,13 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True)
 class Cover:
-    """Layers from bottom to top, fully bonded to one another; the bottom one rests on the rigid base.
+    """Elastic layers that are bonded to one another, on a rigid base.
 
     Attributes:
-        layers: The layers, bottom first.
-        base: Whether the bottom layer is bonded to the base or slides on it without friction.
-        size: Edge lengths along x and y when the side edges are free [m]; None for a laterally wide cover.
-        assumed: True where nobody measured this cover; every report says so.
+        layers: The layers, from bottom to top.
+        base: Whether the bottom layer is bonded to the base, or slides on it without friction.
+        size: Edge lengths along x and y of a cover with free side edges; None for a laterally wide cover [m].
+        assumed: True if nobody measured the cover, so that reports say so.
     """
 
     layers: tuple[Layer, ...]
@@ -47,10 +47,10 @@ class Cover:
     assumed: bool = False
 
     def __post_init__(self) -> None:
-        """Check that there is a layer.
+        """Check the layers and the size.
 
         Raises:
-            ValueError: If there is none or a size is not positive.
+            ValueError: If there is no layer, or an edge length is not positive.
         """
         if not self.layers:
             raise ValueError("a cover needs at least one layer")
@@ -59,10 +59,10 @@ class Cover:
 
     @property
     def thickness(self) -> float:
-        """Total thickness [m]."""
+        """Total thickness of the layers [m]."""
         return sum(layer.thickness for layer in self.layers)
 
     @property
     def small_strain_only(self) -> bool:
-        """Whether no layer has a stored energy, so that only small strain makes sense."""
+        """Whether the materials of all layers are valid at small strain only."""
         return all(layer.material.small_strain_only for layer in self.layers)

@@ -1,8 +1,8 @@
-"""From the hardness of a rubber to its Young's modulus: two published relations, and how far they can be trusted.
+"""Young's modulus of a rubber, estimated from its hardness by two published relations.
 
-The relations differ by half near 70 Shore A.  Their geometric mean is taken, because a band of +-50 % about it holds
-both over the whole range, and the measured moduli of natural rubber with them.  Soft castable silicones are 1.5 to 2.5
-times softer than either says: take a named material for those.
+The relations differ by half of the modulus near 70 Shore A.  The estimate is their geometric mean: a band of +-50 %
+about it contains both relations over the whole range, and the measured moduli of natural rubber.  Soft castable
+silicones are 1.5 to 2.5 times softer than either relation says; use a named material for those.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Shore A hardness over which both relations were fitted [-].
+#: Least and greatest hardness for which both relations were fitted [Shore A].
 RANGE = (20.0, 80.0)
-#: Relative half-width of the modulus, coverage factor 2 [-].
+#: Half-width of the band of the modulus, over the modulus; coverage factor 2 [-].
 SPREAD = 0.5
 
 SOURCE = (
@@ -25,14 +25,14 @@ SOURCE = (
 
 @dataclass(frozen=True, kw_only=True)
 class HardnessModulus:
-    """Young's modulus of a rubber of some hardness.
+    """Young's modulus of a rubber, estimated from its hardness.
 
     Attributes:
         shore_a: Hardness [Shore A].
         youngs_modulus: Geometric mean of the relations [Pa].
-        spread: Relative half-width, coverage factor 2 [-].
-        by_relation: What each relation says [Pa].
-        source: Where the number comes from.
+        spread: Half-width of the band, over the modulus; coverage factor 2 [-].
+        by_relation: Modulus by each relation [Pa].
+        source: Origin of the relations, for reports.
     """
 
     shore_a: float
@@ -53,7 +53,7 @@ class HardnessModulus:
 
 
 def modulus_from_hardness(shore_a: float) -> HardnessModulus:
-    """Young's modulus of a rubber from its Shore A hardness, with its band.
+    """Estimate Young's modulus of a rubber, with a band, from its Shore A hardness.
 
     Args:
         shore_a: Hardness, within `RANGE` [Shore A].
@@ -63,13 +63,13 @@ def modulus_from_hardness(shore_a: float) -> HardnessModulus:
     """
     if not RANGE[0] <= shore_a <= RANGE[1]:
         raise ValueError(f"the relations hold for {RANGE[0]:g}..{RANGE[1]:g} Shore A, not for {shore_a:g}")
-    each = {"gent-1958": gent(shore_a), "logarithmic": logarithmic(shore_a)}
-    mean = math.exp(sum(math.log(value) for value in each.values()) / len(each))
-    return HardnessModulus(shore_a=shore_a, youngs_modulus=mean, spread=SPREAD, by_relation=MappingProxyType(each))
+    moduli = {"gent-1958": modulus_by_gent(shore_a), "logarithmic": modulus_by_qi(shore_a)}
+    mean = math.exp(sum(math.log(modulus) for modulus in moduli.values()) / len(moduli))
+    return HardnessModulus(shore_a=shore_a, youngs_modulus=mean, spread=SPREAD, by_relation=MappingProxyType(moduli))
 
 
-def gent(shore_a: float) -> float:
-    """E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa (Gent 1958) [Pa].
+def modulus_by_gent(shore_a: float) -> float:
+    """Young's modulus by Gent (1958): E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa [Pa].
 
     Args:
         shore_a: S [Shore A].
@@ -77,8 +77,8 @@ def gent(shore_a: float) -> float:
     return 1e6 * 0.0981 * (56 + 7.62336 * shore_a) / (0.137505 * (254 - 2.54 * shore_a))
 
 
-def logarithmic(shore_a: float) -> float:
-    """log10 E = 0.0235 S - 0.6403, E in MPa (Qi, Joyce and Boyce 2003) [Pa].
+def modulus_by_qi(shore_a: float) -> float:
+    """Young's modulus by Qi, Joyce and Boyce (2003): log10 E = 0.0235 S - 0.6403 with E in MPa [Pa].
 
     Args:
         shore_a: S [Shore A].

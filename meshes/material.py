@@ -1,4 +1,7 @@
-"""Materials as names with numbers; the energies themselves live in `fem_reference`."""
+"""Elastic materials: the name of a model, and the model's parameters.
+
+The stored energies of the models are in `fem_reference`.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Parameters of each model: name -> unit ("Pa" or "-").
+#: Parameters of each model, with their units ("Pa" or "-").
 MODELS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "linear-elastic": {"youngs_modulus": "Pa"},
@@ -18,10 +21,11 @@ MODELS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     }
 )
 
-#: Models of any number of terms: each of their parameters is a number, or one per term.
-SERIES = frozenset({"ogden"})
+#: Models that are a sum of any number of terms; each of their parameters has one number per term.
+SERIES_MODELS = frozenset({"ogden"})
 
-Number = float | tuple[float, ...]
+#: Value of a parameter: one number, or one per term.
+Value = float | tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,19 +33,20 @@ class Material:
     """An isotropic elastic material.
 
     Attributes:
-        name: What to call it in reports.
+        name: Name in reports.
         model: One of `MODELS`.
-        parameters: The model's numbers in SI, as `MODELS` lists them; of a model in `SERIES` one number per term.
-            Ogden: energy sum of 2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3).
-        poisson_ratio: Small-strain Poisson ratio, 0..0.5 [-].
-        source: Where the numbers come from.
-        spread: Relative half-width of the modulus between sources, 0.5 for +-50 % [-].
-        poisson_spread: Half-width of the Poisson ratio between sources [-].
+        parameters: Parameters of the model, in the units of `MODELS`; for a model of `SERIES_MODELS`, one number or a
+            sequence of one per term.  The Ogden energy is the sum over the terms of
+            2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), with the principal stretches l1, l2, l3.
+        poisson_ratio: Poisson ratio at small strain, 0..0.5 [-].
+        source: Origin of the numbers, for reports.
+        spread: Half-width of the range of Young's modulus among sources, over the modulus: 0.5 for +-50 % [-].
+        poisson_spread: Half-width of the range of the Poisson ratio among sources [-].
     """
 
     name: str
     model: str
-    parameters: Mapping[str, Number]
+    parameters: Mapping[str, Value]
     poisson_ratio: float
     source: str = "given by the user"
     spread: float = 0.0
@@ -51,17 +56,19 @@ class Material:
         """Check the numbers.
 
         Raises:
-            ValueError: If the model is unknown, a parameter is missing or the material would be unstable.
+            ValueError: If the model is unknown, a parameter is missing, unknown or not a finite number, the parameters
+                have different numbers of terms, the Poisson ratio is out of range, or the shear modulus is not
+                positive.
         """
         if self.model not in MODELS:
             raise ValueError(f"unknown material model {self.model!r}; known models: {', '.join(MODELS)}")
         wanted = set(MODELS[self.model])
         if wanted != set(self.parameters):
             raise ValueError(f"{self.model} takes {sorted(wanted)}, not {sorted(self.parameters)}")
-        series = self.model in SERIES
-        numbers = {name: _number(f"{self.model} {name}", value, series) for name, value in self.parameters.items()}
-        object.__setattr__(self, "parameters", _Parameters(numbers))
-        if series:
+        has_terms = self.model in SERIES_MODELS
+        values = {name: _read_value(f"{self.model} {name}", v, has_terms) for name, v in self.parameters.items()}
+        object.__setattr__(self, "parameters", _Parameters(values))
+        if has_terms:
             self._check_terms()
         if not 0 <= self.poisson_ratio <= 0.5:  # noqa: PLR2004 -- the incompressible limit
             raise ValueError(f"poisson_ratio must lie in 0..0.5, not {self.poisson_ratio}")
@@ -69,10 +76,10 @@ class Material:
             raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
 
     def number(self, parameter: str) -> float:
-        """A parameter that is one number.
+        """Value of a parameter that is one number.
 
         Raises:
-            TypeError: If it has several terms.
+            TypeError: If it has terms.
         """
         value = self.parameters[parameter]
         if isinstance(value, tuple):
@@ -80,13 +87,13 @@ class Material:
         return value
 
     def terms(self, parameter: str) -> tuple[float, ...]:
-        """A parameter's numbers, one per term."""
+        """Numbers of a parameter, one per term; a single one for models without terms."""
         value = self.parameters[parameter]
         return value if isinstance(value, tuple) else (value,)
 
     @property
     def shear_modulus(self) -> float:
-        """Small-strain shear modulus [Pa]."""
+        """Shear modulus mu at small strain [Pa]."""
         match self.model:
             case "linear-elastic":
                 return self.number("youngs_modulus") / (2 * (1 + self.poisson_ratio))
@@ -101,21 +108,26 @@ class Material:
 
     @property
     def youngs_modulus(self) -> float:
-        """Small-strain Young's modulus, 2 mu (1 + nu) [Pa]."""
+        """Young's modulus at small strain, E = 2 mu (1 + nu) [Pa]."""
         return 2 * self.shear_modulus * (1 + self.poisson_ratio)
 
     @property
     def bulk_modulus(self) -> float:
-        """Small-strain bulk modulus, E / 3 (1 - 2 nu); infinite when incompressible [Pa]."""
-        room = 3 * (1 - 2 * self.poisson_ratio)
-        return self.youngs_modulus / room if room else math.inf
+        """Bulk modulus at small strain, E / (3 (1 - 2 nu)); infinite for an incompressible material [Pa]."""
+        divisor = 3 * (1 - 2 * self.poisson_ratio)
+        return self.youngs_modulus / divisor if divisor else math.inf
 
     @property
     def small_strain_only(self) -> bool:
-        """Whether the model is meant for small strain (`linear-elastic`)."""
+        """Whether the model is valid at small strain only (`linear-elastic`)."""
         return self.model == "linear-elastic"
 
     def _check_terms(self) -> None:
+        """Check that all parameters have the same number of terms, and that no exponent is zero.
+
+        Raises:
+            ValueError: If they do not, or one is.
+        """
         counts = {name: len(self.terms(name)) for name in self.parameters}
         if len(set(counts.values())) > 1 or not all(counts.values()):
             listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
@@ -124,40 +136,49 @@ class Material:
             raise ValueError(f"{self.model} takes no alpha of 0")
 
 
-class _Parameters(Mapping[str, Number]):
-    """Parameters that nobody can change; unlike a mapping proxy they can be hashed, copied and sent to a process."""
+class _Parameters(Mapping[str, Value]):
+    """Read-only parameters; unlike a mapping proxy they can be hashed, copied and sent to another process."""
 
-    def __init__(self, numbers: Mapping[str, Number]) -> None:
-        self._numbers = dict(numbers)
+    def __init__(self, values: Mapping[str, Value]) -> None:
+        self._values = dict(values)
 
-    def __getitem__(self, name: str) -> Number:
-        return self._numbers[name]
+    def __getitem__(self, name: str) -> Value:
+        return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._numbers)
+        return iter(self._values)
 
     def __len__(self) -> int:
-        return len(self._numbers)
+        return len(self._values)
 
     def __hash__(self) -> int:
-        return hash(frozenset(self._numbers.items()))
+        return hash(frozenset(self._values.items()))
 
     def __repr__(self) -> str:
-        return repr(self._numbers)
+        return repr(self._values)
 
 
-def _number(place: str, value: object, series: bool) -> Number:
-    """A finite number, or a tuple of them where the model has terms."""
-    if series:
-        return tuple(_finite(place, part) for part in (value if isinstance(value, list | tuple) else [value]))
-    return _finite(place, value)
+def _read_value(label: str, value: object, has_terms: bool) -> Value:
+    """A finite number, or a tuple of them for a model of terms.
+
+    Raises:
+        ValueError: If a number is not finite or no number.
+    """
+    if has_terms:
+        return tuple(_read_number(label, term) for term in (value if isinstance(value, list | tuple) else [value]))
+    return _read_number(label, value)
 
 
-def _finite(place: str, value: object) -> float:
+def _read_number(label: str, value: object) -> float:
+    """A finite number.
+
+    Raises:
+        ValueError: If the value is none.
+    """
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{place} must be a number, not {value!r}")
+        raise ValueError(f"{label} must be a number, not {value!r}")
     return number

@@ -153,7 +153,7 @@ class _Ground:
 
     @classmethod
     def under(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Ground:
-        if array.even:
+        if array.regular:
             return cls(plate=plate, grid=CellGrid.over(array, per_texel, plate.margin))
         layout = lay_out(array, panels(array, plate.margin), per_texel, apart)
         return cls(plate=plate, grid=layout.grid, layout=layout)

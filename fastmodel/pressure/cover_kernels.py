@@ -99,7 +99,7 @@ class CoverCells:
                 f"the cover's cells measure {self.cell} m but array {array.name!r} has a pitch of {array.pitch} m: "
                 f"{self.per_texel} cells a pitch take {tuple(edges)} m"
             )
-        if self.table is not None and not array.even:
+        if self.table is not None and not array.regular:
             raise ShapeError(
                 f"array {array.name!r} is not a flat, even grid, and the table of a cover with free side edges is for "
                 f"one; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"

@@ -152,7 +152,7 @@ def running_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_a
     """
     if array.count <= DENSE_MOST:
         return spread.operator(array)
-    if isinstance(spread, Gaussian) and array.even:
+    if isinstance(spread, Gaussian) and array.regular:
         return _banded(spread, array)
     return sp.csr_array(spread.operator(array))
 

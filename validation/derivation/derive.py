@@ -189,7 +189,7 @@ def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCel
 
     if (spread := radial_profile(influence)) is not None:
         return cover_cells(sensor.cover, sensor.array, spread)
-    return cells_with_sides(sensor.cover, sensor.array, influence) if sensor.array.even else None
+    return cells_with_sides(sensor.cover, sensor.array, influence) if sensor.array.regular else None
 
 
 def _tabulate_spread(influence: Influence, array: TexelArray) -> Tabulated:

@@ -69,7 +69,7 @@ def uncut_sigma(influence: Influence, grid: TexelArray) -> float:
 
 def fitting_grid(array: TexelArray) -> TexelArray:
     """The array itself if its texels form a regular grid, else a grid of its pitch and texel size."""
-    if array.even:
+    if array.regular:
         return array
     return TexelArray.grid(_GRID_SIZE, _GRID_SIZE, array.pitch, texel_size=array.texel_size)
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict,
 from pydantic.dataclasses import dataclass
 
 from meshes.catalogue import MATERIALS
-from meshes.material import MODELS, SERIES, Material
+from meshes.material import MODELS, SERIES_MODELS, Material
 from validation.errors import nearest
 from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.quantity import Kind, read_quantity
@@ -189,7 +189,7 @@ class MaterialTable:
         wanted = MODELS[self.model]
         if set(given) != set(wanted):
             listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
-            terms = " (one number, or a list with one for each term)" if self.model in SERIES else ""
+            terms = " (one number, or a list with one for each term)" if self.model in SERIES_MODELS else ""
             names = ", ".join(sorted(given)) or "nothing"
             raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
         return Material(
