@@ -302,16 +302,14 @@ def main() -> None:
     """Run the example."""
     from shadow_hand_picture import draw
 
-    from validation.derivation.derive import derive
     from validation.output_folder import new_folder
-    from validation.sensor_file.sensor import load
 
     parser = argparse.ArgumentParser(description="A Shadow hand with nine tactile arrays grasps and turns over.")
     parser.add_argument("--out", type=Path, default=Path("shadow-hand"), help="folder for the recording and picture")
     parser.add_argument("--method", default="default", choices=["default", *fastmodel.METHODS], help="contact method")
     options = parser.parse_args()
 
-    parameters = derive(load("wts-0614-34")).parameters
+    parameters = fastmodel.load("wts-0614-34")
     # Run a tenth of a second first: numba compiles the contact solver then, which would spoil the measured time.
     for _ in Hand(parameters, method=options.method).run(0.1):
         pass

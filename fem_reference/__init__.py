@@ -5,14 +5,32 @@ load anywhere on the cover puts on every texel, `press` pushes a rigid indenter 
 and `closed_form` holds exact solutions that verify both.  Every result carries an estimate of its own error.
 """
 
-from importlib.metadata import version
+from __future__ import annotations
 
-from fem_reference.errors import ConvergenceError
-from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
-from fem_reference.indentation.press import Indentation, press, press_path
-from fem_reference.linear_response.point_spread import PointSpread, point_spread
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fem_reference.errors import ConvergenceError
+    from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
+    from fem_reference.indentation.press import Indentation, press, press_path
+    from fem_reference.linear_response.point_spread import PointSpread, point_spread
 
 __version__ = version("softcover")
+
+#: The module that defines each public name.  It is imported when the name is used, so that `fem_reference.result_store`
+#: can be used where scikit-fem is not installed.
+_MODULES = {
+    "ConvergenceError": "fem_reference.errors",
+    "Squeezed": "fem_reference.finite_strain.bonded_disk",
+    "compress_disk": "fem_reference.finite_strain.bonded_disk",
+    "Indentation": "fem_reference.indentation.press",
+    "press": "fem_reference.indentation.press",
+    "press_path": "fem_reference.indentation.press",
+    "PointSpread": "fem_reference.linear_response.point_spread",
+    "point_spread": "fem_reference.linear_response.point_spread",
+}
 
 __all__ = [
     "ConvergenceError",
@@ -24,3 +42,10 @@ __all__ = [
     "press",
     "press_path",
 ]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 -- any public name
+    """Import a public name when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_MODULES[name]), name)

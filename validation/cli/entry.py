@@ -50,6 +50,7 @@ app = App(
     help_format="markdown",
     version=_read_version,
     default_parameter=Parameter(negative=()),
+    suppress_keyboard_interrupt=False,
 )
 for _name, _target in _COMMANDS.items():
     app.command(f"validation.cli.commands.{_target}", name=_name)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from cyclopts import CycloptsError
 
+from fem_reference.errors import ConvergenceError
 from validation.errors import MissingExtraError
 
 #: Exit statuses; `docs/json.md` lists them.
@@ -58,8 +59,7 @@ def explain(error: Exception) -> Explanation | None:
 
 
 def _find_status(error: Exception) -> int | None:
-    # Compared by name: importing the class would import the finite elements.
-    if type(error).__name__.endswith("ConvergenceError"):
+    if isinstance(error, ConvergenceError):
         return NOT_CONVERGED
     if isinstance(error, OSError):
         return OUTSIDE_FAILED

@@ -20,7 +20,7 @@ from validation.cli.output import print_json, print_table, show
 #: Parts of the installation (the base, then the extras) and what each is for.
 _PARTS: Mapping[str, str] = MappingProxyType(
     {
-        "": "fast model, export, terminal view",
+        "": "fast model, press --model fast, export, terminal view, store",
         "fem": "derive, press",
         "report": "demo, validate",
         "device": "the real sensor and its files",

@@ -1,0 +1,105 @@
+"""The wheel without extras supports the fast model: README's example, export, terminal view, press and store."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+TOUCH = ("--indenter", "sphere:radius=5mm", "--load", "500g")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Folder with the programs of a new environment that holds the wheel and the base dependencies only."""
+    folder = tmp_path_factory.mktemp("base")
+    build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder / "wheel", ROOT]
+    subprocess.run(build, check=True)  # noqa: S603 -- ours
+    (wheel,) = (folder / "wheel").glob("*.whl")
+    venv.create(folder / "venv", with_pip=True)
+    programs = folder / "venv" / "bin"
+    subprocess.run([programs / "python", "-m", "pip", "install", "--quiet", wheel], check=True)  # noqa: S603 -- ours
+    return programs
+
+
+@pytest.fixture
+def run(installed, tmp_path):
+    """Run a program of that environment in an empty folder, away from the source tree."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    environment["SOFTCOVER_STORE"] = str(tmp_path / "store")
+
+    def call(program, *words, status=0):
+        command = [installed / program, *words]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)  # noqa: S603 -- ours
+        assert done.returncode == status, done.stderr
+        return done
+
+    return call
+
+
+def test_the_environment_holds_no_extra(run):
+    code = "import importlib.util as u; print([n for n in ('skfem', 'matplotlib', 'mcap', 'pytest') if u.find_spec(n)])"
+    assert run("python", "-c", code).stdout.strip() == "[]"
+    assert str(ROOT) not in run("python", "-c", "import validation; print(validation.__file__)").stdout
+
+
+def test_the_example_of_the_readme_runs_without_a_warning(run):
+    (example,) = re.findall(r"^```python\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
+    done = run("python", "-W", "error", "-c", example)
+    assert done.stderr == ""
+    assert max(int(word) for word in re.findall(r"\d+", done.stdout)) > 100
+
+
+@pytest.mark.parametrize("form", ["mjcf", "gazebo"])
+def test_export(run, tmp_path, form):
+    result = json.loads(run("softcover", "export", "wts-0614-34", "--format", form, "--out", "out", "--json").stdout)
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= set(result["files"])
+
+
+def test_view_in_a_terminal(run):
+    done = run("softcover", "view", "wts-0614-34", *TOUCH, "--display", "terminal", "--seconds", "1.2")
+    assert "4.90 N at" in done.stdout
+
+
+def test_press_by_the_fast_model(run):
+    done = run("softcover", "press", "sdh2-distal", *TOUCH, "--model", "fast", "--json")
+    assert json.loads(done.stdout)["models"]["fast"]["total_force"] == pytest.approx(0.5 * 9.80665, rel=1e-3)
+
+
+def test_list_of_the_store(run, tmp_path):
+    assert run("softcover", "store", "list").stdout.strip() == f"0 entries, 0 B in {tmp_path / 'store'}"
+
+
+def test_materials_init_and_doctor(run, tmp_path):
+    assert "dragon-skin-30" in run("softcover", "materials").stdout
+    run("softcover", "init")
+    assert (tmp_path / "sensor.toml").is_file()
+    assert "softcover[fem]" in run("softcover", "doctor").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "extra"),
+    [
+        (["press", "wts-0614-34", *TOUCH], "fem"),
+        (["derive", "wts-0614-34"], "fem"),
+        (["press", "wts-0614-34", *TOUCH, "--model", "fast", "--thickness", "1mm"], "fem"),
+        (["demo"], "fem"),
+        (["record", "/dev/null"], "device"),
+        (["replay", "touch.mcap"], "device"),
+    ],
+)
+def test_a_missing_extra_is_one_line_with_the_command_that_installs_it(run, tmp_path, words, extra):
+    (tmp_path / "touch.mcap").write_bytes(b"\x89MCAP0\r\n")
+    lines = run("softcover", *words, status=3).stderr.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("softcover: ")
+    assert lines[0].endswith(f" is not installed; run: python -m pip install 'softcover[{extra}]'")

@@ -1,0 +1,56 @@
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+import fastmodel
+import fem_reference
+import fem_reference.linear_response.point_spread
+
+
+@pytest.fixture
+def sensor(tmp_path, softcover):
+    assert softcover("init")[0] == 0
+    return tmp_path / "sensor.toml"
+
+
+def test_derive_prints_one_json_object_and_writes_its_files(softcover, sensor):
+    status, out, _ = softcover("derive", sensor, "--json", "--out", "derived")
+    result = json.loads(out)
+    assert status == 0
+    assert 0.3 < result["psf"]["sigma_x"] < 0.8
+    assert json.loads(Path("derived/derive.json").read_text()) == result
+    assert fastmodel.load("derived").spread.sigma_x == result["psf"]["sigma_x"]
+    assert Path("derived/psf.svg").stat().st_size > 1000
+
+
+def test_derive_with_another_cover(softcover):
+    _, out, _ = softcover("derive", "wts-0614-34", "--material", "dragon-skin-30", "--thickness", "3mm", "--json")
+    cover = json.loads(out)["cover"]
+    assert cover["assumed"] is False
+    assert (cover["layers"][0]["material"], cover["thickness_m"]) == ("dragon-skin-30", 3e-3)
+
+
+def test_derive_labels_the_assumed_cover(softcover):
+    assert "ASSUMED" in softcover("derive", "wts-0614-34")[1]
+
+
+def test_bad_sensor_file_lists_all_faults_and_writes_nothing(softcover, sensor, tmp_path):
+    text = sensor.read_text().replace('"2 mm"', '"-2 mm"').replace("0.49", "0.51").replace("rows = 14", "rowz = 14")
+    sensor.write_text(text)
+    status, out, err = softcover("derive", sensor, "--json", "--out", "derived")
+    assert status == 2
+    assert out == ""
+    for place in ("array.rows", "array.rowz", "cover.layer[0].thickness", "cover.layer[0].material.poisson_ratio"):
+        assert sum(f" {place}: " in line for line in err.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["sensor.toml"]
+
+
+def test_solver_that_does_not_converge_is_status_4(softcover, monkeypatch):
+    def diverge(*_, **__):
+        raise fem_reference.ConvergenceError("contact did not settle after 50 steps")
+
+    monkeypatch.setattr(sys.modules["fem_reference.linear_response.point_spread"], "point_spread", diverge)
+    status, _, err = softcover("derive", "wts-0614-34")
+    assert (status, err) == (4, "softcover: contact did not settle after 50 steps\n")

@@ -1,0 +1,72 @@
+import json
+
+import numpy as np
+import pytest
+
+
+def test_press_prints_the_keys_that_others_rely_on(softcover):
+    status, out, _ = softcover(
+        "press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--at=-0.7mm,1.1mm",
+        "--yaw=-45deg", "--json",
+    )  # fmt: skip
+    result = json.loads(out)
+    assert status == 0
+    for model in ("fem", "fast"):
+        entry = result["models"][model]
+        assert np.shape(entry["texel_forces"]) == (14, 6)
+        assert np.sum(entry["texel_forces"]) + entry["outside"] == pytest.approx(entry["total_force"], rel=1e-3)
+        assert entry["total_force"] == pytest.approx(0.5 * 9.80665, rel=1e-3)
+        assert entry["seconds"] >= 0
+    assert result["models"]["fem"]["depth"] > 0
+    assert result["models"]["fast"]["method"] == "cover"
+    assert result["models"]["fast"]["depth"] == pytest.approx(result["models"]["fem"]["depth"], rel=0.1)
+    assert result["models"]["fem"]["error_estimate"].keys() == {"total_force", "peak_texel", "contact_area"}
+    assert result["models"]["fem"]["assumptions"].keys() >= {"strain", "friction", "base"}
+    assert result["scores"].keys() >= {
+        "total_force_error",
+        "misplaced_force",
+        "relative_l2",
+        "centre_of_pressure_m",
+        "image_changed_percent",
+        "pixels_changed",
+    }
+
+
+def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
+    touch = ("press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--json")
+    cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
+    assert boxes["models"]["fast"]["depth"] is None
+    assert boxes["scores"]["misplaced_force"] > 5 * cover["scores"]["misplaced_force"]
+
+
+@pytest.mark.slow
+def test_fast_model_takes_the_load_that_the_reference_has_at_a_depth(softcover):
+    _, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "0.3mm", "--json")
+    models = json.loads(out)["models"]
+    assert models["fem"]["depth"] == pytest.approx(0.3e-3, rel=1e-6)
+    assert models["fast"]["total_force"] == pytest.approx(models["fem"]["total_force"], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_press_draws_both_models(softcover):
+    status, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g")
+    assert status == 0
+    assert "finite elements, mN" in out
+    assert "fast model, mN" in out
+
+
+def test_press_with_the_fast_model_alone(softcover):
+    _, out, _ = softcover(
+        "press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "2N", "--model", "fast", "--json"
+    )
+    result = json.loads(out)
+    assert list(result["models"]) == ["fast"]
+    assert result["scores"] is None
+
+
+def test_every_fault_of_every_option_at_once(softcover):
+    words = ("no.toml", "--indenter", "spher:x=1", "--load", "3", "--at=1mm", "--yaw=x", "--model", "fen")
+    status, _, err = softcover("press", *words)
+    assert status == 2
+    places = [line.split(": ")[1] for line in err.splitlines()]
+    assert places == ["--model", "no.toml", "--indenter", "--at", "--yaw", "--load"]

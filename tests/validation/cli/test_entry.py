@@ -1,0 +1,157 @@
+import contextlib
+import io
+import subprocess
+import sys
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from validation.cli.entry import _COMMANDS, app, main
+
+
+@pytest.mark.parametrize("command", _COMMANDS)
+def test_help_has_examples(softcover, command):
+    status, out, _ = softcover(command, "--help")
+    assert status == 0
+    assert "Examples of use" in out
+    assert f"softcover {command}" in out
+
+
+PAGES = [[name] for name in _COMMANDS] + [["store", action] for action in ("list", "verify", "prune")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=" ".join)
+def test_help_examples_name_options_that_exist(page):
+    command = app
+    for word in page:
+        command = command[word]
+    examples = [line.split() for line in command.help.splitlines() if line.strip().startswith("softcover ")]
+    assert examples
+    for words in examples:
+        assert words[1 : 1 + len(page)] == page
+        if command.default_command:
+            known = {name for argument in command.assemble_argument_collection() for name in argument.names}
+            assert {word.split("=")[0] for word in words if word.startswith("--")} <= known
+
+
+def test_help_pages_import_no_heavy_package():
+    code = (
+        "import contextlib, io, sys\n"
+        "from validation.cli import main\n"
+        f"for words in {[[], *PAGES]!r}:\n"
+        "    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n"
+        "        main([*words, '--help'])\n"
+        "heavy = {'numpy', 'scipy', 'mujoco', 'skfem', 'pint', 'pydantic', 'plotly', 'matplotlib'}\n"
+        "print(*heavy & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 -- ours
+    assert done.stdout.split() == []
+
+
+BAD = [
+    (["derive", "no.toml"], "no.toml: no such sensor file"),
+    (["derive", "wts-0614-3"], "did you mean 'wts-0614-34'"),
+    (["derive", "wts-0614-34", "--material", "dragonskin-30"], "did you mean 'dragon-skin-30'"),
+    (["derive", "wts-0614-34", "--thickness", "2"], "--thickness: '2' has no unit"),
+    (["derive", "wts-0614-34", "--thickness=-2mm"], "--thickness: must be positive"),
+    (["derive"], "sensor is missing"),
+    (["derive", "wts-0614-34", "--thicknes", "2mm"], "--thicknes"),
+    (["press", "wts-0614-34", "--indenter", "shpere:radius=5mm", "--load", "1N"], "did you mean 'sphere'"),
+    (["press", "wts-0614-34", "--indenter", "sphere:raduis=5mm", "--load", "1N"], "did you mean 'radius'"),
+    (["press", "wts-0614-34", "--indenter", "sphere", "--load", "1N"], "sphere needs radius"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--method", "boxs"], "'boxes'"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=-5mm", "--load", "1N"], "positive"),
+    (["press", "wts-0614-34", "--indenter", "box:size=1mmx2mm", "--load", "1N"], "is not 3 values"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm"], "give one of them"),
+    (
+        ["press", "wts-0614-34", "--indenter", "tip", "--load", "1N", "--model", "fast", "--friction", "0.4"],
+        "--friction: the fast model has none",
+    ),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "5"], "--load: '5' has no unit"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "0N"], "--load: must be positive"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "3mm"], "pierce the cover"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--at=1m,0m"], "is not on the array"),
+    (
+        ["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--yaw=45"],
+        "--yaw: '45' has no unit",
+    ),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--model=fen"], "did you mean 'fem'"),
+    (["export", "wts-0614-34", "--format", "urdf"], "unknown format 'urdf'; accepted: mjcf, gazebo"),
+    (["validate", "wts-0614-34", "--recordings", "nowhere"], "nowhere: no such folder"),
+    (["dervie", "wts-0614-34"], "did you mean 'derive'"),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), BAD, ids=[" ".join(words) for words, _ in BAD])
+def test_bad_input_is_one_line_and_status_2(softcover, tmp_path, words, expected):
+    status, out, err = softcover(*words)
+    assert status == 2
+    assert expected in err
+    assert out == ""
+    assert all(line.startswith("softcover: ") for line in err.splitlines())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", [["demo"], ["derive", "wts-0614-34"], ["export", "wts-0614-34", "--thickness=1mm"]])
+def test_unwritable_out_is_found_before_the_work(softcover, command, without_reference):
+    status, _, err = softcover(*command, "--out", "/proc/no/report")
+    assert status == 3
+    assert err.startswith("softcover: /proc/no/report: cannot be written")
+
+
+def test_out_folder_of_somebody_else_is_left_alone(softcover, tmp_path):
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "thesis.tex").write_text("years of work")
+    status, _, err = softcover("export", "wts-0614-34", "--out", "home")
+    assert status == 2
+    assert "softcover did not write" in err
+    assert (tmp_path / "home" / "thesis.tex").read_text() == "years of work"
+
+
+@pytest.mark.parametrize(
+    ("module", "extra"),
+    [
+        ("skfem", "fem"),
+        pytest.param("jinja2", "report", marks=pytest.mark.slow),
+        pytest.param("plotly", "report", marks=pytest.mark.slow),
+    ],
+)
+def test_missing_extra_gives_the_command_that_installs_it(tmp_path, module, extra):
+    code = f"import sys; sys.modules[{module!r}] = None\nfrom validation.cli import main\nmain(['demo'])"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603 -- ours
+    assert done.returncode == 3
+    assert done.stderr.splitlines() == [
+        f"softcover: {module} is not installed; run: python -m pip install 'softcover[{extra}]'"
+    ]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_is_status_130(softcover, monkeypatch):
+    def interrupt(**_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fem_reference.result_store.entries", interrupt)
+    assert softcover("store", "list") == (130, "", "softcover: interrupted\n")
+
+
+def test_a_programming_error_keeps_its_traceback(softcover, monkeypatch):
+    def fail(**_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("fem_reference.result_store.entries", fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["store", "list"])
+
+
+@given(word=st.text("abcdefghijklmnopqrstuvwxyz-", min_size=1, max_size=12).filter(lambda word: word[0] != "-"))
+def test_an_unknown_command_is_answered_with_all_known_ones(word):
+    assume(word not in _COMMANDS)
+    messages = io.StringIO()
+    with pytest.raises(SystemExit) as left, contextlib.redirect_stderr(messages):
+        main([word])
+    assert left.value.code == 2
+    (line,) = messages.getvalue().splitlines()
+    assert line.startswith(f"softcover: unknown command {word!r}; ")
+    assert all(name in line.split("accepted: ")[1].split(", ") for name in _COMMANDS)
