@@ -1,18 +1,19 @@
-"""Calibration: what a real sensor does with force, from recordings under known loads.
+"""Calibration of a real sensor: its counts as a function of force, from recordings under known loads.
 
-Two curves are fitted to the same images, the line of the 2015 report's kind and a polynomial of degree 5, each with a
-gain per texel; further the saturation (where the loads reach it), the dependence on temperature (where it varies),
-noise, drift under a constant load and the spread between recordings of one load.  Every number has an interval and
-says what it was fitted on.  Where a force sensor was recorded beside the frames, its readings are the loads.
+Two curves are fitted to the same images: a straight line, as in the 2015 report, and a polynomial of degree 5.  Both
+have a gain per texel.  Further results are the saturation (if the loads reach it), the dependence on temperature (if it
+varies), noise, drift under a constant load and the spread between recordings of one load.  Every number has an interval
+and names the data that it was fitted on.  If a force sensor was recorded with the frames, its readings are the loads.
 
-How a load is shared among texels must be known: from a tool on one texel, from a model, or as an assumption
-(`flat_shares`); an error there goes into the gains.
+The share of the load on each texel must be known: from a tool on a single texel, from a model, or by the assumption of
+`flat_shares`.  An error of the shares becomes an error of the gains.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,39 +21,50 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import WTS_0614_34
 from fastmodel.signal.point_spread import Gaussian
 from meshes import Indenter, TexelArray
-from validation.calibration.curve_fit import FittedCurve, Form, Observations, fit_curve
-from validation.calibration.noise_and_drift import Estimate, behaviour, estimate, load_on
+from validation.calibration.curve_fit import CurveForm, FittedCurve, Observations, fit_curve
+from validation.calibration.noise_and_drift import Estimate, find_load_onset, measure_noise_and_drift
 from validation.recordings.recording import Recording, RecordingError
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Texels with less than this share of the largest are left out: noise and dead zone are all they show [-].
+#: Texels with less than this share of the largest are left out: noise and dead zone dominate their counts [-].
 _LEAST_SHARE = 0.15
-#: Frames that are averaged where a force sensor gives a load for every frame, and blocks of a lone recording [-].
-_FRAMES, _BLOCKS = 10, 8
-#: Range of temperature from which on its effect is fitted [K].
-_WARMTH = 5.0
-#: Drift is told between these ages of a load [s].
-_DRIFT = (2.0, 12.0)
-#: Largest count that is believed, over the largest that was seen [-].
-_LARGEST = 1.3
+#: Frames in one mean image where a force sensor gives a load for every frame [-].
+_FRAMES_PER_IMAGE = 10
+#: Blocks of such a recording that count as independent recordings [-].
+_BLOCKS = 8
+#: Smallest range of temperature for which its effect is fitted: below it, noise dominates [K].
+_TEMPERATURE_RANGE = 5.0
+#: Largest fitted `output_max` over the largest recorded count: a larger one fits a slight bend, not a saturation [-].
+_LARGEST_EXTRAPOLATION = 1.3
+#: Degree of the second characteristic, as in the 2015 report [-].
+_DEGREE = 5
+#: Points along each edge of a texel at which `flat_shares` samples the face of the indenter [-].
 _SUBDIVISIONS = 12
+#: Units of the parameters that all texels share, and their names in `Calibration.estimates`.
+_PARAMETERS = {
+    "c0": ("offset", "counts"),
+    "c1": ("sensitivity", "counts/N"),
+    "temperature": ("temperature", "1/K"),
+    "output_max": ("output_max", "counts"),
+    "saturation_band": ("saturation_band", "counts"),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """What was found.
+    """The fitted curves and every number with its interval.
 
     Attributes:
         line: The linear characteristic with gains.
-        polynomial: The characteristic of degree 5 with gains; None where there are too few loads.
-        estimates: Named numbers with intervals, of the line.
-        gains: Factor per texel of the array, 1 where nothing was measured, shape (texels,) [-].
+        polynomial: The characteristic of degree 5 with gains; None if there are too few loads.
+        estimates: Named numbers of the line with intervals.
+        gains: Gain of every texel of the array, 1 where nothing was measured, shape (texels,) [-].
         gain_intervals: Half widths, NaN where nothing was measured, shape (texels,) [-].
-        texels: Which texels were fitted, shape (n,).
-        observations: What was fitted.
-        report_line: The 2015 report's own line, sensitivity [1/N] and offset, to compare.
-        confidence: Of the intervals [-].
+        texels: Indices of the fitted texels, shape (n,).
+        observations: The data of the fit.
+        report_line: Sensitivity [1/N] and offset [-] of the 2015 report's line, for comparison.
+        confidence: Confidence of the intervals [-].
     """
 
     line: FittedCurve
@@ -65,6 +77,20 @@ class Calibration:
     report_line: tuple[float, float] = (WTS_0614_34.sensitivity, WTS_0614_34.offset)
     confidence: float = 0.95
 
+    def as_json(self) -> dict[str, Any]:
+        """Every number, by name."""
+        sensitivity, offset = self.report_line
+        return {
+            "confidence": self.confidence,
+            "estimates": {name: vars(estimate) for name, estimate in self.estimates.items()},
+            "gains": self.gains,
+            "gain_half_widths": self.gain_intervals,
+            "texels": self.texels,
+            "line": _describe_curve(self.line),
+            "polynomial": None if self.polynomial is None else _describe_curve(self.polynomial),
+            "report_line": {"sensitivity": sensitivity, "offset": offset},
+        }
+
 
 def calibrate(
     recordings: Sequence[Recording],
@@ -76,38 +102,37 @@ def calibrate(
     temperature_channel: int = -1,
     confidence: float = 0.95,
 ) -> Calibration:
-    """Fit characteristic, gains and the rest to recordings under known loads.
+    """Fit characteristic, gains, noise and drift to recordings under known loads.
 
     Args:
-        recordings: Each with a load in its labels, or with a force sensor's readings.
+        recordings: Recordings with a load in their labels, or with readings of a force sensor.
         shares: Share of the load on each texel of the array, shape (texels,) [-].
-        array: Which array of the recordings.
-        threshold: Counts that the firmware subtracts; as the labels say when not given.
+        array: Index of the array in the recordings.
+        threshold: Counts that the firmware subtracts; from the labels when not given [-].
         window: Ages of the load between which frames are averaged [s].
-        temperature_channel: Which temperature to use.
-        confidence: Of the intervals, 0..1 [-].
+        temperature_channel: Index of the temperature sensor.
+        confidence: Confidence of the intervals, 0..1 [-].
 
     Raises:
-        RecordingError: If a load is not known, a recording is empty or arrays differ in their texels.
-        ValueError: If there is too little to fit.
+        RecordingError: If a load is unknown, a recording is empty, or the arrays of the recordings differ.
+        ValueError: If there are too few recordings or loads.
     """
     _check_alike(recordings, array)
     texels = np.flatnonzero(shares > _LEAST_SHARE * shares.max())
-    threshold = _threshold(recordings) if threshold is None else threshold
-    parts = [_observe(each, array, shares, window, temperature_channel) for each in recordings]
-    observations = _only(_joined(parts), texels)
-    line = _best_line(observations, threshold, confidence)
-    fitted_on = f"{line.recordings} recordings, {observations.loads.min():.3g}..{observations.loads.max():.3g} N"
-    gains, widths = _gains(line, texels, len(shares))
+    threshold = _find_threshold(recordings) if threshold is None else threshold
+    parts = [_average_frames(each, array, shares, window, temperature_channel) for each in recordings]
+    observations = _join_observations(parts, texels)
+    line = _fit_line(observations, threshold, confidence)
+    gains, half_widths = _gains_of_array(line, texels, len(shares))
     return Calibration(
         line=line,
-        polynomial=_polynomial(observations, line, confidence),
+        polynomial=_fit_polynomial(observations, line, confidence),
         estimates={
-            **_line_estimates(line, fitted_on),
-            **behaviour(recordings, parts, line, array=array, texels=texels, confidence=confidence),
+            **_line_estimates(line, observations),
+            **measure_noise_and_drift(recordings, parts, line, array=array, texels=texels, confidence=confidence),
         },
         gains=gains,
-        gain_intervals=widths,
+        gain_intervals=half_widths,
         texels=texels,
         observations=observations,
         confidence=confidence,
@@ -117,16 +142,16 @@ def calibrate(
 def flat_shares(
     array: TexelArray, indenter: Indenter, *, at: tuple[float, float] = (0.0, 0.0), spread: Gaussian | None = None
 ) -> FloatArray:
-    """Shares of a load under a flat face if its pressure were uniform: an assumption, not a measurement.
+    """Shares of a load under a flat face, assuming uniform pressure.
 
     Args:
         array: The texels.
         indenter: A shape with a flat lower face.
         at: Its axis in the array's frame [m].
-        spread: How the cover spreads force; not at all when not given.
+        spread: Spread of force by the cover; none when not given.
 
     Returns:
-        Shape (texels,) [-]; sums to less than 1 where force leaves the array.
+        Shape (texels,) [-]; the sum is less than 1 if force leaves the array.
 
     Raises:
         ValueError: If no part of a flat face lies on the array.
@@ -134,8 +159,7 @@ def flat_shares(
     inner = (np.arange(_SUBDIVISIONS) + 0.5) / _SUBDIVISIONS - 0.5
     x = array.centres[:, 0, None, None] + inner[None, :, None] * array.pitch[0] - at[0]
     y = array.centres[:, 1, None, None] + inner[None, None, :] * array.pitch[1] - at[1]
-    shape = np.broadcast_shapes(x.shape, y.shape)
-    under = indenter.gap(np.broadcast_to(x, shape), np.broadcast_to(y, shape)) == 0
+    under = indenter.gap(*np.broadcast_arrays(x, y)) == 0
     area = (under & array.active[:, None, None]).mean(axis=(1, 2))
     if not area.any():
         raise ValueError("no flat face of the indenter lies on the array; shares must come from a model")
@@ -143,20 +167,24 @@ def flat_shares(
     return shares if spread is None else np.asarray(spread.operator(array) @ shares)
 
 
-def middle(recordings: Sequence[Recording], array: int) -> tuple[float, float]:
-    """Centre of pressure of the mean image over the second half of all recordings, in the array's frame [m]."""
+def find_pressed_position(recordings: Sequence[Recording], array: int) -> tuple[float, float]:
+    """Centre of pressure of the mean image over the second half of all recordings, in the array's frame [m].
+
+    Raises:
+        RecordingError: If the array reads zero throughout, a recording is empty, or the arrays differ.
+    """
     _check_alike(recordings, array)
     texels = recordings[0].arrays[array].texels
     images = [each.arrays[array].counts[len(each.times) // 2 :].mean(axis=0) for each in recordings]
     mean = np.mean(images, axis=0)
     if not mean.any():
-        raise RecordingError(f"{recordings[0].path}: array {array} reads nothing; name the array that was pressed")
+        raise RecordingError(f"{recordings[0].path}: array {array} reads zero; name the array that was pressed")
     x, y = mean @ texels.centres[:, :2] / mean.sum()
     return float(x), float(y)
 
 
 def _check_alike(recordings: Sequence[Recording], array: int) -> None:
-    """Refuse recordings without frames, and those of another array than the first."""
+    """Refuse recordings without frames, and recordings of different arrays."""
     for each in recordings:
         if not len(each.times):
             raise RecordingError(f"{each.path}: holds no frames; expected a recording under a load")
@@ -167,26 +195,27 @@ def _check_alike(recordings: Sequence[Recording], array: int) -> None:
             )
 
 
-def _threshold(recordings: Sequence[Recording]) -> float:
-    known = {float(each.setup.device["threshold"]) for each in recordings if "threshold" in each.setup.device}
-    if len(known) > 1:
-        raise RecordingError(f"the recordings have several thresholds: {sorted(known)}; calibrate each on its own")
-    return known.pop() if known else 0.0
+def _find_threshold(recordings: Sequence[Recording]) -> float:
+    """The threshold in the labels of the recordings; 0 if no label names one [-]."""
+    labelled = {float(each.setup.device["threshold"]) for each in recordings if "threshold" in each.setup.device}
+    if len(labelled) > 1:
+        raise RecordingError(f"the recordings have several thresholds: {sorted(labelled)}; calibrate each on its own")
+    return labelled.pop() if labelled else 0.0
 
 
-def _observe(
+def _average_frames(
     recording: Recording, array: int, shares: FloatArray, window: tuple[float, float], channel: int
 ) -> Observations:
-    """One mean image of a recording with a known load, or many where a force sensor tells the load."""
+    """One mean image of a recording with a known load, or many if a force sensor gives the loads."""
     counts = recording.arrays[array].counts.astype(np.float64)
     if counts.shape[1] != len(shares):
         raise RecordingError(f"{recording.path}: array {array} has {counts.shape[1]} texels; expected {len(shares)}")
     temperature = float(np.mean(recording.temperatures[:, channel])) if recording.temperatures.size else np.nan
     if len(recording.forces):
-        return _under_force_sensor(recording, counts, shares, temperature)
+        return _average_with_force_sensor(recording, counts, shares, temperature)
     if recording.setup.load is None:
         raise RecordingError(f"{recording.path}: its load is not known; import it with --load, or a `force` column")
-    age = recording.times - load_on(recording, counts)
+    age = recording.times - find_load_onset(recording.times, counts)
     steady = counts[(age >= window[0]) & (age <= window[1])]
     if not len(steady):
         raise RecordingError(f"{recording.path}: ends before a load is {window[0]:g} s old; name an earlier window")
@@ -199,100 +228,98 @@ def _observe(
     )
 
 
-def _under_force_sensor(
+def _average_with_force_sensor(
     recording: Recording, counts: FloatArray, shares: FloatArray, temperature: float
 ) -> Observations:
+    """Mean images of a few frames each; blocks of the recording count as independent recordings."""
     loads = np.interp(recording.times, recording.force_times, recording.forces)
-    pieces = np.array_split(np.arange(len(loads)), max(1, len(loads) // _FRAMES))
-    mean_loads = np.array([loads[piece].mean() for piece in pieces])
-    block = np.arange(len(pieces)) * _BLOCKS // len(pieces)
+    pieces = np.array_split(np.arange(len(loads)), max(1, len(loads) // _FRAMES_PER_IMAGE))
+    blocks = np.arange(len(pieces)) * _BLOCKS // len(pieces)
     return Observations(
-        loads=np.maximum(mean_loads, 0.0),
+        loads=np.array([max(loads[piece].mean(), 0.0) for piece in pieces]),
         counts=np.array([counts[piece].mean(axis=0) for piece in pieces]),
         shares=shares,
-        groups=tuple(f"{recording.path} part {number}" for number in block),
+        groups=tuple(f"{recording.path} part {number}" for number in blocks),
         temperatures=np.full(len(pieces), temperature),
     )
 
 
-def _joined(parts: Sequence[Observations]) -> Observations:
+def _join_observations(parts: Sequence[Observations], texels: npt.NDArray[np.intp]) -> Observations:
+    """All observations together, of the fitted texels only."""
     if not parts:
         raise ValueError("there are no recordings to calibrate with; name at least three")
     return Observations(
         loads=np.concatenate([part.loads for part in parts]),
-        counts=np.concatenate([part.counts for part in parts]),
-        shares=parts[0].shares,
+        counts=np.concatenate([part.counts[:, texels] for part in parts]),
+        shares=parts[0].shares[texels],
         groups=tuple(group for part in parts for group in part.groups),
         temperatures=np.concatenate([part.temperatures for part in parts]),
     )
 
 
-def _only(observations: Observations, texels: npt.NDArray[np.intp]) -> Observations:
-    return replace(observations, counts=observations.counts[:, texels], shares=observations.shares[texels])
-
-
-def _best_line(observations: Observations, threshold: float, confidence: float) -> FittedCurve:
-    """With saturation where that explains the images better by far more than its two parameters must."""
-    temperatures = observations.temperatures
-    warm = bool(np.isfinite(temperatures).all() and np.ptp(temperatures) > _WARMTH)
-    form = Form(
+def _fit_line(observations: Observations, threshold: float, confidence: float) -> FittedCurve:
+    """The line without or with saturation: with it only if it explains the images much better."""
+    temperatures, counts = observations.temperatures, observations.counts
+    form = CurveForm(
         degree=1,
         saturation=False,
-        gains=observations.counts.shape[1] > 1,
-        temperature=warm,
+        gains=counts.shape[1] > 1,
+        temperature=bool(np.isfinite(temperatures).all() and np.ptp(temperatures) > _TEMPERATURE_RANGE),
         threshold=threshold,
     )
-    plain = fit_curve(observations, form, confidence=confidence)
+    straight = fit_curve(observations, form, confidence=confidence)
     bent = fit_curve(observations, replace(form, saturation=True), confidence=confidence)
-    size, top = observations.counts.size, float(observations.counts.max())
-    largest = bent.values[bent.form.names(1).index("output_max")]
-    gain = size * np.log(max(plain.residual, 1e-9) / max(bent.residual, 1e-9)) * 2
-    # a largest count far above all that was seen is no saturation but a line that bends a little
-    return bent if gain > 10 + 2 * np.log(size) and largest < _LARGEST * top else plain
+    # Twice the gain in log likelihood must exceed the Bayesian information criterion of two parameters by ten.
+    gain = counts.size * np.log(max(straight.residual, 1e-9) / max(bent.residual, 1e-9)) * 2
+    credible = bent.value("output_max") < _LARGEST_EXTRAPOLATION * float(counts.max())
+    return bent if credible and gain > 10 + 2 * np.log(counts.size) else straight
 
 
-def _polynomial(observations: Observations, line: FittedCurve, confidence: float) -> FittedCurve | None:
-    """Degree 5 over what is not saturated."""
-    degree = 5
-    if len(np.unique(observations.loads)) < degree + 2:
+def _fit_polynomial(observations: Observations, line: FittedCurve, confidence: float) -> FittedCurve | None:
+    """The characteristic of degree 5; None if there are too few loads."""
+    if len(np.unique(observations.loads)) < _DEGREE + 2:
         return None
-    form = replace(line.form, degree=degree, saturation=line.form.saturation)
-    return fit_curve(observations, form, confidence=confidence)
+    return fit_curve(observations, replace(line.form, degree=_DEGREE), confidence=confidence)
 
 
-def _line_estimates(line: FittedCurve, fitted_on: str) -> dict[str, Estimate]:
-    """Numbers of the line with their intervals."""
-    names = line.form.names(1)
-    units = {
-        "c0": "counts",
-        "c1": "counts/N",
-        "temperature": "1/K",
-        "output_max": "counts",
-        "saturation_band": "counts",
-    }
-    words = {"c0": "offset", "c1": "sensitivity"}
+def _line_estimates(line: FittedCurve, observations: Observations) -> dict[str, Estimate]:
+    """The parameters of the line, and the force below which it reads zero, with their intervals."""
+    loads = observations.loads
+    fitted_on = f"{line.recordings} recordings, {loads.min():.3g}..{loads.max():.3g} N"
     estimates = {}
-    for index, name in enumerate(names):
-        half = line.interval(np.eye(len(line.values))[index])
-        value = float(line.values[index])
-        estimates[words.get(name, name)] = estimate(value, half, units[name], fitted_on)
-    offset, slope = line.values[:2]
-    dead = (line.form.threshold - offset) / slope
+    for parameter, half_width in zip(line.form.shared_names, line.half_widths.tolist(), strict=False):
+        name, unit = _PARAMETERS[parameter]
+        estimates[name] = Estimate.symmetric(line.value(parameter), half_width, unit, fitted_on)
+    slope = line.value("c1")
+    dead_force = (line.form.threshold - line.value("c0")) / slope
     gradient = np.zeros(len(line.values))
-    gradient[:2] = -1 / slope, -dead / slope
-    estimates["dead_force"] = estimate(float(dead), line.interval(gradient), "N", fitted_on)
+    gradient[:2] = -1 / slope, -dead_force / slope
+    estimates["dead_force"] = Estimate.symmetric(dead_force, line.interval(gradient), "N", fitted_on)
     return estimates
 
 
-def _gains(line: FittedCurve, texels: npt.NDArray[np.intp], count: int) -> tuple[FloatArray, FloatArray]:
-    """Gains and half widths of their intervals, for every texel of the array."""
-    gains, widths = np.ones(count), np.full(count, np.nan)
-    free = len(texels) - 1
+def _gains_of_array(line: FittedCurve, texels: npt.NDArray[np.intp], count: int) -> tuple[FloatArray, FloatArray]:
+    """Gains of every texel of the array, and half widths of their intervals; their mean over fitted texels is 1."""
+    gains, half_widths = np.ones(count), np.full(count, np.nan)
     if not line.form.gains:
-        return gains, widths
-    selected = np.zeros((len(texels), len(line.values)))
-    selected[:free, -free:] = np.eye(free)
-    selected[free, -free:] = -1
+        return gains, half_widths
+    free = len(texels) - 1
+    gradients = np.zeros((len(texels), len(line.values)))
+    gradients[:free, -free:] = np.eye(free)
+    gradients[free, -free:] = -1
     gains[texels] = np.append(line.values[-free:], len(texels) - line.values[-free:].sum())
-    widths[texels] = [line.interval(row) for row in selected]
-    return gains, widths
+    half_widths[texels] = [line.interval(gradient) for gradient in gradients]
+    return gains, half_widths
+
+
+def _describe_curve(curve: FittedCurve) -> dict[str, Any]:
+    return {
+        "residual_rms_counts": curve.residual,
+        "recordings": curve.recordings,
+        "threshold": curve.form.threshold,
+        "reference_temperature": curve.reference if curve.form.temperature else None,
+        "parameters": {
+            name: {"value": curve.value(name), "half_width": half_width}
+            for name, half_width in zip(curve.form.shared_names, curve.half_widths.tolist(), strict=False)
+        },
+    }

@@ -1,4 +1,4 @@
-"""What a sensor does that its characteristic does not say: noise, drift and spread between recordings."""
+"""Noise, drift and repeatability of a sensor, which its characteristic does not contain."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from validation.recordings.recording import Recording
 
 FloatArray = npt.NDArray[np.float64]
 
-#: A load counts as on when the sum of counts passes this share of its final value [-].
-_ON = 0.5
-#: The final value is the median over this last part of a recording [s].
-_LAST = 2.0
-#: Drift is told between these ages of a load, each averaged over twice the half window [s].
-_DRIFT, _HALF_WINDOW = (2.0, 12.0), 0.5
-_LEAST_RECORDINGS = 3
+#: The load counts as applied when the sum of counts exceeds this share of its final value for good [-].
+_APPLIED_SHARE = 0.5
+#: Length of the last part of a recording, whose median is the final value [s].
+_FINAL_PERIOD = 2.0
+#: Ages of the load between which drift is measured [s].
+_DRIFT_AGES = (2.0, 12.0)
+#: Frames within this time of such an age are averaged [s].
+_HALF_WINDOW = 0.5
+#: Fewest recordings for the mean and interval of noise and drift [-].
+_FEWEST_RECORDINGS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +36,8 @@ class Estimate:
         value: The estimate.
         low: Lower end of the interval.
         high: Upper end of the interval.
-        unit: Its unit.
-        fitted_on: What it comes from.
+        unit: Unit of the three numbers.
+        fitted_on: The data behind it.
     """
 
     value: float
@@ -43,89 +46,116 @@ class Estimate:
     unit: str
     fitted_on: str
 
+    @classmethod
+    def symmetric(cls, value: float, half_width: float, unit: str, fitted_on: str) -> Estimate:
+        """An estimate in the middle of its interval."""
+        return cls(value=value, low=value - half_width, high=value + half_width, unit=unit, fitted_on=fitted_on)
 
-def behaviour(
+
+def measure_noise_and_drift(
     recordings: Sequence[Recording],
-    parts: Sequence[Observations],
+    observations: Sequence[Observations],
     line: FittedCurve,
     *,
     array: int,
     texels: npt.NDArray[np.intp],
     confidence: float,
 ) -> dict[str, Estimate]:
-    """Noise, drift and the spread between recordings of one load, as far as the recordings tell."""
+    """Noise, drift and the spread between recordings of one load, each only if the recordings determine it.
+
+    Args:
+        recordings: The recordings.
+        observations: Mean images of each recording.
+        line: The fitted characteristic.
+        array: Index of the array in the recordings.
+        texels: Indices of the fitted texels, shape (n,).
+        confidence: Confidence of the intervals, 0..1 [-].
+
+    Returns:
+        `noise` [counts], `drift` and `hysteresis` [-].
+    """
     found: dict[str, Estimate] = {}
-    ceiling, parts = _knee(line), _at_one_temperature(parts, line)
-    noise = [_noise(each.arrays[array].counts[:, texels], ceiling) for each in recordings]
-    drift = [_drift(each, array, texels) for each in recordings]
+    ceiling = _saturation_knee(line)
+    noise = [_frame_noise(each.arrays[array].counts[:, texels], ceiling) for each in recordings]
+    drift = [_drift(each, each.arrays[array].counts[:, texels].astype(np.float64)) for each in recordings]
     for name, measured, unit in (("noise", noise, "counts"), ("drift", drift, "share, 2 s to 12 s")):
         values = [value for value in measured if np.isfinite(value)]
-        if len(values) >= _LEAST_RECORDINGS:
-            half = student.ppf(0.5 + confidence / 2, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values))
-            found[name] = estimate(float(np.mean(values)), float(half), unit, f"{len(values)} recordings")
-    repeated = _repeatability(parts, texels, confidence)
+        if len(values) >= _FEWEST_RECORDINGS:
+            quantile = student.ppf(0.5 + confidence / 2, len(values) - 1)
+            half = quantile * np.std(values, ddof=1) / np.sqrt(len(values))
+            found[name] = Estimate.symmetric(float(np.mean(values)), float(half), unit, f"{len(values)} recordings")
+    repeated = _repeatability(_at_one_temperature(observations, line), texels, confidence)
     return found if repeated is None else {**found, "hysteresis": repeated}
 
 
-def _at_one_temperature(parts: Sequence[Observations], line: FittedCurve) -> list[Observations]:
-    """Take the effect of the temperature out, so that it is not taken for hysteresis."""
+def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
+    """Time at which the load was applied for good: the sum of counts stays above half its final value [s].
+
+    It is the last time if the recording ends without load.
+
+    Args:
+        times: Times of the frames, shape (frames,) [s].
+        counts: Counts, shape (frames, n) [-].
+    """
+    total = counts.sum(axis=1)
+    final = float(np.median(total[times >= times[-1] - _FINAL_PERIOD]))
+    below = np.flatnonzero((total < _APPLIED_SHARE * final) | (final <= 0))
+    return float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])
+
+
+def _at_one_temperature(observations: Sequence[Observations], line: FittedCurve) -> list[Observations]:
+    """Counts divided by the fitted temperature factor, so that temperature does not count as hysteresis."""
     if not line.form.temperature:
-        return list(parts)
-    slope = float(line.values[line.form.names(1).index("temperature")])
+        return list(observations)
+    slope = line.value("temperature")
     return [
-        replace(part, counts=part.counts / (1 + slope * (part.temperatures - line.reference))[:, None])
-        for part in parts
+        replace(each, counts=each.counts / (1 + slope * (each.temperatures - line.reference))[:, None])
+        for each in observations
     ]
 
 
-def _noise(counts: npt.NDArray[np.int32], ceiling: float) -> float:
-    """Standard deviation from frame to frame, of texels between zero and saturation in every frame."""
+def _frame_noise(counts: npt.NDArray[np.int32], ceiling: float) -> float:
+    """Standard deviation from frame to frame over the second half of a recording [counts].
+
+    Only texels between zero and `ceiling` in every frame count; NaN if there are none.
+    """
     steady = counts[len(counts) // 2 :]
     live = steady[:, (steady > 0).all(axis=0) & (steady < ceiling).all(axis=0)].astype(np.float64)
     return float(np.sqrt(np.mean(np.diff(live, axis=0) ** 2) / 2)) if live.size else np.nan
 
 
-def _knee(line: FittedCurve) -> float:
-    """Counts above which the line bends into saturation."""
+def _saturation_knee(line: FittedCurve) -> float:
+    """Counts above which the line bends into saturation; infinite if no saturation was fitted."""
     if not line.form.saturation:
         return math.inf
-    values = dict(zip(line.form.names(1), line.values.tolist(), strict=False))
-    return float(values["output_max"] - abs(values["saturation_band"]))
+    return line.value("output_max") - abs(line.value("saturation_band"))
 
 
-def _drift(recording: Recording, array: int, texels: npt.NDArray[np.intp]) -> float:
-    counts = recording.arrays[array].counts[:, texels].astype(np.float64)
-    age = recording.times - load_on(recording, counts)
-    early, late = (counts[np.abs(age - moment) < _HALF_WINDOW].sum(axis=1) for moment in _DRIFT)
+def _drift(recording: Recording, counts: FloatArray) -> float:
+    """Relative change of the sum of counts between the two ages of the load [-]; NaN if the recording is too short."""
+    age = recording.times - find_load_onset(recording.times, counts)
+    early, late = (counts[np.abs(age - moment) < _HALF_WINDOW].sum(axis=1) for moment in _DRIFT_AGES)
     return float(late.mean() / early.mean() - 1) if len(early) and len(late) and early.any() else np.nan
 
 
-def _repeatability(parts: Sequence[Observations], texels: npt.NDArray[np.intp], confidence: float) -> Estimate | None:
-    """Relative standard deviation between recordings of one load, pooled over loads."""
+def _repeatability(
+    observations: Sequence[Observations], texels: npt.NDArray[np.intp], confidence: float
+) -> Estimate | None:
+    """Relative standard deviation between recordings of one load, pooled over loads; None without repeats."""
     totals: dict[float, list[float]] = {}
-    for part in parts:
-        if len(part.loads) == 1:
-            totals.setdefault(float(part.loads[0]), []).append(float(part.counts[0, texels].sum()))
+    for each in observations:
+        if len(each.loads) == 1:
+            totals.setdefault(float(each.loads[0]), []).append(float(each.counts[0, texels].sum()))
     repeats = [np.array(values) for values in totals.values() if len(values) > 1 and min(values) > 0]
     freedom = sum(len(values) - 1 for values in repeats)
     if not freedom:
         return None
     square = sum(float(np.sum((values / values.mean() - 1) ** 2)) for values in repeats)
     low, high = (np.sqrt(square / chi2.ppf(0.5 + side * confidence / 2, freedom)) for side in (1, -1))
-    on = f"{len(repeats)} loads with {freedom + len(repeats)} recordings"
     return Estimate(
-        value=float(np.sqrt(square / freedom)), low=float(low), high=float(high), unit="share", fitted_on=on
+        value=float(np.sqrt(square / freedom)),
+        low=float(low),
+        high=float(high),
+        unit="share",
+        fitted_on=f"{len(repeats)} loads with {freedom + len(repeats)} recordings",
     )
-
-
-def load_on(recording: Recording, counts: FloatArray) -> float:
-    """When the load came on, after the first frame; counts of shape (frames, n) [s]."""
-    total = counts.sum(axis=1)
-    final = float(np.median(total[recording.times >= recording.times[-1] - _LAST]))
-    above = np.flatnonzero(total < _ON * final)
-    return float(recording.times[min(above[-1] + 1, len(total) - 1)]) if len(above) else 0.0
-
-
-def estimate(value: float, half: float, unit: str, fitted_on: str) -> Estimate:
-    """A number with an interval of the same width on both sides."""
-    return Estimate(value=value, low=value - half, high=value + half, unit=unit, fitted_on=fitted_on)

@@ -1,4 +1,4 @@
-"""The report: one folder that opens offline, with every number shown beside it as JSON."""
+"""The report: a folder with a page that opens offline, and every number of the page as JSON."""
 
 from validation.report.write import require, write_report
 

@@ -1,4 +1,4 @@
-"""What the page shows, ready for the template: numbers as text with their sort value, images, figures."""
+"""Contents of the page for the template: numbers, text, images and figures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from validation.report.tactile_image import Outline, Scale, colour_bar, tactile_
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Metric:
-    """How a metric is shown: heading, factor from SI or fraction, unit, decimals, what it means."""
+    """Display of a metric: heading, factor from SI or fraction to the unit, unit, meaning and decimals."""
 
     heading: str
     factor: float
@@ -32,62 +32,32 @@ class Metric:
     decimals: int = 1
 
     def text(self, value: float | None) -> str:
-        """The number as shown; a dash where it does not exist."""
+        """The number as text; a dash if it does not exist."""
         return "\u2013" if value is None or math.isnan(value) else f"{self.factor * value:.{self.decimals}f}"
 
 
-#: The split of the recordings that tells a model from a table.
-_HARD = "heavier"
+#: The split of the recordings that a tile shows: it extrapolates, which separates models from tables.
+_TILE_SPLIT = "heavier"
 
+#: Metrics of the tables, with the symbols of `Metric`.
 METRICS: Mapping[str, Metric] = {
-    "misplaced_force": Metric(
-        heading="misplaced force", factor=100, unit="%", meaning="share of the load that would have to be moved"
-    ),
-    "relative_l2": Metric(
-        heading="relative L2", factor=100, unit="%", meaning="norm of the difference over the reference's"
-    ),
-    "total_force_error": Metric(
-        heading="total force",
-        factor=100,
-        unit="%",
-        meaning="difference of the measured totals over the load",
-        decimals=2,
-    ),
-    "peak_error": Metric(
-        heading="peak", factor=100, unit="%", meaning="difference of the largest texels over the reference's"
-    ),
-    "centre_of_pressure_m": Metric(
-        heading="centre of pressure",
-        factor=1e3,
-        unit="mm",
-        meaning="distance between the centres of pressure",
-        decimals=3,
-    ),
-    "wasserstein_m": Metric(
-        heading="Wasserstein-1",
-        factor=1e3,
-        unit="mm",
-        meaning="mean distance that force would have to travel",
-        decimals=3,
-    ),
-    "image_changed_percent": Metric(
-        heading="image changed",
-        factor=1,
-        unit="%",
-        meaning="mean grey difference over 255, white = the case's peak",
-        decimals=2,
-    ),
-    "image_changed_line_percent": Metric(
-        heading="image changed, WTS line", factor=1, unit="%", meaning="the same through the published line", decimals=2
-    ),
-    "pixels_changed": Metric(
-        heading="pixels changed", factor=1, unit="", meaning="texels whose grey level differs", decimals=0
-    ),
+    name: Metric(heading=heading, factor=factor, unit=unit, decimals=decimals, meaning=meaning)
+    for name, heading, factor, unit, decimals, meaning in (
+        ("misplaced_force", "misplaced force", 100, "%", 1, "share of the load on the wrong texel"),
+        ("relative_l2", "relative L2", 100, "%", 1, "norm of the difference over the norm of the reference"),
+        ("total_force_error", "total force", 100, "%", 2, "difference of the total texel forces over the load"),
+        ("peak_error", "peak", 100, "%", 1, "difference of the largest texels over the reference's largest"),
+        ("centre_of_pressure_m", "centre of pressure", 1e3, "mm", 3, "distance between the centres of pressure"),
+        ("wasserstein_m", "Wasserstein-1", 1e3, "mm", 3, "mean distance that force would have to move"),
+        ("image_changed_percent", "image changed", 1, "%", 2, "mean grey difference over 255, white = the case's peak"),
+        ("image_changed_line_percent", "image changed, WTS line", 1, "%", 2, "the same after the published line"),
+        ("pixels_changed", "pixels changed", 1, "", 0, "texels whose grey level differs"),
+    )
 }
 
 
 def contents(evaluation: Evaluation) -> dict[str, Any]:
-    """Everything the template reads."""
+    """Every name that the template uses."""
     campaign, derivation = evaluation.campaign, evaluation.derivation
     figures = {
         "psf-plot": point_spread_figure(derivation),
@@ -112,7 +82,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
         "cases": [_case(evaluation, result) for result in campaign.cases],
         "percent": lambda value, digits=2: f"{100 * value:.{digits}g}",
-        # Inside a script element only "</" could end the data early.
+        # "</" would end the script element that holds the data.
         "figures": json_text(figures, indent=None).replace("</", "<\\/"),
     }
 
@@ -130,8 +100,8 @@ def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
         {
             "value": _interval_mean(fast["image_changed_percent"], 1, " %"),
             "name": "image changed",
-            "small": f"{_interval(fast['image_changed_percent'], 1)}; an empty image scores "
-            f"{campaign.pooled['zeros']['image_changed_percent'].mean:.3g}",
+            "small": f"{_interval(fast['image_changed_percent'], 1)}; an empty image has "
+            f"{campaign.pooled['zeros']['image_changed_percent'].mean:.3g} %",
         },
         {
             "value": f"{100 * null.mean:.0f} %",
@@ -150,24 +120,24 @@ def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
             "small": "estimate for the peak texel, mean over cases: the noise floor",
         },
     ]
-    if evaluation.recordings is not None and any(row.split == _HARD for row in evaluation.recordings.rows):
+    if evaluation.recordings is not None and any(row.split == _TILE_SPLIT for row in evaluation.recordings.rows):
         tiles.append(_recordings_tile(evaluation.recordings))
     return tiles
 
 
 def _recordings_tile(scores: StampScores) -> dict[str, str]:
-    fast = scores.row(_HARD, "fast model").pooled["image_changed_percent"]
-    null = best_null(scores, _HARD)
+    fast = scores.row(_TILE_SPLIT, "fast model").pooled["image_changed_percent"]
+    null = best_null(scores, _TILE_SPLIT)
     return {
         "value": f"{fast.mean:.3g} %",
         "name": "image changed, recordings",
-        "small": f"light weights to heavy ones, nothing per texel fitted; the best null model "
-        f"({null.model}) scores {null.pooled['image_changed_percent'].mean:.3g}",
+        "small": f"light weights to heavy ones, no gains per texel; the best null model "
+        f"({null.model}) has {null.pooled['image_changed_percent'].mean:.3g} %",
     }
 
 
 def _psf_images(derivation: Derivation) -> dict[str, Any]:
-    """Reference responses, fitted kernel and what is left, as images."""
+    """Images of the reference responses, the fitted kernel and their difference."""
     array, gaussian = derivation.sensor.array, derivation.fit.gaussian
     kernel = gaussian.operator(array)[:, array.middle]
     uniform = derivation.texel_response_uniform.ravel()
@@ -214,7 +184,7 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
 
 
 def _contact_outline(contact: np.ndarray[Any, np.dtype[np.float64]]) -> Outline:
-    """The convex hull of the cells that touch."""
+    """The convex hull of the cells in contact."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = contact[:, :2]

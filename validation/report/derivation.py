@@ -1,4 +1,4 @@
-"""What `derive --out` writes: parameters, numbers and a plot."""
+"""The files of `derive --out`: parameters, numbers and a plot."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
+from validation.report.figures import gaussian_pressure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,10 +21,10 @@ _LOG = logging.getLogger(__name__)
 
 
 def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
-    """Write `parameters.toml`, `cover.npz`, `derive.json` and, where matplotlib is installed, `psf.svg`.
+    """Write `parameters.toml`, `cover.npz`, `derive.json` and, if matplotlib is installed, `psf.svg`.
 
     Args:
-        derivation: What was derived.
+        derivation: The derivation to write.
         folder: An existing folder to write to.
 
     Returns:
@@ -66,19 +67,21 @@ def _plot(derivation: Derivation, path: Path) -> None:
 def _plot_radial(derivation: Derivation, spread: PointSpread, axes: Axes) -> None:
     """Base pressure under a point load, and the fitted Gaussian."""
     radius = np.linspace(0, 6 * derivation.sensor.cover.thickness, 300)
-    sigma = derivation.fit.gaussian.sigma_x * derivation.sensor.array.pitch[0]
-    gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
+    gaussian = gaussian_pressure(derivation, radius)
     axes.plot(1e3 * radius, 1e-6 * spread.pressure(radius), label="finite elements, point load")
     axes.plot(1e3 * radius, 1e-6 * gaussian, "--", label=f"fitted Gaussian ({derivation.fit.estimator})")
     axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm²]")
 
 
 def _plot_row(derivation: Derivation, axes: Axes) -> None:
-    """With free side edges no profile holds everywhere: the middle row, even loads on its middle and its last texel."""
+    """Response of the middle row to uniform loads on its middle and its last texel.
+
+    It replaces the radial profile for free side edges, where the response depends on the position.
+    """
     array = derivation.sensor.array
     row = array.middle - array.columns // 2 + np.arange(array.columns)
     place = 1e3 * array.centres[row, 0]
     for texel, name in ((array.middle, "middle"), (row[-1], "outermost")):
         response = derivation.influence.texel_response(array, load="uniform", texel=int(texel))
-        axes.plot(place, 100 * response[row], "o-", label=f"even load on the {name} texel of the middle row")
-    axes.set(xlabel="texel's place along x [mm]", ylabel="force on the texel [% of the load]")
+        axes.plot(place, 100 * response[row], "o-", label=f"uniform load on the {name} texel of the middle row")
+    axes.set(xlabel="texel's position along x [mm]", ylabel="force on the texel [% of the load]")

@@ -1,15 +1,20 @@
-"""Interactive figures as plain data for plotly.js."""
+"""Interactive figures as data for plotly.js."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.campaign.run import MODELS, CampaignResult
 from validation.derivation.derive import Derivation
 
+FloatArray = npt.NDArray[np.float64]
+
+#: Colours of the models.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
+#: Colour of text and of the exact solution.
 _INK = "#24303f"
 
 
@@ -21,9 +26,7 @@ def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
     if spread is None:
         raise ValueError("a cover with free side edges has no radial profile")
     radius = np.linspace(0, min(spread.reach, 6 * derivation.sensor.cover.thickness), 300)
-    pitch = derivation.sensor.array.pitch
-    sigma = derivation.fit.gaussian.sigma_x * pitch[0]
-    gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
+    gaussian = gaussian_pressure(derivation, radius)
     lines = (
         ("finite elements", spread.pressure(radius), {"color": _COLOURS["fast"], "width": 3}),
         ("exact layer solution", point_response(derivation.sensor.cover, radius), {"color": _INK, "dash": "dot"}),
@@ -38,19 +41,23 @@ def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
     }
 
 
+def gaussian_pressure(derivation: Derivation, radius: FloatArray) -> FloatArray:
+    """Pressure per unit force of the fitted Gaussian at a distance from its centre [1/m2].
+
+    Args:
+        derivation: The derivation, which holds sigma along x.
+        radius: Distances, any shape [m].
+    """
+    sigma = derivation.fit.gaussian.sigma_x * derivation.sensor.array.pitch[0]
+    return np.asarray(np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2))
+
+
 def texel_profile_figure(derivation: Derivation) -> dict[str, Any]:
-    """The middle row of the texel responses, and of the kernel that was fitted to them."""
-    array, gaussian = derivation.sensor.array, derivation.fit.gaussian
-    row, column = array.rows // 2, array.columns // 2
-    offset = np.arange(array.rows) - row
-    half = gaussian.ksize_y // 2
-    inside = np.abs(offset) <= half
-    weights = np.where(inside, np.exp(-0.5 * (offset / gaussian.sigma_y) ** 2), 0.0)
-    middle = (
-        1
-        / np.exp(-0.5 * (np.arange(-(gaussian.ksize_x // 2), gaussian.ksize_x // 2 + 1) / gaussian.sigma_x) ** 2).sum()
-    )
-    kernel = weights / weights.sum() * middle
+    """The middle column of the texel responses, and of the kernel that was fitted to them."""
+    array = derivation.sensor.array
+    column = array.columns // 2
+    offset = np.arange(array.rows) - array.rows // 2
+    kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])[:, column]
     lines = (
         ("reference, uniform texel load", derivation.texel_response_uniform[:, column], _COLOURS["fast"], "circle"),
         ("reference, point load", derivation.texel_response[:, column], _INK, "diamond"),

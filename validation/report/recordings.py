@@ -1,4 +1,4 @@
-"""What the page shows of recordings."""
+"""Tables and images of the page on recordings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from meshes import TexelArray
 from validation.calibration.stamp import StampExample, StampRow, StampScores
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
 
-#: Metrics of a row: name, heading, factor, unit.
+#: Metrics of a row: name, heading, factor to the unit, unit.
 COLUMNS = (
     ("image_changed_percent", "image changed", 1.0, "%"),
     ("relative_l2", "relative L2", 100.0, "%"),
@@ -21,18 +21,18 @@ COLUMNS = (
     ("wasserstein_m", "Wasserstein-1", 1e3, "mm"),
     ("active_area_iou", "active-area IoU", 1.0, ""),
 )
-#: The models whose images are shown beside the recorded one; the best null model joins them.
+#: Models whose images stand beside the recorded one, followed by the best null model.
 _SHOWN = ("fast model", "fast model, texel gains", "reference")
 
 
 def best_null(scores: StampScores, split: str) -> StampRow:
-    """The null model that scores best in a split: the one that a model has to beat."""
+    """The null model with the smallest image change in a split."""
     nulls = [row for row in scores.rows if (row.split, row.kind) == (split, "null")]
     return min(nulls, key=lambda row: row.pooled["image_changed_percent"].mean)
 
 
 def recordings_contents(scores: StampScores, array: TexelArray) -> dict[str, Any]:
-    """Tables and images by split."""
+    """Tables and images of every split."""
     splits = list(dict.fromkeys(row.split for row in scores.rows))
     return {
         "scores": scores,

@@ -1,4 +1,4 @@
-"""Tactile images as inline SVG: light, sharp at any size, with the value of each texel on hover.
+"""Tactile images as inline SVG: small, sharp at any size, with the value of each texel as a tooltip.
 
 Row 0, the smallest y, is drawn at the bottom; arrays themselves are never flipped.
 """
@@ -16,21 +16,23 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Edge of a texel on the page [px].
 _CELL = 15
-#: Colours from nothing to most (of rising lightness), and from minus to plus about white.
+#: Colours of forces from zero to the peak, with increasing lightness.
 _FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9dd4b", "#fdf3a1")
+#: Colours of differences from the negative to the positive peak, white at zero.
 _DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c", "#97142a")
+#: Colour of masked texels.
 _MASKED = "#e6e6ea"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """From values to colours; the same for images that are compared.
+    """Colour scale; images that are compared share one.
 
     Attributes:
-        peak: Value with the strongest colour.
-        difference: Whether colours run from minus to plus about white, instead of from nothing to most.
-        unit: Unit that is shown.
-        factor: From the values' unit to the shown one.
+        peak: Value with the last colour.
+        difference: Whether the colours run from -peak to +peak with white at zero, instead of from 0 to peak.
+        unit: Unit of the shown numbers.
+        factor: Factor from the values' unit to the shown unit [-].
     """
 
     peak: float
@@ -40,7 +42,7 @@ class Scale:
 
     @property
     def colours(self) -> tuple[str, ...]:
-        """Colours at even steps."""
+        """Colours at equal steps."""
         return _DIFFERENCE if self.difference else _FORCE
 
     def colour(self, value: float) -> str:
@@ -71,9 +73,9 @@ def tactile_image(array: TexelArray, values: FloatArray, scale: Scale, *, outlin
 
     Args:
         array: The texels.
-        values: One per texel, shape (n,).
-        scale: From values to colours.
-        outline: Drawn over the image, for example where the indenter touches.
+        values: One value per texel, shape (n,).
+        scale: Colour scale.
+        outline: Line over the image, for example around the contact area; none when not given.
     """
     cells = "".join(_cell(array, index, float(value), scale) for index, value in enumerate(values))
     width, height = array.columns * _CELL, array.rows * _CELL

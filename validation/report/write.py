@@ -1,4 +1,4 @@
-"""From an evaluation to a folder: `index.html`, its assets, `scores.json`, `parameters.toml`, `cover.npz`."""
+"""Write the report folder: `index.html`, its assets, `scores.json`, `parameters.toml` and `cover.npz`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from validation.errors import MissingExtraError
 from validation.json_values import json_text
 from validation.report.contents import contents
 
-#: The page's own files, copied beside it.
+#: Files of the page that are copied unchanged.
 _ASSETS = ("report.css", "report.js")
 
 
 def require() -> None:
-    """Check that what writes a report is installed, before any long work.
+    """Check before any long work that the packages for a report are installed.
 
     Raises:
-        MissingExtraError: If it is not.
+        MissingExtraError: If one is missing.
     """
     from importlib.util import find_spec
 
@@ -31,7 +31,7 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
     """Write the report.
 
     Args:
-        evaluation: What to show.
+        evaluation: The evaluation to show.
         folder: An existing folder to write to.
 
     Raises:

@@ -11,10 +11,11 @@ import pytest
 from fastmodel import Electronics
 from meshes import Box, Sphere, TexelArray
 from validation.calibration.calibrate import calibrate, flat_shares
-from validation.calibration.curve_fit import Form, Observations, fit_curve
-from validation.calibration.write_sensor import as_json, write_sensor
+from validation.calibration.curve_fit import CurveForm, Observations, fit_curve
+from validation.calibration.write_sensor import write_sensor
 from validation.cli.entry import main
 from validation.errors import InputError
+from validation.json_values import json_text
 from validation.recordings import tables
 from validation.recordings.importing import open_recording, relabel
 from validation.recordings.recording import Recording, RecordingError, Setup, make_array
@@ -26,7 +27,7 @@ GAINS = np.array([1.1, 0.95, 1.03, 0.92])
 SENSOR = Electronics(
     rate_hz=271, sensitivity=2600, offset=-450, output_max=3700, saturation_band=500, gains=tuple(GAINS), noise=2.3e-3
 )
-FORM = Form(degree=1, saturation=True, gains=True, temperature=False, threshold=0)
+FORM = CurveForm(degree=1, saturation=True, gains=True, temperature=False, threshold=0)
 TRUTH = {
     "c0": -450,
     "c1": 2600,
@@ -148,7 +149,7 @@ def test_from_recordings_to_a_sensor_file(tmp_path):
     assert abs(estimates["drift"].value) < 0.01
     assert estimates["hysteresis"].value < 0.01
     assert found.polynomial is not None
-    assert json.dumps(as_json(found))
+    assert json_text(found.as_json())
 
     source, target = tmp_path / "a.toml", tmp_path / "b.toml"
     source.write_text(

@@ -1,12 +1,12 @@
-"""Stamp recordings against the fast model: a flat square stamp under known weights, fitted and scored.
+"""The fast model against recordings of a flat square stamp under known weights.
 
-What is fitted is what the recordings cannot tell beforehand: one load curve for all texels, where the stamp stands, and
-what the cover does; then the same with a gain per texel.  The stamp never moves within a series, so gains absorb almost
-anything; what tells a model from a table is extrapolation, and that is scored: light weights to heavy ones, room to
-operating temperature.  A recording that was fitted is never scored.
+Fitted is what the recordings alone can determine: one load curve for all texels, the pose of the stamp and the cover;
+then the same with a gain per texel.  The stamp does not move within a series, so texel gains can absorb almost any
+error of a model.  Extrapolation separates a model from a table, so it is scored: from light weights to heavy ones, and
+from room to operating temperature.  A recording that was fitted is never scored.
 
-What counts are: the firmware has subtracted a threshold of 100, they bend softly into saturation, and they drift under
-a constant weight; so every recording is read at the same age.
+The recorded counts have three properties.  The firmware has subtracted a threshold of 100, they saturate softly, and
+they drift under a constant weight; so every recording is read at the same age of its load.
 """
 
 from validation.calibration.stamp.score import (

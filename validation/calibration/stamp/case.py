@@ -1,4 +1,4 @@
-"""From a recording to a case: which array was pressed, and its steady mean frame."""
+"""One recording of the stamp series: the array that was pressed, and its steady mean frame."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes import TexelArray
+from validation.calibration.noise_and_drift import find_load_onset
 from validation.recordings import RecordedArray, Recording, RecordingError, dsa
 from validation.recordings.series import StampFile
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The mean frame is taken this long after the load came on [s].  Counts drift under a constant weight (about a
-#: fifth between 2 s and 12 s), so every recording is read at the same age; all of them reach the end of it.
+#: Ages of the load between which frames are averaged [s].  Counts drift under a constant weight (about a fifth between
+#: 2 s and 12 s), so every recording is read at the same age; every recording lasts to the end of this window.
 WINDOW = (6.0, 9.0)
-#: The load counts as on when the sum of counts passes this share of its final value for good [-].
-_ON = 0.5
-#: The final value is the median over this last part of the recording [s].
-_LAST = 2.0
+#: Fewest frames of which the noise about a straight trend can be estimated [-].
+_FEWEST_FRAMES = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,12 +26,12 @@ class StampCase:
     """One recording as it is fitted or scored.
 
     Attributes:
-        file: Which file, and with it the load.
+        file: The file, which gives the load.
         counts: Steady mean counts of the pressed array, shape (n,) [-].
-        noise: Standard deviation of a texel's counts in the window after a straight trend is removed, root mean
-            square over texels that read anything [-].
+        noise: Standard deviation of a texel's counts in the window after a straight trend is removed; root mean square
+            over texels that are not zero [-].
         full_scale: Declared full scale [-].
-        onset: When the load came on, after the first frame [s].
+        onset: Time at which the load was applied [s].
         sha256: Hash of the file.
     """
 
@@ -52,11 +51,11 @@ def read_case(file: StampFile, array: TexelArray) -> StampCase:
         array: The sensor's array, which must be the one that was pressed.
 
     Raises:
-        RecordingError: If the file is damaged, another array was pressed, or the load was not on long enough.
+        RecordingError: If the file is damaged, another array was pressed, or the load was applied for too short a time.
     """
     recording = dsa.read(file.path)
-    pressed = _pressed(recording, array)
-    onset, frames = _window(recording, pressed)
+    pressed = _pressed_array(recording, array)
+    onset, frames = _steady_frames(recording, pressed)
     return StampCase(
         file=file,
         counts=frames.mean(axis=0),
@@ -67,8 +66,8 @@ def read_case(file: StampFile, array: TexelArray) -> StampCase:
     )
 
 
-def _pressed(recording: Recording, array: TexelArray) -> RecordedArray:
-    """The array with most counts, if it is the sensor's."""
+def _pressed_array(recording: Recording, array: TexelArray) -> RecordedArray:
+    """The array with the largest sum of counts; it must have the sensor's layout."""
     sums = [int(each.counts.sum()) for each in recording.arrays]
     index = int(np.argmax(sums))
     pressed = recording.arrays[index]
@@ -76,38 +75,36 @@ def _pressed(recording: Recording, array: TexelArray) -> RecordedArray:
         raise RecordingError(f"{recording.path}: no array was pressed; expected a weight on {array.name}")
     if not pressed.has_layout_of(array):
         raise RecordingError(
-            f"{recording.path}: the pressed array (number {index}: {_layout(pressed.texels)}) is not {array.name} "
-            f"({_layout(array)}); expected a sensor with the recording's array, such as sdh2-distal"
+            f"{recording.path}: the pressed array (number {index}: {_describe_layout(pressed.texels)}) is not "
+            f"{array.name} ({_describe_layout(array)}); expected the sensor of the recording, such as sdh2-distal"
         )
     return pressed
 
 
-def _layout(array: TexelArray) -> str:
+def _describe_layout(array: TexelArray) -> str:
     pitch = " x ".join(f"{step * 1e3:g}" for step in array.pitch)
     return f"{array.columns} x {array.rows}, {int(array.active.sum())} active, pitch {pitch} mm"
 
 
-def _window(recording: Recording, pressed: RecordedArray) -> tuple[float, FloatArray]:
-    """When the load came on and the frames of the window, shape (k, n)."""
-    times, total = recording.times, pressed.counts.sum(axis=1)
-    final = float(np.median(total[times >= times[-1] - _LAST]))
-    below = np.flatnonzero(total < _ON * final)
-    if not final > 0 or (below.size and below[-1] == len(times) - 1):
+def _steady_frames(recording: Recording, pressed: RecordedArray) -> tuple[float, FloatArray]:
+    """Time of the load's onset [s], and the frames of the window, shape (k, n) [-]."""
+    times, counts = recording.times, pressed.counts.astype(np.float64)
+    onset = find_load_onset(times, counts)
+    if onset >= times[-1]:
         raise RecordingError(f"{recording.path}: not under load at its end; expected a weight that stays on")
-    onset = float(times[below[-1] + 1]) if below.size else float(times[0])
-    inside = (times >= onset + WINDOW[0]) & (times < onset + WINDOW[1])
     if times[-1] < onset + WINDOW[1]:
         raise RecordingError(
             f"{recording.path}: the load is on for {times[-1] - onset:.1f} s; expected at least {WINDOW[1]:g} s"
         )
-    return onset, pressed.counts[inside].astype(np.float64)
+    return onset, counts[(times >= onset + WINDOW[0]) & (times < onset + WINDOW[1])]
 
 
 def _noise(frames: FloatArray) -> float:
+    """Standard deviation about a straight trend, over texels that are never zero; 0 if it cannot be estimated [-]."""
     lit = frames[:, frames.min(axis=0) > 0]
-    if len(lit) < 3 or not lit.shape[1]:  # noqa: PLR2004 -- a trend needs three frames to leave a residual
+    if len(lit) < _FEWEST_FRAMES or not lit.shape[1]:
         return 0.0
     time = np.linspace(-1, 1, len(lit))
-    fit = np.polynomial.polynomial.polyfit(time, lit, 1)
-    rest = lit - np.polynomial.polynomial.polyval(time, fit).T
+    trend = np.polynomial.polynomial.polyfit(time, lit, 1)
+    rest = lit - np.polynomial.polynomial.polyval(time, trend).T
     return float(np.sqrt((rest**2).sum() / (rest.size - 2 * lit.shape[1])))

@@ -16,10 +16,11 @@ from validation.calibration.stamp.load_curve import LOWER, START, UPPER, LoadCur
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Counts are fitted in units of this, so that residuals are of order one.
+#: Unit of the residuals, so that they are of order one [counts].
 _UNIT = 100.0
-#: Gains are held to one as if each ln(gain) of this size cost one residual of `_UNIT` counts [-].
+#: Standard deviation of the prior on ln(gain): a gain this far from one costs as much as `_UNIT` counts [-].
 _GAIN_SPREAD = 0.5
+#: Step of the finite differences in logarithms [-].
 _STEP = 1e-5
 
 
@@ -28,10 +29,10 @@ class StampFit:
     """A fitted model.
 
     Attributes:
-        candidate: The candidate that fitted best.
-        shape: Its numbers, shape (p,).
+        candidate: The candidate with the smallest residual.
+        shape: Its fitted parameters, shape (p,).
         load_curve: The load curve, one for all texels.
-        gains: One factor per texel; None where texels are not told apart, shape (n,) [-].
+        gains: Gain of each texel, shape (n,) [-]; None if no gains were fitted.
         rms: Root mean square residual over active texels of the fitted cases [counts].
     """
 
@@ -51,7 +52,7 @@ class StampFit:
         return self.load_curve.counts(forces, 1.0 if self.gains is None else self.gains)
 
     def parameters(self) -> dict[str, float]:
-        """What was fitted, by name with its unit."""
+        """The fitted parameters, by name with unit."""
         described = self.candidate.describe(self.shape) | {
             "sensitivity_per_N": self.load_curve.sensitivity,
             "dead_force_N": self.load_curve.dead_force,
@@ -92,14 +93,15 @@ def fit(
         active=array.active,
         output_max=output_max,
     )
-    # box texels cannot be fitted by slopes: the place comes from the uniform pressure
-    place = _fit(uniform(array, _middle(array, data)), data).shape
+    # The forces on box texels jump with the pose and have no usable gradient: the pose comes from uniform pressure.
+    place = _fit(uniform(array, _pressure_centre(array, data)), data).shape
     fits = [_fit(candidate, data) for candidate in model.candidates((float(place[0]), float(place[1])))]
     plain = min(fits, key=lambda each: each.rms)
     return plain, _with_gains(plain, data)
 
 
-def _middle(array: TexelArray, data: _Data) -> tuple[float, float]:
+def _pressure_centre(array: TexelArray, data: _Data) -> tuple[float, float]:
+    """Centre of pressure of the summed images [m]."""
     weight = data.counts.sum(axis=0)
     x, y = weight @ array.centres[:, :2] / weight.sum()
     return (float(x), float(y))
@@ -110,7 +112,7 @@ def _fit(candidate: Candidate, data: _Data) -> StampFit:
     latest: dict[bytes, FloatArray] = {}
 
     def forces(shape: FloatArray) -> FloatArray:
-        # steps in the curve's numbers leave the forces as they were
+        # Finite differences in the load curve leave the forces unchanged: keep the latest forces.
         key = shape.tobytes()
         if key not in latest:
             latest.clear()
@@ -118,7 +120,7 @@ def _fit(candidate: Candidate, data: _Data) -> StampFit:
         return latest[key]
 
     def misfit(vector: FloatArray) -> FloatArray:
-        predicted = LoadCurve.of(vector[split:], data.output_max).counts(forces(vector[:split]))
+        predicted = LoadCurve.from_vector(vector[split:], data.output_max).counts(forces(vector[:split]))
         return (predicted - data.counts) / _UNIT
 
     def residual(vector: FloatArray) -> FloatArray:
@@ -136,7 +138,7 @@ def _fit(candidate: Candidate, data: _Data) -> StampFit:
     return StampFit(
         candidate=candidate,
         shape=solution.x[:split],
-        load_curve=LoadCurve.of(solution.x[split:], data.output_max),
+        load_curve=LoadCurve.from_vector(solution.x[split:], data.output_max),
         gains=None,
         rms=_rms(misfit(solution.x), data),
     )
@@ -147,15 +149,15 @@ def _rms(misfit: FloatArray, data: _Data) -> float:
 
 
 def _scale(candidate: Candidate) -> FloatArray:
-    """Lengths are of the order of a millimetre; all other numbers are angles or logarithms."""
+    """Typical size of each parameter: a millimetre for lengths; angles and logarithms otherwise."""
     shape = [1e-3, 1e-3, 0.3, 0.3][-len(candidate.start) :]
     return np.array([*shape, 0.3, 0.3, 1.0])
 
 
 def _with_gains(plain: StampFit, data: _Data) -> StampFit:
-    """Refit the curve with a ln(gain) for every texel that read anything; stamp and cover stay where they are.
+    """Refit the load curve with a ln(gain) for every texel that is not always zero; pose and cover stay fixed.
 
-    The stamp never moves in a series, so gains that were free together with pose and cover would absorb both.
+    The stamp does not move within a series, so gains that were fitted together with pose and cover would absorb both.
     """
     forces = np.outer(data.loads, plain.candidate.texel_forces(plain.shape))
     places = np.flatnonzero(data.active & (data.counts.max(axis=0) > 0))
@@ -167,7 +169,7 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
         return gains
 
     def misfit(vector: FloatArray) -> FloatArray:
-        counts = LoadCurve.of(vector[:shared], data.output_max).counts(forces, gains_of(vector))
+        counts = LoadCurve.from_vector(vector[:shared], data.output_max).counts(forces, gains_of(vector))
         return np.asarray((counts - data.counts) / _UNIT)
 
     def residual(vector: FloatArray) -> FloatArray:
@@ -178,17 +180,17 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
         base = misfit(vector)
         steps = _STEP * np.eye(len(vector))[:shared]
         columns = [(misfit(vector + step) - base)[:, data.active].ravel() / _STEP for step in steps]
-        # a gain moves its own texel only: one difference serves all of them
+        # A gain affects its own texel only, so one difference gives the derivatives by all gains.
         slope = (misfit(vector + _STEP * (np.arange(len(vector)) >= shared)) - base) / _STEP
         for texel in places:
             own = np.zeros_like(slope)
             own[:, texel] = slope[:, texel]
             columns.append(own[:, data.active].ravel())
-        held = np.hstack([np.zeros((len(places), shared)), np.eye(len(places)) / _GAIN_SPREAD])
-        return np.vstack([np.column_stack(columns), held])
+        prior = np.hstack([np.zeros((len(places), shared)), np.eye(len(places)) / _GAIN_SPREAD])
+        return np.vstack([np.column_stack(columns), prior])
 
     free = np.full(len(places), np.inf)
-    start = np.clip(_vector(plain.load_curve), LOWER + 1e-6, UPPER - 1e-6)
+    start = np.clip(plain.load_curve.vector, LOWER + 1e-6, UPPER - 1e-6)
     solution = least_squares(
         residual,
         np.r_[start, np.zeros(len(places))],
@@ -200,12 +202,7 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
     )
     return replace(
         plain,
-        load_curve=LoadCurve.of(solution.x[:shared], data.output_max),
+        load_curve=LoadCurve.from_vector(solution.x[:shared], data.output_max),
         gains=gains_of(solution.x),
         rms=_rms(misfit(solution.x), data),
     )
-
-
-def _vector(load_curve: LoadCurve) -> FloatArray:
-    share = load_curve.saturation_band / load_curve.output_max
-    return np.array([np.log(load_curve.sensitivity), np.log(load_curve.dead_force), np.log(share / (1 - share))])

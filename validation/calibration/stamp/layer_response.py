@@ -1,7 +1,7 @@
-"""What a cover of any thickness does, from one finite-element solve per Poisson ratio.
+"""Response of a one-layer cover of any thickness, from one finite-element solve per Poisson ratio.
 
-Scaling a linear cover scales its response, and Young's modulus does not enter: the solve is made for 1 mm and
-everything else is measured in multiples of that.
+The response of a linear cover scales with its thickness and does not depend on Young's modulus.  So the solve uses a
+thickness of 1 mm, and lengths are scaled to it.
 """
 
 from __future__ import annotations
@@ -20,22 +20,26 @@ from validation.recordings.series import STAMP_EDGE
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Poisson ratios that are tried, foam and rubber: the recordings hardly tell even these apart.
+#: Poisson ratios that are tried, of foam and rubber [-]: the recordings hardly distinguish even these two.
 POISSON_RATIOS = (0.0, 0.49)
 #: Range of thickness that is fitted [m].
 THICKNESS = (0.5e-3, 12e-3)
+#: Thickness of the cover that is solved [m].
 _UNIT = 1e-3
-_CELLS, _BIN = 36, 4
+#: Contact cells along each edge of the stamp's face [-].
+_CELLS = 36
+#: Contact cells along each edge of a bin, whose force acts at its centroid; fewer forces make the fit faster [-].
+_BIN = 4
 
 
 def unit_cover(poisson_ratio: float, thickness: float = _UNIT) -> Cover:
-    """One linear layer; its modulus (1 MPa) affects no result of this module."""
+    """One linear layer; its modulus (1 MPa) has no effect on the results of this module."""
     material = Material(
         name="stamp cover",
         model="linear-elastic",
         parameters={"youngs_modulus": 1e6},
         poisson_ratio=poisson_ratio,
-        source="a unit modulus: texel forces under a given load do not depend on it",
+        source="an arbitrary modulus: texel forces under a given load do not depend on it",
     )
     return Cover(layers=(Layer(thickness=thickness, material=material),))
 
@@ -50,15 +54,19 @@ def influence(array: TexelArray, poisson_ratio: float, thickness: float, positio
         positions: Positions on top, shape (k, 2) [m].
     """
     scale = thickness / _UNIT
-    return _spread(poisson_ratio).texel_influence(_scaled(array, scale), positions / scale)
+    return _unit_spread(poisson_ratio).texel_influence(_scaled_grid(array, scale), positions / scale)
 
 
 @cache
 def punch_pressure(poisson_ratio: float, thickness: float) -> tuple[FloatArray, FloatArray]:
-    """How the stamp's load is shared over its face on one bonded layer, frictionless.
+    """Contact pressure of the stamp on one bonded layer without friction, as forces at points.
+
+    Args:
+        poisson_ratio: Poisson ratio of the layer [-].
+        thickness: Thickness of the layer [m].
 
     Returns:
-        Centroids in the stamp's frame, shape (k, 2) [m], and shares of the load, shape (k,) [-].
+        Points in the stamp's frame, shape (k, 2) [m], and shares of the load, shape (k,) [-].
     """
     cover = unit_cover(poisson_ratio, thickness)
     surface = surface_compliance(cover, max(2.2 * STAMP_EDGE, 4 * thickness))
@@ -72,7 +80,7 @@ def punch_pressure(poisson_ratio: float, thickness: float) -> tuple[FloatArray, 
 
 
 def thickness_of_sigma(array: TexelArray, sigma: float) -> dict[float, float]:
-    """Thickness whose fitted Gaussian has this sigma, for each Poisson ratio [m]; NaN beyond `THICKNESS`.
+    """Thickness whose fitted Gaussian has a given sigma, for each Poisson ratio [m]; NaN outside `THICKNESS`.
 
     Args:
         array: A flat grid of texels.
@@ -90,24 +98,26 @@ def thickness_of_sigma(array: TexelArray, sigma: float) -> dict[float, float]:
 def _sigma_table(
     poisson_ratio: float, pitch: tuple[float, float], size: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
+    """Thicknesses [m] and the fitted sigma of each [pitches]."""
     thickness = np.geomspace(*THICKNESS, 8)
     array = TexelArray.grid(13, 13, pitch, texel_size=size)
-    sigmas = [_sigma(_scaled(array, each / _UNIT), poisson_ratio) for each in thickness]
+    sigmas = [_fit_sigma(_scaled_grid(array, each / _UNIT), poisson_ratio) for each in thickness]
     return thickness, np.maximum.accumulate(sigmas)
 
 
-def _sigma(array: TexelArray, poisson_ratio: float) -> float:
-    response = array.image(_spread(poisson_ratio).texel_response(array, load="uniform"))
+def _fit_sigma(array: TexelArray, poisson_ratio: float) -> float:
+    response = array.image(_unit_spread(poisson_ratio).texel_response(array, load="uniform"))
     loaded = (array.rows // 2, array.columns // 2)
     return fit_gaussian(np.asarray(response, dtype=np.float64), loaded).gaussian.sigma_x
 
 
 @cache
-def _spread(poisson_ratio: float) -> PointSpread:
+def _unit_spread(poisson_ratio: float) -> PointSpread:
     return point_spread(unit_cover(poisson_ratio))
 
 
-def _scaled(array: TexelArray, scale: float) -> TexelArray:
+def _scaled_grid(array: TexelArray, scale: float) -> TexelArray:
+    """The grid with all lengths divided by `scale`."""
     return TexelArray.grid(
         array.rows,
         array.columns,

@@ -1,4 +1,4 @@
-"""The load curve: counts from texel force, one for all texels, in the words of the fast model's electronics."""
+"""The load curve of the stamp recordings: counts from texel force, one curve for all texels."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from validation.recordings.series import THRESHOLD
 
 FloatArray = npt.NDArray[np.float64]
 
-#: ln(sensitivity [1/N]), ln(force below which nothing is read [N]), logit(saturation band / largest count).
+#: Start of the fit: ln(sensitivity [1/N]), ln(dead force [N]), logit(saturation band / largest count).
 START = np.array([np.log(6000.0), np.log(0.05), 1.0])
+#: Lower bounds of the fit, in the same order.
 LOWER = np.array([np.log(100.0), np.log(1e-5), -6.0])
+#: Upper bounds of the fit, in the same order.
 UPPER = np.array([np.log(1e5), np.log(1.0), 6.0])
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCurve:
-    """A line with a dead zone, less the firmware's threshold, bent softly into saturation.
+    """A line with a dead zone, minus the firmware's threshold, with soft saturation.
 
-    The same as `fastmodel.signal.electronics.Electronics`, but not rounded, so that it can be fitted to mean frames.
+    It equals `fastmodel.signal.electronics.Electronics` without rounding, so that it can be fitted to mean frames.
 
     Attributes:
         sensitivity: Slope [1/N].
@@ -37,15 +39,21 @@ class LoadCurve:
     output_max: int
 
     @classmethod
-    def of(cls, vector: FloatArray, output_max: int) -> LoadCurve:
-        """Make the curve from the vector that is fitted, shape (3,)."""
-        slope, dead, bend = (float(value) for value in vector)
+    def from_vector(cls, vector: FloatArray, output_max: int) -> LoadCurve:
+        """Make the curve from the parameters of the fit, shape (3,), in the order of `START`."""
+        slope, dead, bend = vector.tolist()
         return cls(
             sensitivity=float(np.exp(slope)),
             dead_force=float(np.exp(dead)),
             saturation_band=output_max / (1 + float(np.exp(-bend))),
             output_max=output_max,
         )
+
+    @property
+    def vector(self) -> FloatArray:
+        """The parameters of the fit, shape (3,), in the order of `START`."""
+        share = self.saturation_band / self.output_max
+        return np.array([np.log(self.sensitivity), np.log(self.dead_force), np.log(share / (1 - share))])
 
     @property
     def offset(self) -> float:
@@ -57,13 +65,13 @@ class LoadCurve:
 
         Args:
             forces: Texel forces [N].
-            gains: One factor per texel on the line, before the threshold, shape (n,) [-].
+            gains: Gain of each texel, which multiplies the line before the threshold is subtracted, shape (n,) [-].
         """
         signal = np.maximum(gains * (self.sensitivity * forces + self.offset) - THRESHOLD, 0.0)
         return saturate(signal, self.output_max, self.saturation_band)
 
     def electronics(self, rate_hz: float, gains: FloatArray | None = None) -> Electronics:
-        """The same curve for the fast model."""
+        """The same curve as electronics of the fast model."""
         return Electronics(
             rate_hz=rate_hz,
             sensitivity=self.sensitivity,
@@ -71,5 +79,5 @@ class LoadCurve:
             output_max=self.output_max,
             threshold=THRESHOLD,
             saturation_band=self.saturation_band,
-            gains=None if gains is None else tuple(float(gain) for gain in gains),
+            gains=None if gains is None else tuple(gains.tolist()),
         )

@@ -1,12 +1,13 @@
-"""Null models: what a table without any sensor model reaches on the same recordings.
+"""Null models: scores that a table reaches on the same recordings without any model of the sensor.
 
-Each knows beforehand what the models know: no count is negative or above the largest one.  Quadratics are what the
-published trial used; the line is there because a quadratic extrapolates badly, and beating it would prove little.
+The null models share one fact with the models: no count is negative or above the largest one.  The published trial used
+quadratics.  The straight line is added because a quadratic extrapolates badly and would be too easy to beat.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -15,50 +16,43 @@ import numpy.typing as npt
 from validation.calibration.stamp.case import StampCase
 
 FloatArray = npt.NDArray[np.float64]
+#: From a load [N] to counts, shape (n,).
 Predictor = Callable[[float], FloatArray]
 
 
-def zeros(cases: Sequence[StampCase], output_max: int) -> Predictor:  # noqa: ARG001 -- one signature for all
-    """No counts at all."""
+def fit_zeros(cases: Sequence[StampCase], output_max: int) -> Predictor:  # noqa: ARG001 -- same signature for all
+    """Predict no counts at all."""
     empty = np.zeros_like(cases[0].counts)
     return lambda _load: empty
 
 
-def pattern_times_curve(cases: Sequence[StampCase], output_max: int) -> Predictor:
-    """The mean image, scaled by a quadratic in the load."""
-    loads, counts = _stacked(cases)
+def fit_pattern(cases: Sequence[StampCase], output_max: int) -> Predictor:
+    """Fit the mean image, scaled by a quadratic in the load."""
+    loads, counts = _stack_cases(cases)
     pattern = counts.mean(axis=0)
     size = counts @ pattern / (pattern @ pattern)
     curve = np.polynomial.Polynomial.fit(loads, size, 2)
     return lambda load: np.clip(float(curve(load)) * pattern, 0.0, output_max)
 
 
-def quadratic_per_texel(cases: Sequence[StampCase], output_max: int) -> Predictor:
-    """A quadratic in the load for every texel on its own."""
-    return _polynomial_per_texel(cases, output_max, 2)
-
-
-def line_per_texel(cases: Sequence[StampCase], output_max: int) -> Predictor:
-    """A straight line in the load for every texel on its own."""
-    return _polynomial_per_texel(cases, output_max, 1)
-
-
-def _polynomial_per_texel(cases: Sequence[StampCase], output_max: int, degree: int) -> Predictor:
-    loads, counts = _stacked(cases)
+def fit_polynomials(cases: Sequence[StampCase], output_max: int, *, degree: int) -> Predictor:
+    """Fit a polynomial in the load to every texel separately."""
+    loads, counts = _stack_cases(cases)
     coefficients = np.polynomial.polynomial.polyfit(loads, counts, degree)
     return lambda load: np.clip(np.polynomial.polynomial.polyval(load, coefficients), 0.0, output_max)
 
 
-#: Null models by name.
+#: Null models by name: functions from fitted cases and the largest count to a predictor.
 NULLS: Mapping[str, Callable[[Sequence[StampCase], int], Predictor]] = MappingProxyType(
     {
-        "zeros": zeros,
-        "mean pattern x load curve": pattern_times_curve,
-        "quadratic per texel": quadratic_per_texel,
-        "line per texel": line_per_texel,
+        "zeros": fit_zeros,
+        "mean pattern x load curve": fit_pattern,
+        "quadratic per texel": partial(fit_polynomials, degree=2),
+        "line per texel": partial(fit_polynomials, degree=1),
     }
 )
 
 
-def _stacked(cases: Sequence[StampCase]) -> tuple[FloatArray, FloatArray]:
+def _stack_cases(cases: Sequence[StampCase]) -> tuple[FloatArray, FloatArray]:
+    """Loads, shape (k,) [N], and counts, shape (k, n) [-]."""
     return np.array([case.file.load for case in cases]), np.array([case.counts for case in cases])

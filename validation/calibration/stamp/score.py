@@ -1,10 +1,11 @@
-"""Scores of the stamp recordings: the fast model, other forwards, null models and the repeatability, in one table."""
+"""Scores of the stamp recordings in one table: forward models, null models and the repeatability."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -24,22 +25,22 @@ from validation.sensor_file import BUILT_IN, SensorDescription
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The sensor of the recordings.
+#: Name of the built-in sensor whose array the recordings were made with.
 DEFAULT_SENSOR = "sdh2-distal"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CountScore:
-    """One predicted mean frame against the recorded one; masked texels do not count.
+    """Scores of a predicted mean frame against the recorded one, over active texels.
 
     Attributes:
-        image_changed_percent: With grey = round(255 counts / full scale) [%].
-        pixels_changed: Grey levels that differ [-].
-        relative_l2: Of counts [-].
+        image_changed_percent: Mean grey difference over 255, with grey = round(255 counts / full scale) [%].
+        pixels_changed: Texels whose grey level differs [-].
+        relative_l2: Norm of the difference of counts over the norm of the recorded counts [-].
         total_counts_error: Difference of the sums over the recorded sum [-].
         centre_of_pressure_m: Distance of the centres of counts [m].
-        wasserstein_m: Of the unit-mass count maps [m].
-        active_area_iou: At a tenth of the recorded peak [-].
+        wasserstein_m: Wasserstein-1 distance of the count maps, each scaled to unit mass [m].
+        active_area_iou: Intersection over union of the areas above a tenth of the recorded peak [-].
     """
 
     image_changed_percent: float
@@ -61,11 +62,11 @@ class StampRow:
         kind: `model`, `null` or `floor` (repeatability).
         texel_gains: Whether a gain per texel was fitted.
         fitted: Names of the recordings that were fitted.
-        parameters: What was fitted, by name with its unit.
+        parameters: The fitted parameters, by name with unit.
         per_case: Score of each scored weight (the mean over its repeats), by condition and letter.
         pooled: Mean over scored weights with its bootstrap interval, by metric.
-        skill: 1 - image changed / that of a null model, by null model.
-        electronics: The fitted load curve for the fast model; None for rows without one.
+        skill: 1 - image changed / image changed of a null model, by null model.
+        electronics: The fitted load curve as electronics of the fast model; None for rows without one.
     """
 
     split: str
@@ -82,12 +83,12 @@ class StampRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampExample:
-    """Images of one scored recording: the recorded one and what each model predicted.
+    """Images of one scored recording: the recorded one and the prediction of each model.
 
     Attributes:
         split: Name of the split.
         case: Name of the recording.
-        load: Weight [N].
+        load: Weight on the stamp [N].
         recorded: Grey levels, shape (rows, columns) [-].
         predicted: Grey levels by model, same shape [-].
     """
@@ -106,11 +107,11 @@ class StampScores:
     Attributes:
         rows: The table.
         examples: One scored recording per split.
-        about: What each model and each split is, by name.
+        about: One line on each model and each split, by name.
         files: sha256 of each recording by its name.
-        window: The steady frame is the mean over this time after the load came on [s].
+        window: Ages of the load between which frames are averaged [s].
         noise: Root mean square over recordings of a texel's noise in the window [counts].
-        source: Where the recordings come from.
+        source: Origin of the recordings.
     """
 
     rows: tuple[StampRow, ...]
@@ -139,17 +140,17 @@ def score_recordings(
     *,
     progress: Callable[[str], None] | None = None,
 ) -> StampScores:
-    """Fit and score the weight series of a folder, about ten seconds.
+    """Fit and score the weight series of a folder; it takes about ten seconds.
 
     Args:
-        folder: Where the series is, or up to three levels above it.
-        sensor: The sensor whose array was pressed; `sdh2-distal` when not given.  Its array and the largest count
-            of its electronics are used; cover and load curve are fitted.
+        folder: The folder of the series, or one up to three levels above it.
+        sensor: The sensor whose array was pressed; `sdh2-distal` when not given.  Its array and its `output_max` are
+            used; cover and load curve are fitted.
         progress: Called with a line of text before each step.
 
     Raises:
-        RecordingError: If there is no such series, a file is damaged, a weight is missing, or the pressed array is
-            not the sensor's.
+        RecordingError: If there is no such series, a file is damaged, a weight is missing, or another array was
+            pressed.
     """
     described = BUILT_IN[DEFAULT_SENSOR] if sensor is None else sensor
     array = described.array
@@ -163,16 +164,15 @@ def score_recordings(
         fitted, scored = split.divide(cases)
         if not scored:
             continue
-        made = _Scorer(split, fitted, scored, described)
-        made.nulls()
-        made.floor()
+        table = _SplitTable(split, fitted, scored, described)
+        table.add_nulls()
+        table.add_repeats()
         for model in models(array):
             say(f"{split.about}: {model.name}")
-            plain, gained = fit(model, fitted, array, output_max=described.electronics.output_max)
-            made.model(model.name, plain)
-            made.model(model.name, gained)
-        rows += made.rows
-        examples.append(made.example())
+            for found in fit(model, fitted, array, output_max=described.electronics.output_max):
+                table.add_fit(model.name, found)
+        rows += table.rows
+        examples.append(table.make_example())
     return StampScores(
         rows=tuple(rows),
         examples=tuple(examples),
@@ -206,8 +206,8 @@ def score_counts(recorded: FloatArray, predicted: FloatArray, *, full_scale: int
     )
 
 
-class _Scorer:
-    """Collects the rows of one split."""
+class _SplitTable:
+    """The rows of one split, and the images of its heaviest scored recording."""
 
     def __init__(
         self,
@@ -221,97 +221,116 @@ class _Scorer:
         self._images: dict[str, npt.NDArray[np.uint8]] = {}
         self._shown = max(scored, key=lambda case: (case.file.letter, -case.file.repeat))
 
-    def nulls(self) -> None:
-        """The null models, fitted on the same recordings."""
+    def add_nulls(self) -> None:
+        """Add the null models, fitted on the same recordings."""
         for name, make in NULLS.items():
-            self._predictor(name, make(self._fitted, self._sensor.electronics.output_max), kind="null")
+            self._add_predictor(name, make(self._fitted, self._sensor.electronics.output_max), kind="null")
 
-    def floor(self) -> None:
-        """How far repeats of one weight are apart: no model can be told better than that."""
+    def add_repeats(self) -> None:
+        """Add the difference between repeats of one weight, the noise floor of every model."""
         per_case: dict[str, list[CountScore]] = {}
         for first in self._scored:
             for second in self._scored:
                 if first.file.weight == second.file.weight and first.file.repeat < second.file.repeat:
                     per_case.setdefault(first.file.weight, []).append(self._score(first, second.counts))
         if per_case:
-            self._add("repeat of the same weight", per_case, kind="floor")
+            self._add_row("repeat of the same weight", per_case, kind="floor", fitted=())
 
-    def model(self, name: str, found: StampFit) -> None:
-        """A fitted model."""
-        gained = found.gains is not None
-        electronics = found.load_curve.electronics(self._sensor.electronics.rate_hz, found.gains)
-        parameters = {**found.parameters(), "rms_counts": found.rms}
-        self._predictor(name, found.counts, kind="model", gains=gained, more=(parameters, electronics))
+    def add_fit(self, name: str, found: StampFit) -> None:
+        """Add a fitted model."""
+        self._add_predictor(
+            name,
+            found.counts,
+            kind="model",
+            texel_gains=found.gains is not None,
+            parameters={**found.parameters(), "rms_counts": found.rms},
+            electronics=found.load_curve.electronics(self._sensor.electronics.rate_hz, found.gains),
+        )
 
-    def example(self) -> StampExample:
-        """The heaviest scored recording."""
+    def make_example(self) -> StampExample:
+        """Images of the heaviest scored recording."""
         return StampExample(
             split=self._split.name,
             case=self._shown.file.name,
             load=self._shown.file.load,
-            recorded=self._grey(self._shown.counts),
+            recorded=self._grey_image(self._shown.counts),
             predicted=dict(self._images),
         )
 
-    def _predictor(
+    def _add_predictor(
         self,
         name: str,
         predict: Predictor,
         *,
         kind: str,
-        gains: bool = False,
-        more: tuple[Mapping[str, float], Electronics | None] = ({}, None),
+        texel_gains: bool = False,
+        parameters: Mapping[str, float] = MappingProxyType({}),
+        electronics: Electronics | None = None,
     ) -> None:
         per_case: dict[str, list[CountScore]] = {}
         for case in self._scored:
             scores = per_case.setdefault(case.file.weight, [])
             scores.append(self._score(case, predict(case.file.load)))
-        self._images[f"{name}, texel gains" if gains else name] = self._grey(predict(self._shown.file.load))
-        self._add(name, per_case, kind=kind, gains=gains, more=more)
+        label = f"{name}, texel gains" if texel_gains else name
+        self._images[label] = self._grey_image(predict(self._shown.file.load))
+        fitted = tuple(case.file.name for case in self._fitted)
+        self._add_row(
+            name,
+            per_case,
+            kind=kind,
+            fitted=fitted,
+            texel_gains=texel_gains,
+            parameters=parameters,
+            electronics=electronics,
+        )
 
     def _score(self, case: StampCase, predicted: FloatArray) -> CountScore:
         return score_counts(case.counts, predicted, full_scale=case.full_scale, array=self._sensor.array)
 
-    def _grey(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
+    def _grey_image(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
         array = self._sensor.array
         grey = grey_levels(np.where(array.active, counts, 0.0), self._shown.full_scale)
         return grey.reshape(array.rows, array.columns)
 
-    def _add(
+    def _add_row(
         self,
         name: str,
         scores: Mapping[str, list[CountScore]],
         *,
         kind: str,
-        gains: bool = False,
-        more: tuple[Mapping[str, float], Electronics | None] = ({}, None),
+        fitted: tuple[str, ...],
+        texel_gains: bool = False,
+        parameters: Mapping[str, float] = MappingProxyType({}),
+        electronics: Electronics | None = None,
     ) -> None:
-        per_case = {weight: _mean(each) for weight, each in scores.items()}
-        changed = [score.image_changed_percent for score in per_case.values()]
+        per_case = {weight: _mean_score(each) for weight, each in scores.items()}
         nulls = [row for row in self.rows if row.kind == "null" and kind != "floor"]
         self.rows.append(
             StampRow(
                 split=self._split.name,
                 model=name,
                 kind=kind,
-                texel_gains=gains,
-                fitted=() if kind == "floor" else tuple(case.file.name for case in self._fitted),
-                parameters=more[0],
+                texel_gains=texel_gains,
+                fitted=fitted,
+                parameters=dict(parameters),
                 per_case=per_case,
-                pooled={metric: pool(list(values)) for metric, values in _columns(per_case.values())},
-                skill={
-                    row.model: skill(changed, [s.image_changed_percent for s in row.per_case.values()]) for row in nulls
-                },
-                electronics=more[1],
+                pooled={metric: pool(list(values)) for metric, values in _by_metric(per_case.values())},
+                skill={row.model: skill(_images_changed(per_case), _images_changed(row.per_case)) for row in nulls},
+                electronics=electronics,
             )
         )
 
 
-def _mean(scores: Sequence[CountScore]) -> CountScore:
-    """Repeats of a weight are not independent cases: their mean is one case."""
-    return CountScore(**{metric: float(np.mean(values)) for metric, values in _columns(scores)})
+def _images_changed(per_case: Mapping[str, CountScore]) -> list[float]:
+    return [score.image_changed_percent for score in per_case.values()]
 
 
-def _columns(scores: Iterable[CountScore]) -> Iterable[tuple[str, tuple[float, ...]]]:
+def _mean_score(scores: Sequence[CountScore]) -> CountScore:
+    """Mean over the repeats of one weight, which are not independent cases."""
+    return CountScore(**{metric: float(np.mean(values)) for metric, values in _by_metric(scores)})
+
+
+def _by_metric(scores: Iterable[CountScore]) -> Iterable[tuple[str, tuple[float, ...]]]:
+    """The values of every score, metric by metric."""
     table = [asdict(score) for score in scores]
     return [(metric, tuple(row[metric] for row in table)) for metric in table[0]]

@@ -15,7 +15,7 @@ class Split:
 
     Attributes:
         name: Short name.
-        about: What it tests.
+        about: The extrapolation or interpolation that it tests.
         fitted: Condition and letters that are fitted.
         scored: Condition and letters that are scored.
     """
@@ -36,12 +36,12 @@ class Split:
             raise ValueError(f"split {self.name!r} scores fitted weights: {self.fitted[0]} {sorted(both)}")
 
     def divide(self, cases: Sequence[StampCase]) -> tuple[list[StampCase], list[StampCase]]:
-        """Cases to fit and cases to score; both empty where a condition was not recorded.
+        """Cases to fit and cases to score; both empty if a condition was not recorded.
 
         Raises:
-            RecordingError: If a condition was recorded and weights of it are missing.
+            RecordingError: If a condition was recorded but some of its weights are missing.
         """
-        sides = [[case for case in cases if _on(case, side)] for side in (self.fitted, self.scored)]
+        sides = [[case for case in cases if _belongs(case, side)] for side in (self.fitted, self.scored)]
         if not all(sides):
             return [], []
         for side, found in zip((self.fitted, self.scored), sides, strict=True):
@@ -52,11 +52,12 @@ class Split:
         return sides[0], sides[1]
 
 
-def _on(case: StampCase, side: tuple[str, str]) -> bool:
+def _belongs(case: StampCase, side: tuple[str, str]) -> bool:
+    """Whether condition and letter of a case are those of a side."""
     return case.file.condition == side[0] and case.file.letter in side[1]
 
 
-#: The three tests; tables pass the first easily, the others tell a model from a table.
+#: The three tests.  The first interpolates, where tables do well; the other two extrapolate.
 SPLITS = (
     Split(name="between", about="every other weight", fitted=("room", "ACEG"), scored=("room", "BDFH")),
     Split(name="heavier", about="light weights to heavy ones", fitted=("room", "ABCD"), scored=("room", "EFGH")),

@@ -55,8 +55,8 @@ def calibrate(
         softcover calibrate *.mcap --array 1 --threshold 100 --sensor sensor.toml --out calibrated.toml
     """
     from validation.calibration.calibrate import calibrate as fit
-    from validation.calibration.calibrate import flat_shares, middle
-    from validation.calibration.write_sensor import as_json, write_sensor
+    from validation.calibration.calibrate import find_pressed_position, flat_shares
+    from validation.calibration.write_sensor import write_sensor
     from validation.recordings.importing import open_recording
     from validation.text.indenter import read_indenter, read_position
 
@@ -67,13 +67,13 @@ def calibrate(
     for recording in opened:
         check_array_index(recording, array)
     shape = read_indenter(indenter or opened[0].setup.indenter, place="--indenter")
-    position = middle(opened, array) if at is None else read_position(at)
+    position = find_pressed_position(opened, array) if at is None else read_position(at)
     shares = flat_shares(opened[0].arrays[array].texels, shape, at=position)
     found = fit(opened, shares=shares, array=array, threshold=threshold, window=span)
     if sensor is not None and out is not None:
         say(f"wrote {write_sensor(found, sensor, out, polynomial=polynomial)}")
     if json:
-        print_json({**as_json(found), "at_m": list(position)})
+        print_json({**found.as_json(), "at_m": list(position)})
     else:
         _print(found, position)
 

@@ -1,5 +1,5 @@
 "use strict";
-// Tables sort on a click or on Enter; a second time turns the order round.  What has no number goes last.
+// A click or Enter on a heading sorts the table; a second one reverses the order.  Rows without a value go last.
 function sortBy(header) {
   const table = header.closest("table");
   const body = table.tBodies[0];
