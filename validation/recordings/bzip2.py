@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bz2
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from validation.recordings.recording import RecordingError
@@ -12,13 +12,12 @@ from validation.recordings.recording import RecordingError
 PIECE_BYTES = 2**16
 
 
-def unpack(path: Path, *, limit: int, on_packed: Callable[[bytes], object]) -> Iterator[bytes]:
+def unpack(path: Path, *, limit: int) -> Iterator[bytes]:
     """Yield the unpacked bytes of a file in pieces of at most `PIECE_BYTES`.
 
     Args:
         path: The file.
         limit: Largest number of unpacked bytes that is accepted.
-        on_packed: Called with each piece of the packed file, e.g. to hash it.
 
     Raises:
         RecordingError: If the file is missing, is no bzip2 stream, is damaged, truncated or too large, or if other
@@ -27,7 +26,6 @@ def unpack(path: Path, *, limit: int, on_packed: Callable[[bytes], object]) -> I
     decompressor = bz2.BZ2Decompressor()
     total = 0
     for packed in _read_pieces(path):
-        on_packed(packed)
         if decompressor.eof:
             raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
         for piece in _decompress(decompressor, packed, path):

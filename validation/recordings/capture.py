@@ -12,8 +12,9 @@ from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageEr
 from validation.recordings.recording import RecordedArray, Setup, make_array
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
+from validation.weiss.frames import Reading
 from validation.weiss.link import Chunk, LinkLostError, PortError
-from validation.weiss.sensor import Reading, Sensor, SensorError
+from validation.weiss.sensor import Sensor, SensorError
 
 _SECONDS_PER_NANOSECOND = 1e-9
 

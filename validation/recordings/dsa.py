@@ -13,7 +13,6 @@ refused, because entities in them can expand without bound.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -32,7 +31,14 @@ from validation.recordings.dsa_fields import (
     read_number,
     read_whole_number,
 )
-from validation.recordings.recording import RecordedArray, Recording, RecordingError, Setup, convert_to_utc
+from validation.recordings.recording import (
+    RecordedArray,
+    Recording,
+    RecordingError,
+    Setup,
+    convert_to_utc,
+    hash_contents,
+)
 
 #: Largest number of bytes of XML that a file may unpack to.
 MAX_XML_BYTES = 512 * 2**20
@@ -82,10 +88,9 @@ def read(path: str | Path) -> Recording:
         RecordingError: If the file is missing, damaged, of another format or beyond the limits.
     """
     path = Path(path)
-    digest = hashlib.sha256()
     collector = _Collector(path)
-    _XmlReader(collector).read(bzip2.unpack(path, limit=MAX_XML_BYTES, on_packed=digest.update))
-    return collector.make_recording(digest.hexdigest())
+    _XmlReader(collector).read(bzip2.unpack(path, limit=MAX_XML_BYTES))
+    return collector.make_recording()
 
 
 class _Collector:
@@ -119,7 +124,7 @@ class _Collector:
             case "root/temperatures/temp":
                 self._add_temperature(fields)
 
-    def make_recording(self, sha256: str) -> Recording:
+    def make_recording(self) -> Recording:
         """Make a recording of everything collected."""
         if not self.frames:
             self.fail("no frames; expected at least one")
@@ -130,9 +135,10 @@ class _Collector:
             self.fail(f"time stamp {first} ms; expected milliseconds since 1970")
         ends = np.cumsum([array.texels.count for array in self.arrays])
         parts = np.split(np.stack(self.frames), ends[:-1], axis=1)
+        digest = hash_contents(self.path)
         return Recording(
             path=self.path,
-            sha256=sha256,
+            sha256=digest,
             serial=self.serial,
             started=started,
             times=(np.array(self.stamps) - first) * _SECONDS_PER_MILLISECOND,
@@ -141,7 +147,7 @@ class _Collector:
             ),
             temperatures=np.array(self.temperatures or np.empty((0, 0)), dtype=float),
             temperature_times=(np.array(self.temperature_stamps, dtype=float) - first) * _SECONDS_PER_MILLISECOND,
-            setup=Setup(source=self.path.name, source_sha256=sha256),
+            setup=Setup(source=self.path.name, source_sha256=digest),
         )
 
     def fail(self, fault: str) -> NoReturn:

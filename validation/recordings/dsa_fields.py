@@ -19,22 +19,9 @@ Fail = Callable[[str], NoReturn]
 
 #: Elements that describe one array; all are required.
 MATRIX_FIELDS = (
-    "cells_x",
-    "cells_y",
-    "texel_width",
-    "texel_height",
-    "matrix_center_x",
-    "matrix_center_y",
-    "matrix_center_z",
-    "theta_x",
-    "theta_y",
-    "theta_z",
-    "output_unit",
-    "hw_revision",
-    "one_wire_uid",
-    "fullscale",
-    "static_mask",
-    "dynamic_mask",
+    *("cells_x", "cells_y", "texel_width", "texel_height", "static_mask", "dynamic_mask"),
+    *("matrix_center_x", "matrix_center_y", "matrix_center_z", "theta_x", "theta_y", "theta_z"),
+    *("output_unit", "fullscale", "hw_revision", "one_wire_uid"),
 )
 #: Largest number of rows, and of columns, that is accepted; the arrays of an SDH-2 hand have at most 14 [-].
 _MOST_CELLS = 64

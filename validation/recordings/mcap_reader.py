@@ -8,6 +8,7 @@ is marked as not complete.
 from __future__ import annotations
 
 import io
+import mmap
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -212,20 +213,19 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
     except ImportError as error:
         raise MissingExtraError("device", "mcap") from error
     size, complete = _measure(path)
-    with path.open("rb") as file:
-        part = _FilePart(file, size)
+    with path.open("rb") as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
         # the library asks for a complete file object but only reads
         reader = StreamReader(cast("IO[bytes]", part), validate_crcs=True, record_size_limit=_LARGEST_RECORD)
         try:
             yield from reader.records
         except EndOfFile as error:
-            if complete or part.left:
-                raise RecordingError(f"{path}: damaged near byte {size - part.left}") from error
+            if complete or part.tell() < size:
+                raise RecordingError(f"{path}: damaged near byte {part.tell()}") from error
         except RecordingError:
             raise
         except Exception as error:
             # the library raises many kinds of errors on damaged bytes
-            raise RecordingError(f"{path}: damaged near byte {size - part.left}: {error}") from error
+            raise RecordingError(f"{path}: damaged near byte {part.tell()}: {error}") from error
 
 
 def _measure(path: Path) -> tuple[int, bool]:
@@ -249,17 +249,3 @@ def _measure(path: Path) -> tuple[int, bool]:
                 complete = file.read() == MAGIC
                 return (end if complete else position), complete
     return position, False
-
-
-class _FilePart:
-    """The first bytes of a file, as a file that ends after them."""
-
-    def __init__(self, file: IO[bytes], size: int) -> None:
-        self._file = file
-        self.left = size
-
-    def read(self, size: int) -> bytes:
-        """Read at most `size` bytes."""
-        data = self._file.read(min(size, self.left))
-        self.left -= len(data)
-        return data

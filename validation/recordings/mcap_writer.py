@@ -100,9 +100,8 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         except OSError as error:
             raise self._abandon_file(error) from error
         # two threads: fsync may block for seconds on a slow disk, and chunks must leave the process meanwhile
-        self._threads = [
-            threading.Thread(target=task, daemon=True) for task in (self._keep_flushing, self._keep_syncing)
-        ]
+        tasks = ((_FLUSH_INTERVAL, self._flush), (_SYNC_INTERVAL, self._sync))
+        self._threads = [threading.Thread(target=self._repeat, args=task, daemon=True) for task in tasks]
         for thread in self._threads:
             thread.start()
 
@@ -217,12 +216,6 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             self._check_failure()
             self._writer.add_message(self._channels[topic], time_ns, data, publish_time=time_ns, sequence=sequence)
 
-    def _keep_flushing(self) -> None:
-        self._repeat(_FLUSH_INTERVAL, self._flush)
-
-    def _keep_syncing(self) -> None:
-        self._repeat(_SYNC_INTERVAL, lambda: os.fsync(self._file.descriptor))
-
     def _repeat(self, seconds: float, task: Callable[[], None]) -> None:
         """Run a task at an interval [s] until the file is closed or the task fails."""
         while not self._closed.wait(seconds):
@@ -231,6 +224,9 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             except OSError as error:
                 self._failure = self._failure or error
                 return
+
+    def _sync(self) -> None:
+        os.fsync(self._file.descriptor)
 
     def _flush(self) -> None:
         with self._lock:

@@ -69,14 +69,6 @@ class StampFile:
         return f"{self.weight}{self.repeat}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class StampSeries:
-    """A weight series: its folder and its files, in the order of condition, letter and repeat."""
-
-    folder: Path
-    files: tuple[StampFile, ...]
-
-
 def find_recordings_folder(given: str | Path | None = None) -> Path | None:
     """Find the folder with recordings: the one given, else `SOFTCOVER_RECORDINGS`, else `../shared/recordings`.
 
@@ -95,8 +87,11 @@ def find_recordings_folder(given: str | Path | None = None) -> Path | None:
     return folder
 
 
-def find_stamp_series(folder: str | Path) -> StampSeries:
-    """Find the weight series in a folder or up to three levels below it.
+def find_stamp_files(folder: str | Path) -> tuple[StampFile, ...]:
+    """Find the files of a weight series in a folder or up to three levels below it.
+
+    Returns:
+        The files in the order of condition, letter and repeat.
 
     Raises:
         RecordingError: If there is none, or if a file in it has another name than A1.dsa .. H9.dsa.
@@ -105,7 +100,7 @@ def find_stamp_series(folder: str | Path) -> StampSeries:
     for pattern in ("room", "*/room", "*/*/room", "*/*/*/room"):
         for room in sorted(root.glob(pattern)):
             if any(_FILE_NAME.fullmatch(file.name) for file in room.glob("*.dsa")):
-                return StampSeries(folder=room.parent, files=_list_files(room.parent))
+                return _list_files(room.parent)
     raise RecordingError(
         f"{root}: no weight series; expected room/A1.dsa .. room/H2.dsa (and operating/) in it or below: {SOURCE}"
     )

@@ -20,8 +20,9 @@ which are assumed to be milliseconds.
 """
 
 from validation.weiss.continuity import Gap
+from validation.weiss.frames import Reading
 from validation.weiss.link import LinkLostError, PortError
-from validation.weiss.sensor import NoAnswerError, Reading, Sensor, SensorError
+from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
 from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
 from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording
 

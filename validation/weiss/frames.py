@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, RUN_LENGTH_VALUE_BITS
+from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, RUN_LENGTH_VALUE_BITS, TICK
 
 CountArray = npt.NDArray[np.uint16]
 
@@ -22,18 +22,25 @@ _LONGEST_RUN = 15
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class DeviceFrame:
-    """Content of a frame message.
+class Reading:
+    """One frame of the sensor.
 
     Attributes:
-        ticks: Clock of the device, 32 bits unsigned [ticks].
         counts: Shape (n,), row by row, x fastest [-].
-        run_length: Whether the frame was sent run-length encoded.
+        ticks: Clock of the device, 32 bits unsigned [ticks].
+        host_time: When its last byte was read, monotonic [ns]; 0 for a frame that did not come from a port.
+        run_length: Whether it was sent run-length encoded.
     """
 
-    ticks: int
     counts: CountArray
-    run_length: bool
+    ticks: int
+    host_time: int = 0
+    run_length: bool = False
+
+    @property
+    def time(self) -> float:
+        """Clock of the device [s]."""
+        return self.ticks * TICK
 
 
 def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False) -> bytes:
@@ -55,12 +62,13 @@ def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False)
     return head + (compress(texels) if run_length else texels.tobytes())
 
 
-def decode_frame(payload: bytes, *, texels: int | None = None) -> DeviceFrame:
+def decode_frame(payload: bytes, *, texels: int | None = None, host_time: int = 0) -> Reading:
     """Read the payload of a frame message.
 
     Args:
         payload: Clock, flags and counts, without the status of an answer.
         texels: Expected number of texels; any number if not given [-].
+        host_time: When the last byte was read, monotonic [ns].
 
     Raises:
         ValueError: If the payload is too short, has unknown flags, a count over 12 bits or the wrong number of texels.
@@ -77,7 +85,7 @@ def decode_frame(payload: bytes, *, texels: int | None = None) -> DeviceFrame:
         raise ValueError(f"texel value {counts.max()} does not fit 12 bits")
     if texels is not None and counts.size != texels:
         raise ValueError(f"a frame of this array has {texels} texels, not {counts.size}")
-    return DeviceFrame(ticks=ticks, counts=counts, run_length=run_length)
+    return Reading(counts=counts, ticks=ticks, host_time=host_time, run_length=run_length)
 
 
 def compress(counts: CountArray) -> bytes:

@@ -8,8 +8,8 @@ from itertools import islice
 import numpy as np
 
 from validation.weiss.commands import Command
-from validation.weiss.frames import compress
-from validation.weiss.sensor import Reading, Sensor, SensorError
+from validation.weiss.frames import Reading, compress
+from validation.weiss.sensor import Sensor, SensorError
 from validation.weiss.unconfirmed import TICK
 
 #: Number of frames over which the tick of the clock is measured: about a second [-].

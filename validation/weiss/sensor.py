@@ -6,16 +6,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 
 from validation.weiss import commands
 from validation.weiss.commands import Command, MatrixInfo, SystemInfo, Values
 from validation.weiss.continuity import Continuity, Gap
-from validation.weiss.frames import DeviceFrame, decode_frame
+from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
 from validation.weiss.messages import Message
 from validation.weiss.parser import Counters, Parser
-from validation.weiss.unconfirmed import TARE, TICK, UNTARE
+from validation.weiss.unconfirmed import TARE, UNTARE
 
 #: Largest number of readings and gaps kept while the consumer of a stream sends commands in between [-].
 _MOST_EVENTS = 8192
@@ -34,25 +33,6 @@ class SensorError(PortError):
 
 class NoAnswerError(PortError):
     """The sensor did not answer in time."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Reading(DeviceFrame):
-    """One frame of the sensor.
-
-    Attributes:
-        ticks: Clock of the device, 32 bits unsigned [ticks].
-        counts: Shape (n,), row by row, x fastest [-].
-        run_length: Whether the frame was sent run-length encoded.
-        host_time: When its last byte was read, monotonic [ns].
-    """
-
-    host_time: int
-
-    @property
-    def time(self) -> float:
-        """Clock of the device [s]."""
-        return self.ticks * TICK
 
 
 class Sensor(AbstractContextManager["Sensor"]):
@@ -161,7 +141,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             run_length: Whether to ask for run-length encoding.
         """
         values = self.ask(Command.READ_SINGLE_FRAME, commands.make_frame_flags(run_length=run_length))
-        return _make_reading(decode_frame(commands.join_bytes(values)), time.monotonic_ns())
+        return decode_frame(commands.join_bytes(values), host_time=time.monotonic_ns())
 
     def ask(self, command: Command, *values: int | bytes) -> Values:
         """Send any documented command and return the values of its answer.
@@ -292,10 +272,10 @@ class Sensor(AbstractContextManager["Sensor"]):
                 self._answers.append(message)
                 del self._answers[:-_ATTEMPTS]
                 continue
-            frame = decode_frame(message.payload)
-            gaps = self._continuity.add(frame.ticks, skipped=message.skipped, host_time=host_time)
-            self._events += [*gaps, _make_reading(frame, host_time)]
-            self._last_ticks = frame.ticks
+            reading = decode_frame(message.payload, host_time=host_time)
+            gaps = self._continuity.add(reading.ticks, skipped=message.skipped, host_time=host_time)
+            self._events += [*gaps, reading]
+            self._last_ticks = reading.ticks
         if len(self._events) > _MOST_EVENTS:
             lost = len(self._events)
             self._events.clear()
@@ -352,7 +332,3 @@ class Sensor(AbstractContextManager["Sensor"]):
             seconds = (now - lost) * _SECONDS_PER_NANOSECOND
             return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=seconds)
         raise error
-
-
-def _make_reading(frame: DeviceFrame, host_time: int) -> Reading:
-    return Reading(ticks=frame.ticks, counts=frame.counts, run_length=frame.run_length, host_time=host_time)

@@ -19,7 +19,7 @@ from validation.json_values import json_text
 from validation.recordings import tables
 from validation.recordings.importing import open_recording, relabel
 from validation.recordings.recording import Recording, RecordingError, Setup, make_array
-from validation.recordings.series import STAMP_EDGE, THRESHOLD, find_recordings_folder, find_stamp_series
+from validation.recordings.series import STAMP_EDGE, THRESHOLD, find_recordings_folder, find_stamp_files
 from validation.sensor_file import load as load_sensor
 
 SHARES = np.array([0.3, 0.25, 0.2, 0.25])
@@ -225,7 +225,7 @@ def weights():
     folder = find_recordings_folder()
     if folder is None:
         pytest.skip("the recordings are not here")
-    files = [file for file in find_stamp_series(folder).files if file.condition == "room"]
+    files = [file for file in find_stamp_files(folder) if file.condition == "room"]
     return {file: relabel(open_recording(file.path), Setup(load=file.load)) for file in files}
 
 

@@ -1,5 +1,8 @@
 """Frames of a sensor, of a recording and of a simulation are of one type."""
 
+import re
+import subprocess
+import sys
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -47,3 +50,11 @@ def test_recorded_frames_are_replayed_with_their_times():
     assert (first.counts.tolist(), second.counts.tolist()) == ([1, 2], [3, 4095])
     assert second.image.tolist() == [[0, 255]]
     assert type(second) is fastmodel.Frame
+
+
+def test_the_documented_program_prints_the_frames_of_a_sensor(plug_in, tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "real-sensor.md").read_text()
+    (program,) = re.findall(r"^```python\n(.*?)^```$", page, flags=re.DOTALL | re.MULTILINE)
+    program = program.replace("/dev/ttyACM0", plug_in().name) + "        break\n"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)  # noqa: S603
+    assert run.stdout.endswith("(14, 6)\n")

@@ -3,7 +3,7 @@
 import pytest
 
 from validation.recordings import RecordingError
-from validation.recordings.series import find_recordings_folder, find_stamp_series
+from validation.recordings.series import find_recordings_folder, find_stamp_files
 
 
 def make(root, *names):
@@ -15,24 +15,24 @@ def make(root, *names):
 
 
 def test_weights_follow_from_names(tmp_path):
-    series = find_stamp_series(make(tmp_path, "a/b/room/A1.dsa", "a/b/room/A2.dsa", "a/b/operating/H1.dsa"))
-    assert [file.name for file in series.files] == ["room A1", "room A2", "operating H1"]
-    assert [file.mass for file in series.files] == pytest.approx([0.2, 0.2, 0.9])
-    assert series.files[-1].load == pytest.approx(0.9 * 9.80665)
-    assert series.files[0].weight == series.files[1].weight
-    assert series.folder == tmp_path / "a/b"
+    files = find_stamp_files(make(tmp_path, "a/b/room/A1.dsa", "a/b/room/A2.dsa", "a/b/operating/H1.dsa"))
+    assert [file.name for file in files] == ["room A1", "room A2", "operating H1"]
+    assert [file.mass for file in files] == pytest.approx([0.2, 0.2, 0.9])
+    assert files[-1].load == pytest.approx(0.9 * 9.80665)
+    assert files[0].weight == files[1].weight
+    assert files[0].path == tmp_path / "a/b/room/A1.dsa"
 
 
 @pytest.mark.parametrize("name", ["room/I1.dsa", "room/A0.dsa", "room/A10.dsa", "operating/a1.dsa"])
 def test_a_name_outside_the_series_is_refused(tmp_path, name):
     make(tmp_path, "room/A1.dsa", name)
     with pytest.raises(RecordingError, match=r"expected A1\.dsa \.\. H9\.dsa"):
-        find_stamp_series(tmp_path)
+        find_stamp_files(tmp_path)
 
 
 def test_a_folder_without_the_series_is_refused_with_what_would_do(tmp_path):
     with pytest.raises(RecordingError, match=r"no weight series; expected room/A1\.dsa"):
-        find_stamp_series(make(tmp_path, "grasps/tennisball.dsa"))
+        find_stamp_files(make(tmp_path, "grasps/tennisball.dsa"))
 
 
 def test_the_folder_is_the_one_named_then_the_environments(tmp_path, monkeypatch):

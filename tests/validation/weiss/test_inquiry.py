@@ -5,8 +5,9 @@ import pytest
 
 from validation.weiss import inquiry
 from validation.weiss.commands import Command, Status
+from validation.weiss.frames import Reading
 from validation.weiss.inquiry import inquire
-from validation.weiss.sensor import Reading, Sensor
+from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import Misbehaviour, show_pattern
 
 

@@ -6,8 +6,9 @@ import pytest
 
 from tests.support.virtual_port import is_ramp, wait_until
 from validation.weiss.continuity import Gap
+from validation.weiss.frames import Reading
 from validation.weiss.link import Link, LinkLostError, PortError
-from validation.weiss.sensor import Reading, Sensor
+from validation.weiss.sensor import Sensor
 
 
 def test_a_slow_consumer_loses_frames_and_sees_the_gap(plug_in):

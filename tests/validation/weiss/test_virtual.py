@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 
 from validation.weiss.commands import Command, decode_answer, decode_temperature, encode_request
 from validation.weiss.faults import FAULTS
-from validation.weiss.frames import decode_frame
+from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.messages import encode_message
 from validation.weiss.parser import Parser
-from validation.weiss.sensor import Reading
 from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording
 
 START = encode_request(Command.START_PERIODIC_FRAMES, 0, 0)

@@ -20,7 +20,7 @@ from validation.calibration.stamp.forward_models import models
 from validation.calibration.stamp.null_models import NULLS, Predictor
 from validation.calibration.stamp.split import SPLITS, Split
 from validation.campaign.pooling import Pooled, pool, skill
-from validation.recordings.series import SOURCE, find_stamp_series
+from validation.recordings.series import SOURCE, find_stamp_files
 from validation.sensor_file import BUILT_IN, SensorDescription
 
 FloatArray = npt.NDArray[np.float64]
@@ -155,9 +155,9 @@ def score_recordings(
     described = BUILT_IN[DEFAULT_SENSOR] if sensor is None else sensor
     array = described.array
     say = progress or (lambda _text: None)
-    series = find_stamp_series(folder)
-    say(f"reading {len(series.files)} recordings")
-    cases = [read_case(file, array) for file in series.files]
+    files = find_stamp_files(folder)
+    say(f"reading {len(files)} recordings")
+    cases = [read_case(file, array) for file in files]
     rows: list[StampRow] = []
     examples: list[StampExample] = []
     for split in SPLITS:

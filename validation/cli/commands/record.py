@@ -15,7 +15,7 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from validation.weiss.continuity import Gap
-    from validation.weiss.sensor import Reading
+    from validation.weiss.frames import Reading
 
 #: Largest values of the sensor's 16-bit and 8-bit settings.
 _MOST_16_BIT, _MOST_8_BIT = 0xFFFF, 0xFF

@@ -15,7 +15,7 @@ from validation.calibration.stamp.null_models import NULLS
 from validation.calibration.stamp.split import SPLITS
 from validation.json_values import json_text
 from validation.recordings import RecordingError
-from validation.recordings.series import find_stamp_series
+from validation.recordings.series import find_stamp_files
 from validation.sensor_file import BUILT_IN
 
 REAL = Path(os.environ.get("SOFTCOVER_RECORDINGS", Path(__file__).parents[5] / "shared" / "recordings"))
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are no
 
 @pytest.fixture(scope="module")
 def cases():
-    return [read_case(file, ARRAY) for file in find_stamp_series(REAL).files]
+    return [read_case(file, ARRAY) for file in find_stamp_files(REAL)]
 
 
 def test_all_weights_are_there_and_read_at_the_same_age(cases):
