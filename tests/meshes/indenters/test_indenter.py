@@ -1,9 +1,13 @@
+"""What every indenter offers: its gap, its solids, its properties."""
+
 from __future__ import annotations
 
 import mujoco
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 
 from meshes import (
     Box,
@@ -41,12 +45,17 @@ GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "hull": mujoco.mjtGeom.mjGEOM_MESH,
 }
-#: Height by which facets may miss a curved surface.
+#: Largest height of a pyramid's faces over the cone that it replaces [m].
 FACETS = {Cone: 0.0006 * 4e-3}
 
 
-def solids(indenter):
-    """The solids as a model at rest."""
+NAMES = [type(shape).__name__ for shape in SHAPES]
+PUNCHES = [shape for shape in SHAPES if isinstance(shape, FlatPunch)]
+PUNCH_NAMES = [type(punch).__name__ for punch in PUNCHES]
+
+
+def build_solids(indenter):
+    """Model and data of the solids of an indenter."""
     spec = mujoco.MjSpec()
     for number, part in enumerate(indenter.primitives()):
         size, mesh = (*part.size, 0, 0, 0)[:3], f"part{number}" if part.vertices else ""
@@ -62,16 +71,16 @@ def solids(indenter):
 
 
 def height_by_ray(model, data, x, y):
-    """Height of the lower surface, found by shooting a ray upwards at the solids."""
+    """Height at which a ray upwards first meets a solid; negative if it meets none."""
     hit = np.zeros(1, dtype=np.int32)
     return mujoco.mj_ray(model, data, np.array([x, y, -1.0]), np.array([0, 0, 1.0]), None, 1, -1, hit, None) - 1
 
 
-@pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("indenter", SHAPES, ids=NAMES)
 def test_gap_and_solids_describe_the_same_surface(indenter):
     rng = np.random.default_rng(1)
     half = np.array(indenter.footprint)
-    model, data = solids(indenter)
+    model, data = build_solids(indenter)
     tolerance = FACETS.get(type(indenter), 2e-8)
     for x, y in rng.uniform(-1.2, 1.2, (60, 2)) * half:
         gap = float(indenter.gap(np.array(x), np.array(y)))
@@ -84,9 +93,9 @@ def test_gap_and_solids_describe_the_same_surface(indenter):
 
 @pytest.mark.parametrize(("name", "tolerance"), [("sphere", 1e-8), ("pyramid", 1e-8), ("two-balls", 3e-5)])
 def test_gap_and_hulls_of_a_body_from_a_file_describe_the_same_surface(write_stl, name, tolerance):
-    """Where a hull fills more than the tolerance, the body is not far beside."""
+    """A hull contains its part of the body, so that it is nowhere higher; at 99 % of places it is hardly lower."""
     body = read_stl(write_stl(name))
-    model, data = solids(body)
+    model, data = build_solids(body)
     places = np.random.default_rng(1).uniform(-1.1, 1.1, (400, 2)) * body.footprint
     gap = body.gap(*places.T)
     ray = np.array([height_by_ray(model, data, x, y) for x, y in places])
@@ -97,8 +106,8 @@ def test_gap_and_hulls_of_a_body_from_a_file_describe_the_same_surface(write_stl
     assert (ray - gap)[both].max() < 1e-8
 
 
-@pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
-def test_lowest_point_is_on_the_axis_and_the_footprint_holds_the_shape(indenter):
+@pytest.mark.parametrize("indenter", SHAPES, ids=NAMES)
+def test_the_lowest_point_is_on_the_axis_and_the_footprint_contains_the_shape(indenter):
     assert (float(indenter.gap(np.array(0.0), np.array(0.0))) == 0) == (indenter is not NUT)
     x = np.linspace(-2, 2, 401) * max(indenter.footprint)
     grid = np.meshgrid(x, x)
@@ -122,7 +131,7 @@ def is_symmetric_where_sampled(indenter):
     return tuple(bool(np.mean(np.abs(gap - image) > 1e-7) < 2e-3) for image in images)
 
 
-@pytest.mark.parametrize("indenter", SHAPES, ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("indenter", SHAPES, ids=NAMES)
 def test_flatness_and_mirror_symmetry_of_a_shape_hold_for_its_gap(indenter):
     assert indenter.is_flat == is_flat_where_sampled(indenter)
     assert indenter.mirror_symmetry == is_symmetric_where_sampled(indenter)
@@ -155,9 +164,8 @@ def test_rotation_leaves_the_gap_of_axisymmetric_shapes_unchanged():
         assert not indenter.axisymmetric or np.ptp(gap) < 1e-12
 
 
-@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, FlatPunch)], ids=lambda s: type(s).__name__)
-def test_inside_is_the_distance_from_the_outline(indenter):
-    """Its slope is one almost everywhere, and it is positive just where the face is."""
+@pytest.mark.parametrize("indenter", PUNCHES, ids=PUNCH_NAMES)
+def test_the_signed_distance_has_a_slope_of_one_and_is_positive_on_the_face(indenter):
     rng = np.random.default_rng(2)
     x, y = (rng.uniform(-1.3, 1.3, (2, 4000)).T * indenter.footprint).T
     step = 1e-8
@@ -167,9 +175,8 @@ def test_inside_is_the_distance_from_the_outline(indenter):
     assert np.array_equal(indenter.signed_distance(x, y) >= 0, indenter.gap(x, y) == 0)
 
 
-@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, FlatPunch)], ids=lambda s: type(s).__name__)
-def test_beyond_an_inset_is_the_distance_from_what_it_leaves(indenter):
-    """Nothing where the face is deeper than the inset; beside straight sides as much as the inset lacks; no creases."""
+@pytest.mark.parametrize("indenter", PUNCHES, ids=PUNCH_NAMES)
+def test_the_distance_from_an_inset_is_zero_within_it_and_has_a_slope_of_one(indenter):
     rng = np.random.default_rng(3)
     inset = 0.4e-3
     x, y = (rng.uniform(-1.2, 1.2, (2, 3000)).T * indenter.footprint).T
@@ -185,7 +192,7 @@ def test_beyond_an_inset_is_the_distance_from_what_it_leaves(indenter):
     assert np.mean(np.abs(np.hypot(*slope)[rim] - 1) < 1e-3) > 0.99
 
 
-def test_corners_that_stand_out_are_round_beyond_an_inset():
+def test_the_distance_from_an_inset_is_measured_from_its_corners():
     corner = np.array(NUT.footprint) * [0, 1]
     inset = 0.5e-3
     left = corner - [0, inset * 2 / np.sqrt(3)]  # the inset hexagon's corner, where two sides meet at 120 degrees
@@ -194,17 +201,69 @@ def test_corners_that_stand_out_are_round_beyond_an_inset():
     assert beyond == pytest.approx(0.3e-3, rel=1e-9)
 
 
-@pytest.mark.parametrize("indenter", [s for s in SHAPES if isinstance(s, FlatPunch)], ids=lambda s: type(s).__name__)
-def test_an_inset_that_leaves_nothing_is_refused(indenter):
+@pytest.mark.parametrize("indenter", PUNCHES, ids=PUNCH_NAMES)
+def test_an_inset_deeper_than_the_face_is_refused(indenter):
     with pytest.raises(ValueError, match="leaves nothing"):
         indenter.distance_from_inset(1.01 * min(indenter.footprint), np.zeros(1), np.zeros(1))
 
 
-def test_area_of_the_compound_shapes():
+def test_nut_and_letter_have_the_area_of_their_outlines():
     x, y = np.meshgrid(*(np.linspace(-9e-3, 9e-3, 1801),) * 2)
     cell = (18e-3 / 1800) ** 2
     assert (NUT.gap(x, y) == 0).sum() * cell == pytest.approx(np.sqrt(3) / 2 * 13e-3**2 - np.pi / 4 * 8e-3**2, rel=3e-3)
     assert (LETTER.gap(x, y) == 0).sum() * cell == pytest.approx((12 * 16 - 2 * 4 * 6) * 1e-6, rel=5e-3)
+
+
+LENGTHS = st.floats(1e-3, 20e-3)
+RANDOM_SHAPES = st.one_of(
+    st.builds(Sphere, radius=LENGTHS),
+    st.builds(RoundedTip, radius=LENGTHS),
+    st.builds(Cylinder, radius=LENGTHS),
+    st.builds(Box, size=st.tuples(LENGTHS, LENGTHS, LENGTHS)),
+    st.builds(Roller, radius=LENGTHS, length=LENGTHS),
+    st.builds(Cone, angle=st.floats(0.1, 3.1), radius=LENGTHS),
+    LENGTHS.flatmap(lambda across: st.builds(Nut, across=st.just(across), bore=st.floats(1e-4, 0.9 * across))),
+    LENGTHS.flatmap(
+        lambda bar: st.builds(
+            LetterH, bar=st.just(bar), size=st.tuples(st.floats(2.1 * bar, 9 * bar), st.floats(1.1 * bar, 9 * bar))
+        )
+    ),
+)
+#: Places over the footprint, as multiples of its half widths.
+PLACES = st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)), min_size=1, max_size=20).map(np.array)
+
+
+def measure(indenter, x, y):
+    """The signed distance of a flat punch, the gap of other shapes: neither jumps beside a place by rounding alone."""
+    if isinstance(indenter, FlatPunch):
+        return indenter.signed_distance(x, y)
+    edge = np.abs(np.hypot(x, y) / indenter.footprint[0] - 1) if indenter.axisymmetric else np.ones(x.shape)
+    return np.where(edge < 1e-6, 0.0, indenter.gap(x, y))
+
+
+@given(indenter=RANDOM_SHAPES, places=PLACES)
+def test_the_gap_is_never_negative_and_zero_at_first_touch(indenter, places):
+    gap = indenter.gap(*(places * indenter.footprint).T)
+    assert (gap >= 0).all()
+    first_touch = 0.999 * indenter.footprint[0] if isinstance(indenter, Nut) else 0.0
+    assert indenter.gap(np.array(first_touch), np.array(0.0)) == 0
+
+
+@given(indenter=RANDOM_SHAPES, places=PLACES)
+def test_mirror_images_of_a_symmetric_shape_have_the_same_gap(indenter, places):
+    assert indenter.mirror_symmetry == (True, True)
+    x, y = (places * indenter.footprint).T
+    expected = measure(indenter, x, y)
+    np.testing.assert_allclose(measure(indenter, -x, y), expected, atol=1e-12)
+    np.testing.assert_allclose(measure(indenter, x, -y), expected, atol=1e-12)
+
+
+@given(indenter=RANDOM_SHAPES.filter(lambda shape: isinstance(shape, FlatPunch)), places=PLACES)
+def test_the_signed_distance_changes_by_no_more_than_the_way_between_two_points(indenter, places):
+    x, y = (places * indenter.footprint).T
+    distance = indenter.signed_distance(x, y)
+    way = np.hypot(x[:, None] - x, y[:, None] - y)
+    assert (np.abs(distance[:, None] - distance) <= way + 1e-12).all()
 
 
 @pytest.mark.parametrize(
@@ -220,6 +279,6 @@ def test_area_of_the_compound_shapes():
         lambda: LetterH(size=(8e-3, 16e-3), bar=4e-3),
     ],
 )
-def test_degenerate_shapes_are_refused(make):
+def test_shapes_without_size_or_room_are_refused(make):
     with pytest.raises(ValueError, match=r"positive|angle|wall|between the legs"):
         make()

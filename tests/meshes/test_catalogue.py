@@ -1,0 +1,60 @@
+"""Named materials, covers and arrays."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
+
+
+def test_sdh2_distal_has_68_active_texels():
+    array = ARRAYS["sdh2-distal"]
+    assert array.active.sum() == 68
+    assert not array.image(array.active)[:5, [0, 5]].any()
+    assert array.image(array.active)[5:].all()
+
+
+def test_named_arrays_are_regular_and_bear_their_names():
+    for name, array in ARRAYS.items():
+        assert array.name == name
+        assert array.regular
+        assert array.pitch == (3.4e-3, 3.4e-3)
+
+
+def test_every_named_material_states_its_source_and_spread():
+    for name, material in MATERIALS.items():
+        assert material.name == name
+        assert len(material.source) > 5
+        assert 0 < material.spread < 1
+        assert material.poisson_ratio - material.poisson_spread >= 0
+        assert material.poisson_ratio + material.poisson_spread <= 0.5
+
+
+def test_the_assumed_cover_says_so():
+    assert ASSUMED_COVER.assumed
+
+
+def test_all_fits_of_one_silicone_agree_within_its_spread():
+    """Fits of the same curves over different ranges have different moduli at small strain, but within the spread."""
+    plain = [name for name, material in MATERIALS.items() if material.model == "neo-hookean"]
+    assert len(plain) == 7
+    for name in plain:
+        for fit in ("yeoh", "ogden"):
+            other = MATERIALS[f"{name}-{fit}"]
+            assert other.model == fit
+            assert other.shear_modulus == pytest.approx(MATERIALS[name].shear_modulus, rel=MATERIALS[name].spread)
+
+
+def test_moduli_of_silicones_and_rubbers_increase_with_their_grades():
+    for family in (("ecoflex-00-10", "ecoflex-00-30", "ecoflex-00-50"), ("dragon-skin-10", "dragon-skin-30")):
+        for fit in ("", "-yeoh", "-ogden"):
+            moduli = [MATERIALS[f"{name}{fit}"].youngs_modulus for name in family]
+            assert moduli == sorted(moduli)
+    rubbers = [MATERIALS[f"natural-rubber-{hardness}"] for hardness in (30, 40, 50, 60, 70)]
+    for softer, harder in itertools.pairwise(rubbers):
+        assert softer.youngs_modulus < harder.youngs_modulus
+        assert softer.poisson_ratio > harder.poisson_ratio
+    for rubber in rubbers:
+        assert rubber.bulk_modulus == pytest.approx(1e9, rel=0.25)
