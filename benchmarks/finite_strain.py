@@ -64,7 +64,7 @@ def body(task: Task) -> Callable[[], Any]:
     import skfem
 
     from fem_reference.elements.scaling import Units
-    from fem_reference.elements.taylor_hood import mixed_elements
+    from fem_reference.elements.taylor_hood import prepare_elements
     from fem_reference.finite_strain import bonded_disk
     from fem_reference.finite_strain.hyperelastic import Solid
     from meshes import Cover, Layer, Material
@@ -75,7 +75,7 @@ def body(task: Task) -> Callable[[], Any]:
 
     def block() -> bonded_disk.Disk:
         lines = [np.linspace(0, task["radius"], task["across"] + 1)] * 2
-        elements = mixed_elements(skfem.MeshHex.init_tensor(*lines, np.linspace(0, 1, task["through"] + 1)))
+        elements = prepare_elements(skfem.MeshHex.init_tensor(*lines, np.linspace(0, 1, task["through"] + 1)))
         cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
         top = np.flatnonzero(elements.nodes[:, 2] > 1 - 1e-9)
         sides = [3 * np.flatnonzero(place < 1e-9) + i for i, place in enumerate(elements.nodes.T)]
@@ -92,7 +92,7 @@ class Pressed:
 
     def __init__(self, task: Task, rubber: Any) -> None:  # noqa: ANN401 -- imported where it is used
         from fem_reference.elements.scaling import Units
-        from fem_reference.elements.taylor_hood import mixed_elements
+        from fem_reference.elements.taylor_hood import prepare_elements
         from fem_reference.finite_strain import newton
         from fem_reference.finite_strain.contact import SurfaceContact
         from fem_reference.finite_strain.hyperelastic import Solid
@@ -104,7 +104,7 @@ class Pressed:
         newton._AUGMENTATIONS = 0  # noqa: SLF001
         cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
         mesh, _ = mesh_cover(cover, task["through"], np.array(task["radii"]))
-        elements = mixed_elements(mesh, axisymmetric=True)
+        elements = prepare_elements(mesh, axisymmetric=True)
         obstacle = Obstacle(indenter=Sphere(radius=task["ball"]), fillet=0.05)
         self.solid = Solid.of_cover(elements, cover, Units.of(cover))
         self._problem = newton.Problem(

@@ -8,21 +8,26 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+#: Safety factors where the grids converge as expected, and where they do not (Roache 1994) [-].
+_SAFETY, _UNSURE = 1.25, 3.0
+#: Relative deviation of a ratio of differences that rounding may cause [-].
+_ROUNDING = 1e-9
+
 
 def grid_convergence(
     values: Sequence[float], sizes: Sequence[float], *, least: float = 1.0, most: float = 4.0
 ) -> float:
     """Estimate the error of the finest of three values.
 
-    The observed order is limited to `least`..`most`.  The safety factor is 1.25 where the three values converge
-    monotonically with an order inside that range, 3 where they do not.  Where the two finest agree better than any such
-    order allows, by chance, what the coarsest and `most` let expect stands for their difference.
+    The observed order of convergence is limited to the range from `least` to `most`.  The safety factor is 1.25 if the
+    values converge monotonically with an order in this range, and 3 otherwise.  If the two finest grids agree better
+    than order `most` can explain, the difference predicted from the coarse pair and `most` replaces theirs.
 
     Args:
         values: Results, coarsest grid first, shape (3,).
         sizes: Element sizes of the grids in the same order, descending.
-        least: Smallest order believed [-].
-        most: Largest order believed [-].
+        least: Smallest order that is accepted [-].
+        most: Largest order that is accepted [-].
 
     Returns:
         Estimated absolute error of the last value, in its unit.
@@ -36,28 +41,27 @@ def grid_convergence(
     if fine == 0 and coarse == 0:
         return 0.0
     monotonic = (values[1] - values[0]) * (values[2] - values[1]) > 0
-    seen = coarse / fine if fine else np.inf
+    ratio = coarse / fine if fine else np.inf
 
-    def shrinks(order: float) -> float:
-        """First over second difference of a sequence of an order; with uneven sizes no power of one ratio."""
+    def predict_ratio(order: float) -> float:
+        """First difference over the second of a sequence of the given order, also for uneven ratios of the sizes."""
         h = np.array(sizes) ** order
         return float((h[0] - h[1]) / (h[1] - h[2]))
 
-    inside = monotonic and shrinks(least) <= seen * (1 + 1e-9) and seen <= shrinks(most + 1)
-    if seen > shrinks(most + 1):
-        fine = coarse / shrinks(most)
-    if shrinks(least) < seen < shrinks(most):
-        order = float(brentq(lambda p: shrinks(p) - seen, least, most))
+    inside = monotonic and predict_ratio(least) <= ratio * (1 + _ROUNDING) and ratio <= predict_ratio(most + 1)
+    if ratio > predict_ratio(most + 1):
+        fine = coarse / predict_ratio(most)
+    if predict_ratio(least) < ratio < predict_ratio(most):
+        order = float(brentq(lambda p: predict_ratio(p) - ratio, least, most))
     else:
-        order = least if seen <= shrinks(least) else most
-    return float((1.25 if inside else 3.0) * fine / ((sizes[1] / sizes[2]) ** order - 1))
+        order = least if ratio <= predict_ratio(least) else most
+    return float((_SAFETY if inside else _UNSURE) * fine / ((sizes[1] / sizes[2]) ** order - 1))
 
 
-def extrapolated(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Limit of a first-order sequence from its two finest values (Richardson).
+def extrapolate(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> npt.NDArray[np.float64]:
+    """Extrapolate a first-order sequence to its limit from the two finest values (Richardson).
 
-    Where a third, coarser value shows that the sequence goes back and forth there is no order to extrapolate by, and
-    the finest value stands.
+    If a third, coarser value shows that the sequence is not monotonic, the finest value is returned.
 
     Args:
         values: Results, finest grid last, two or three of the same shape.

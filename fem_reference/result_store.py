@@ -1,9 +1,10 @@
-"""Results kept by content: the key is a hash of the whole input and of the code that computes.
+"""Store of results on disk; the key of a result is a hash of its whole input and of the code that computes it.
 
-An entry is one file, `KEY.entry`: a line with the sha256 and length of all that follows, a line of JSON that says what
-it is, and the arrays as npz.  It is renamed into place when it is whole and checked when it is read; what fails the
-check is computed again.  Two processes that compute the same result both write it, and the later one stays.  The store
-is a convenience: where it cannot be written, results are computed and a warning is logged.
+An entry is one file, `KEY.entry`.  It consists of a line with the sha256 and the length of all that follows, a line of
+JSON (the manifest) with kind, inputs and origin of the result, and the arrays as npz.  An entry is written under
+another name and renamed when it is complete.  It is checked when it is read, and computed again if the check fails.
+If two processes compute the same result, both write it and the second file replaces the first.  If the store cannot be
+written, results are computed each time and a warning is logged.
 """
 
 from __future__ import annotations
@@ -33,32 +34,34 @@ from meshes.npz import pack_npz
 
 _LOG = logging.getLogger(__name__)
 
+#: First line of an entry, and its length.
 _HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n")
 _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
+#: Ending of an entry's file name.
 _SUFFIX = ".entry"
-#: Libraries whose numbers are in every result.
+#: Libraries whose versions are part of every key, because results depend on them.
 _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
 Arrays = dict[str, npt.NDArray[Any]]
 
 
 class DamagedEntryError(ValueError):
-    """An entry is not what was written."""
+    """The content of an entry differs from what was written."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """What the store says about a result without reading it.
+    """Description of a stored result, read without its arrays.
 
     Attributes:
         key: Hash of the input and the code.
         path: The file.
-        kind: What was computed.
+        kind: Kind of the result.
         code: Version of the code that computed it.
         created: When it was written, in seconds since 1970 [s].
-        size: Of the file [bytes].
-        inputs: What it was computed from, as `describe` writes it.
-        problem: Why it cannot be used; empty when nothing is known to be wrong.
+        size: Size of the file [bytes].
+        inputs: Inputs of the computation, as `describe` writes them.
+        problem: Why it cannot be used; empty if no fault is known.
     """
 
     key: str
@@ -72,7 +75,7 @@ class Entry:
 
 
 def folder() -> Path:
-    """Where entries lie: `SOFTCOVER_STORE`, or `softcover` in the user's cache folder."""
+    """Folder of the entries: `SOFTCOVER_STORE`, or `softcover` in the user's cache folder."""
     named = os.environ.get("SOFTCOVER_STORE")
     if named:
         return Path(named)
@@ -89,9 +92,9 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
     """Return the stored result of `compute`, or compute and store it.
 
     Args:
-        kind: What is computed; part of the key.
-        inputs: Everything the result depends on besides the code: dataclasses, arrays, numbers, strings.
-        compute: Makes the result: arrays and numbers by name.
+        kind: Kind of the result; part of the key.
+        inputs: Everything that the result depends on besides the code: dataclasses, arrays, numbers, strings.
+        compute: Computes the result: arrays and numbers by name.
 
     Raises:
         TypeError: If an input cannot be part of a key.
@@ -114,16 +117,16 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
 
 
 def make_key(kind: str, described: Any) -> str:  # noqa: ANN401 -- JSON
-    """Key of a result: sha256 of what is computed, by which code, from what."""
+    """Compute the key of a result: sha256 of its kind, the version of the code, and its described inputs."""
     text = json.dumps([kind, code_version(), described], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def read(key: str) -> Arrays | None:
-    """The arrays of an entry; None where there is none or it fails its check."""
+    """Read the arrays of an entry; None if there is no such entry or it fails its check."""
     path = _path(key)
     try:
-        return _checked(path)[1]
+        return _read_checked(path)[1]
     except (FileNotFoundError, NotADirectoryError):
         return None
     except DamagedEntryError as error:
@@ -134,12 +137,12 @@ def read(key: str) -> Arrays | None:
 
 
 def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None:
-    """Write an entry so that it is either whole or absent.
+    """Write an entry; if the process is killed, the entry is either complete or absent.
 
     Args:
         key: Name of the entry.
         arrays: The result.
-        about: What the manifest says besides key, time and surroundings.
+        about: Contents of the manifest besides key, time, Python version and machine.
 
     Raises:
         OSError: If the folder cannot be written.
@@ -156,13 +159,13 @@ def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None
 
 
 def entries() -> list[Entry]:
-    """All entries, newest first, by their manifests; `verify` reads the results too."""
-    return _sorted(_glance)
+    """List all entries, newest first; only their manifests are read."""
+    return _list_entries(_describe_entry)
 
 
 def verify() -> list[Entry]:
-    """All entries, newest first, each one read and checked: `problem` says what is wrong with it."""
-    return _sorted(_examine)
+    """List all entries, newest first, after reading and checking each; `problem` describes a fault."""
+    return _list_entries(_verify_entry)
 
 
 def remove(entry: Entry) -> None:
@@ -174,24 +177,24 @@ def remove(entry: Entry) -> None:
     entry.path.unlink(missing_ok=True)
 
 
-def partial_files() -> int:
-    """How many temporary files lie in the store: leftovers of killed writers, and what is being written now."""
+def count_partial_files() -> int:
+    """Number of temporary files in the store: those of killed writers, and those of entries being written."""
     return len(temporary_files(folder()))
 
 
 def sweep_leftovers() -> int:
-    """Remove what killed writers left behind; the number of files."""
+    """Remove the temporary files of killed writers; return their number."""
     return sweep(folder())
 
 
 @cache
 def code_version() -> str:
-    """Hash of the code that computes, as this process found it when it first asked."""
+    """Hash of the sources when this process first asked for it; see `hash_sources`."""
     return hash_sources()
 
 
 def hash_sources() -> str:
-    """Hash of the sources of `meshes` and `fem_reference` and of the libraries under them, as they are now."""
+    """Compute a hash of the sources of `meshes` and `fem_reference` and of the versions of their libraries."""
     here = Path(__file__).parent
     digest = hashlib.sha256()
     for source in sorted([*here.rglob("*.py"), *(here.parent / "meshes").rglob("*.py")]):
@@ -203,10 +206,10 @@ def hash_sources() -> str:
 
 
 def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
-    """Turn inputs into JSON in which equal inputs are equal and different ones differ.
+    """Convert inputs to JSON; equal inputs give equal JSON and different inputs different JSON.
 
     Raises:
-        TypeError: If there is a value whose content cannot be told.
+        TypeError: If a value is of a type whose content cannot be described.
     """
     if is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
@@ -231,7 +234,7 @@ def _path(key: str) -> Path:
 
 @cache
 def _sweep_at_start(place: Path) -> None:
-    """Once in a process: what killed writers left behind is in nobody's way, but takes space."""
+    """Remove the temporary files of killed writers, once per process and folder, to free their space."""
     removed = sweep(place)
     if removed:
         _LOG.info("removed %d unfinished files from %s", removed, place)
@@ -249,11 +252,11 @@ def _version(library: str) -> str:
         return "absent"
 
 
-def _checked(path: Path) -> tuple[dict[str, Any], Arrays]:
-    """Manifest and arrays of an entry.
+def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
+    """Read and check an entry; return its manifest and arrays.
 
     Raises:
-        DamagedEntryError: If it is not what was written.
+        DamagedEntryError: If the content differs from what was written.
         OSError: If it cannot be read.
     """
     content = path.read_bytes()
@@ -272,38 +275,38 @@ def _checked(path: Path) -> tuple[dict[str, Any], Arrays]:
         return manifest, {name: arrays[name] for name in arrays.files}
 
 
-def _sorted(look: Callable[[Path], Entry | None]) -> list[Entry]:
+def _list_entries(look: Callable[[Path], Entry | None]) -> list[Entry]:
     found = (look(path) for path in folder().glob(f"*{_SUFFIX}"))
     return sorted((entry for entry in found if entry is not None), key=lambda entry: (-entry.created, entry.key))
 
 
-def _glance(path: Path) -> Entry | None:
-    """An entry by its first two lines; None when another process has just removed it."""
+def _describe_entry(path: Path) -> Entry | None:
+    """Describe an entry from its first two lines; None if another process has removed it."""
     try:
         with path.open("rb") as file:
             if not _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
-                return _entry(path, {}, "does not begin like an entry of this version")
+                return _build_entry(path, {}, "does not begin like an entry of this version")
             manifest = json.loads(file.readline())
     except OSError as error:
-        return _entry(path, {}, f"cannot be read: {error.strerror}")
+        return _build_entry(path, {}, f"cannot be read: {error.strerror}")
     except ValueError:
-        return _entry(path, {}, "has an unreadable manifest")
-    return _entry(path, manifest if isinstance(manifest, dict) else {})
+        return _build_entry(path, {}, "has an unreadable manifest")
+    return _build_entry(path, manifest if isinstance(manifest, dict) else {})
 
 
-def _examine(path: Path) -> Entry | None:
-    """An entry by all of it."""
-    found = _glance(path)
+def _verify_entry(path: Path) -> Entry | None:
+    """Describe an entry after reading and checking all of it."""
+    found = _describe_entry(path)
     if found is None or found.problem:
         return found
     try:
-        _checked(path)
+        _read_checked(path)
     except (DamagedEntryError, OSError) as error:
         return dataclasses.replace(found, problem=str(error))
     return found
 
 
-def _entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> Entry | None:
+def _build_entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> Entry | None:
     try:
         status = path.stat()
     except OSError:

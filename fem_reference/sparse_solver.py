@@ -1,10 +1,12 @@
 """Direct solution of sparse symmetric systems, indefinite ones included.
 
-Three backends give the same answer.  `pardiso` (pypardiso, an extra) is the fastest on large systems.  `metis` is
-SuperLU behind a nested-dissection order of the *nodes*: unknowns with the same neighbours are ordered as one.  `plain`
-is SuperLU as it comes, for machines without pymetis.  Mixed displacement-pressure matrices are quasi-definite below
-nu = 0.5 and were measured to need no pivoting off the diagonal up to nu = 0.5 and layers of 1000 : 1 (SuperLU's own
-threshold tripled the fill there); a residual is taken of every solution and what is left of it is solved for again.
+Three backends give the same solution.  `pardiso` (pypardiso, an extra) is the fastest on large systems.  `metis` is
+SuperLU with a nested-dissection order of the nodes, where unknowns with the same neighbours are ordered as one.
+`plain` is SuperLU with its own order, for machines without pymetis.
+
+Mixed displacement-pressure matrices are quasi-definite for Poisson ratios below 0.5.  Measured up to 0.5 and with
+moduli of the layers up to 1000 : 1, they needed no pivots off the diagonal, while SuperLU's default threshold tripled
+the fill.  Every solution is refined iteratively until its residual is at the level of rounding.
 
 The environment variable `SOFTCOVER_SOLVER` names a backend for the whole process.
 """
@@ -29,13 +31,14 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 BACKENDS = ("pardiso", "metis", "plain")
-#: Below this many entries in the upper triangle (2000 unknowns in 2-D, 600 in 3-D) loading pardiso is not worth it.
+#: Entries in the upper triangle from which pardiso is chosen.  Smaller systems (2000 unknowns in 2-D, 600 in 3-D) are
+#: solved before it is loaded.
 _SMALL = 40_000
-#: A diagonal pivot this small beside its column is not trusted [-].
+#: Diagonal pivots smaller than this part of their column's largest entry are replaced by an off-diagonal one [-].
 _PIVOT = 1e-8
-#: Residual, relative to the load, that is not worth another solve, and how often it is tried [-].
+#: Residual, relative to the load, below which refinement stops, and the most refinements [-].
 _ROUNDING, _REFINEMENTS = 1e-13, 2
-#: A residual this large after that, relative to the load, is no solution [-].
+#: Residual, relative to the load, above which the system counts as singular [-].
 _WRONG = 1e-6
 
 
@@ -53,7 +56,7 @@ class SymmetricFactors:
     """
 
     def __init__(self, upper: sp.csr_matrix, *, backend: str | None = None) -> None:
-        self.backend = _chosen(backend, upper.nnz)
+        self.backend = _choose_backend(backend, upper.nnz)
         self._upper = upper
         self._engine: _Engine = _Pardiso(upper) if self.backend == "pardiso" else _SuperLU(upper, self.backend)
         self.refactor(upper.data)
@@ -64,7 +67,7 @@ class SymmetricFactors:
         return self._upper.indptr, self._upper.indices
 
     def refactor(self, values: FloatArray) -> None:
-        """Take other values on the same pattern; what depends on the pattern alone is kept.
+        """Factorise other values on the same pattern; the ordering and symbolic analysis are reused.
 
         Args:
             values: Entries in the order of the upper triangle, shape (nnz,).
@@ -79,17 +82,17 @@ class SymmetricFactors:
         out = self._engine.solve(columns)
         size = np.abs(columns).max(initial=0.0)
         for _ in range(_REFINEMENTS):
-            rest = columns - self._times(out)
-            if not np.abs(rest).max(initial=0.0) > _ROUNDING * size:
+            residual = columns - self._multiply(out)
+            if not np.abs(residual).max(initial=0.0) > _ROUNDING * size:
                 break
-            out += self._engine.solve(rest)
+            out += self._engine.solve(residual)
         else:
-            rest = columns - self._times(out)
-        if not np.abs(rest).max(initial=0.0) <= _WRONG * size:
-            raise np.linalg.LinAlgError("the system is singular: something can move without force")
+            residual = columns - self._multiply(out)
+        if not np.abs(residual).max(initial=0.0) <= _WRONG * size:
+            raise np.linalg.LinAlgError("the system is singular: a part can move without force")
         return out.reshape(right.shape)
 
-    def _times(self, x: FloatArray) -> FloatArray:
+    def _multiply(self, x: FloatArray) -> FloatArray:
         return np.asarray(self._upper @ x + self._upper.T @ x - self._diagonal[:, None] * x)
 
 
@@ -100,7 +103,8 @@ class ConstrainedSystem:
         matrix: Symmetric, shape (n, n).
         fixed: Indices of prescribed unknowns.
         backend: One of `BACKENDS`; the environment's or the fastest that is installed when not given.
-        like: An earlier system with the same prescribed unknowns whose analysis is used again; it can no longer solve.
+        like: An earlier system whose ordering and analysis are reused if its prescribed unknowns are the same.  It must
+            not be used afterwards, because its factors are overwritten.
     """
 
     def __init__(
@@ -118,26 +122,26 @@ class ConstrainedSystem:
         self._factors: SymmetricFactors
         if like is not None and not np.array_equal(like._fixed, self._fixed):  # noqa: SLF001 -- its own class
             like = None
-        if like is not None and _same_pattern(like._matrix, matrix):  # noqa: SLF001
+        if like is not None and _have_same_pattern(like._matrix, matrix):  # noqa: SLF001
             self._free, self._slots, self._factors = like._free, like._slots, like._factors  # noqa: SLF001
             self._factors.refactor(np.append(matrix.data, 0.0)[self._slots])
             return
         self._free = np.setdiff1d(np.arange(matrix.shape[0]), self._fixed)
         numbered = sp.csr_matrix((np.arange(1.0, matrix.nnz + 1), matrix.indices, matrix.indptr), shape=matrix.shape)
-        upper = _upper(numbered[self._free][:, self._free])
-        #: Which entry of the matrix each entry of the factors' pattern is; -1 stands for the zero appended to them.
+        upper = _select_upper(numbered[self._free][:, self._free])
+        #: Entry of the matrix for each entry of the factors' pattern; -1 for the zero that is appended to the entries.
         self._slots = upper.data.astype(np.int64) - 1
         upper.data = np.append(matrix.data, 0.0)[self._slots]
         if like is None:
             self._factors = SymmetricFactors(upper, backend=backend)
             return
-        self._factors, place = _renewed(like._factors, upper)  # noqa: SLF001
+        self._factors, place = _reuse_factors(like._factors, upper)  # noqa: SLF001
         slots = np.full(len(self._factors.pattern[1]), -1)
         slots[place] = self._slots
         self._slots = slots
 
     def solve(self, load: FloatArray, prescribed: FloatArray | float = 0.0) -> FloatArray:
-        """Unknowns for a load, prescribed values included.
+        """Solve for all unknowns, prescribed ones included.
 
         Args:
             load: Right-hand side, shape (n,) or (n, m).
@@ -151,7 +155,7 @@ class ConstrainedSystem:
         return out
 
     def reaction(self, solution: FloatArray, load: FloatArray) -> FloatArray:
-        """Forces that hold the fixed unknowns, zero elsewhere, shape of `load`."""
+        """Compute the reactions of the prescribed unknowns, shape of `load`; zero elsewhere."""
         out = np.zeros_like(load)
         rows = self._fixed
         out[rows] = self._matrix[rows] @ solution - load[rows]
@@ -159,10 +163,10 @@ class ConstrainedSystem:
 
 
 class _Engine(Protocol):
-    """Factorises matrices of one pattern."""
+    """Interface of a backend: factorises matrices of one pattern."""
 
     def factorise(self, upper: sp.csr_matrix) -> None:
-        """Take the values of an upper triangle."""
+        """Factorise the matrix with this upper triangle."""
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for columns, shape (n, m)."""
@@ -171,20 +175,21 @@ class _Engine(Protocol):
 class _Pardiso:
     """MKL's LDL^T for symmetric indefinite matrices (matrix type -2).
 
-    pypardiso's module-level solver is one for the whole process and keeps its factors; each system here has its own
-    handle, and gives its memory back when it is dropped.
+    pypardiso has one solver for the whole process, which keeps its factors.  Here each system has its own handle, and
+    its memory is released with it.
     """
 
     def __init__(self, upper: sp.csr_matrix) -> None:
         import pypardiso
 
-        # A new PyPardisoSolver searches the disk for MKL each time (0.2 s); a copy with its own handle does not.
+        # A new PyPardisoSolver searches the disk for MKL (0.2 s); a copy with its own handle does not.
         self._solver = copy.copy(pypardiso.ps)
         self._solver.pt = np.zeros_like(pypardiso.ps.pt)
         self._solver.iparm = np.zeros_like(pypardiso.ps.iparm)
         self._solver.set_matrix_type(-2)
-        # given: all of these; 2: nested dissection; 8: no refinement (done here); 10: perturb pivots below 1e-8;
-        # 11, 13: neither scaling nor matching, which need the values before the analysis; 21: Bunch-Kaufman pivots
+        # 1: no defaults; 2: nested dissection; 8: no refinement, which `SymmetricFactors` does; 10: perturb pivots
+        # below 1e-8; 11, 13: neither scaling nor matching, which need the values before the analysis; 21: Bunch-Kaufman
+        # pivots
         for index, value in ((1, 1), (2, 2), (8, 0), (10, 8), (11, 0), (13, 0), (21, 1)):
             self._solver.set_iparm(index, value)
         weakref.finalize(self, self._solver.free_memory, everything=True).atexit = False
@@ -209,14 +214,14 @@ class _Pardiso:
 
 
 class _SuperLU:
-    """SuperLU on the whole matrix, ordered by METIS or by itself."""
+    """SuperLU on the whole matrix, in METIS's order of the nodes or in its own."""
 
     def __init__(self, upper: sp.csr_matrix, order: str) -> None:
         count = upper.nnz
         slots = sp.csr_matrix((np.arange(1.0, count + 1), upper.indices, upper.indptr), shape=upper.shape)
         full = (slots + sp.triu(slots, 1).T).tocsr()
         full.sort_indices()
-        self._order = _node_order(full) if order == "metis" else np.arange(full.shape[0])
+        self._order = _order_nodes(full) if order == "metis" else np.arange(full.shape[0])
         permuted = full[self._order][:, self._order].tocsc()
         self._slot = permuted.data.astype(np.int64) - 1
         self._pattern = permuted.indices, permuted.indptr
@@ -241,23 +246,23 @@ class _SuperLU:
         return out
 
 
-def _chosen(backend: str | None, entries: int) -> str:
+def _choose_backend(backend: str | None, entries: int) -> str:
     wanted = backend or os.environ.get("SOFTCOVER_SOLVER")
     if wanted:
         if wanted not in BACKENDS:
             raise ValueError(f"unknown solver {wanted!r}; known solvers: {', '.join(BACKENDS)}")
         return wanted
-    if entries >= _SMALL and _loadable():
+    if entries >= _SMALL and _can_load_pardiso():
         return "pardiso"
     return "metis" if find_spec("pymetis") else "plain"
 
 
 @cache
-def _loadable() -> bool:
+def _can_load_pardiso() -> bool:
     """Whether pypardiso is installed and finds MKL."""
     library = next(Path(sys.prefix).glob("lib/libmkl_rt*"), None)
     if library is not None:
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))  # its own search walks the whole environment: 0.5 s
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))  # spares its own search of the environment, 0.5 s
     try:
         import pypardiso  # noqa: F401
     except (ImportError, OSError):
@@ -265,8 +270,8 @@ def _loadable() -> bool:
     return True
 
 
-def _upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    """Upper triangle with the whole diagonal stored: adding sparse matrices drops the zeros of incompressibility."""
+def _select_upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """Upper triangle with all diagonal entries stored, including the zeros of incompressible materials."""
     entries = matrix.tocoo()
     keep = entries.row <= entries.col
     every = np.arange(matrix.shape[0], dtype=entries.row.dtype)
@@ -275,13 +280,16 @@ def _upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
     return sp.coo_matrix((data, (row, column)), shape=matrix.shape).tocsr()
 
 
-def _same_pattern(one: sp.csr_matrix, other: sp.csr_matrix) -> bool:
+def _have_same_pattern(one: sp.csr_matrix, other: sp.csr_matrix) -> bool:
     return np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
 
 
-def _renewed(factors: SymmetricFactors, upper: sp.csr_matrix) -> tuple[SymmetricFactors, IntArray]:
-    """The same factors with other values, and where in them; where the pattern is not contained, new ones for both."""
-    old, new = _keys(*factors.pattern), _keys(upper.indptr, upper.indices)
+def _reuse_factors(factors: SymmetricFactors, upper: sp.csr_matrix) -> tuple[SymmetricFactors, IntArray]:
+    """Factors of `upper` on a pattern that contains the old one, and the position of each of its entries there.
+
+    The old factors are reused if their pattern contains that of `upper`; else both patterns are united and analysed.
+    """
+    old, new = _number_entries(*factors.pattern), _number_entries(upper.indptr, upper.indices)
     place = np.minimum(np.searchsorted(old, new), len(old) - 1)
     if (old[place] == new).all():
         values = np.zeros(len(old))
@@ -292,15 +300,18 @@ def _renewed(factors: SymmetricFactors, upper: sp.csr_matrix) -> tuple[Symmetric
     keys = np.concatenate([old, new])
     data = np.concatenate([np.zeros(len(old)), upper.data])
     both = sp.coo_matrix((data, (keys // n, keys % n)), shape=upper.shape).tocsr()
-    return SymmetricFactors(both, backend=factors.backend), np.searchsorted(_keys(both.indptr, both.indices), new)
+    return SymmetricFactors(both, backend=factors.backend), np.searchsorted(
+        _number_entries(both.indptr, both.indices), new
+    )
 
 
-def _keys(pointer: npt.NDArray[Any], index: npt.NDArray[Any]) -> IntArray:
+def _number_entries(pointer: npt.NDArray[Any], index: npt.NDArray[Any]) -> IntArray:
+    """Number of each stored entry, row * n + column, in ascending order."""
     n = len(pointer) - 1
     return np.asarray(np.repeat(np.arange(n, dtype=np.int64), np.diff(pointer)) * n + index, dtype=np.int64)
 
 
-def _node_order(matrix: sp.csr_matrix) -> npt.NDArray[np.int64]:
+def _order_nodes(matrix: sp.csr_matrix) -> npt.NDArray[np.int64]:
     """Nested dissection by METIS of groups of unknowns with the same neighbours (Karypis and Kumar 1998)."""
     import pymetis
 

@@ -1,8 +1,8 @@
-"""Closed forms of linear layers and bonded disks: the verification that tests use and users can call.
+"""Closed forms of linear layers, their contacts, and bonded disks, to verify the finite elements.
 
-`pressed_shape` is not closed but converges on the exact compliance, for shapes that have no closed form.
+`pressed_shape` is a boundary-element solution on the exact compliance, for shapes that have no closed form.
 
-Nothing here shares code with the finite elements.
+No module here shares code with the finite elements.
 """
 
 from fem_reference.closed_form.boundary import PressedCells, pressed_shape

@@ -1,9 +1,10 @@
 """Rigid frictionless shapes on a wide cover by boundary elements on its exact compliance.
 
-For shapes that have no closed form, and without finite elements: constant pressure on rectangles that shrink toward the
-edge of the shape (its singular pressure is then met with few cells), the displacement taken at their centres, contact
-by an active set.  The half-space part of the compliance is integrated exactly (Love 1929; Johnson 1985, eq. 3.25), the
-rest, which is smooth, by four Gauss points.  Shapes mirror in x and in y; a quarter is solved.
+The method serves shapes that have no closed form, and uses no finite elements.  The pressure is constant on rectangles
+that shrink toward the edge of the shape, so that few of them resolve the singular pressure there.  Displacements are
+compared at their centres, and the contact area is found by an active set.  The half-space part of the compliance is
+integrated exactly (Love 1929; Johnson, Contact Mechanics, 1985, eq. 3.25); the rest is smooth and integrated by four
+Gauss points.  Shapes must be symmetric about x = 0 and y = 0; a quarter is solved.
 """
 
 from __future__ import annotations
@@ -20,10 +21,17 @@ from meshes import Cover, Indenter, TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Most exchanges of the active set.
 _EXCHANGES = 60
+#: Overlap below which a cell counts as free of overlap, relative to the wanted displacement [-].
+_ROUNDING = 1e-9
 #: Points of the compliance's table per thickness of the thinnest layer, and Gauss points along a texel's edge.
 _TABLE, _POINTS = 16, 8
+#: Position of the two Gauss points of an edge, from its middle, over its length [-].
 _GAUSS = 0.5 / np.sqrt(3)
+#: The grid is laid out again on the area that touches, with this margin, if the contact reaches less than that part of
+#: its half width [-].
+_MARGIN, _FILLED = 1.1, 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +39,7 @@ class PressedCells:
     """A solved contact in the shape's frame.
 
     Attributes:
-        cover: The cover.
+        cover: The cover that was pressed.
         depth: Approach from first touch [m].
         x: Centres of the touching cells, shape (m,) [m].
         y: Shape (m,) [m].
@@ -50,7 +58,7 @@ class PressedCells:
         return float(self.force.sum())
 
     def texel_forces(self, array: TexelArray) -> FloatArray:
-        """Force on each texel, the shape standing at the array's origin, by the exact point response, (n,) [N]."""
+        """Integrate the exact point response over each texel, for a shape at the array's origin, shape (n,) [N]."""
         half = np.array(array.texel_size) / 2
         points, weights = np.polynomial.legendre.leggauss(_POINTS)
         reach = float(np.hypot(*(np.abs(array.centres[:, :2]).max(axis=0) + half))) + float(
@@ -66,7 +74,7 @@ class PressedCells:
 
 
 def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 24) -> PressedCells:
-    """Press a shape that mirrors in x and y into a laterally wide cover.
+    """Press a shape that is symmetric about x = 0 and y = 0 into a laterally wide cover.
 
     Args:
         cover: Layers; linear elastic at zero load.
@@ -75,20 +83,20 @@ def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int 
         cells: Cells along each side of the quarter [-].
 
     Raises:
-        RuntimeError: If the contact does not settle.
+        RuntimeError: If the active set does not settle.
     """
     half = np.array(indenter.footprint)
-    for _ in range(2):  # the second time on the area that touches
-        x, y = (_toward_edge(extent, cells) for extent in half)
+    for _ in range(2):  # the second grid covers the area that touches
+        x, y = (_grade_toward_edge(extent, cells) for extent in half)
         centres = np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, indexing="ij")
         sizes = np.meshgrid(np.diff(x), np.diff(y), indexing="ij")
         u, v, wide, high = (each.ravel() for each in (*centres, *sizes))
-        pressure = _settled(_matrix(cover, u, v, wide, high), indenter.gap(u, v), depth)
+        pressure = _solve_active_set(_assemble(cover, u, v, wide, high), indenter.gap(u, v), depth)
         hit = pressure > 0
         touched = np.array([(u + wide / 2)[hit].max(), (v + high / 2)[hit].max()])
-        if (touched > 0.8 * half).all():
+        if (touched > _FILLED * half).all():
             break
-        half = np.minimum(1.1 * touched, half)
+        half = np.minimum(_MARGIN * touched, half)
     force = (pressure * wide * high)[hit]
     signs = [(a, b) for a in (1, -1) for b in (1, -1)]
     return PressedCells(
@@ -100,29 +108,29 @@ def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int 
     )
 
 
-def _toward_edge(extent: float, cells: int) -> FloatArray:
-    """Nodes from the middle to the edge, as fine there as a root singularity wants [m]."""
+def _grade_toward_edge(extent: float, cells: int) -> FloatArray:
+    """Nodes from the middle to the edge, spaced for a pressure with a square-root singularity at the edge [m]."""
     return extent * np.sin(np.linspace(0, np.pi / 2, cells + 1))
 
 
-def _matrix(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high: FloatArray) -> FloatArray:
-    """Displacement at each centre per pressure on each cell and its three images, shape (m, m) [m/Pa]."""
+def _assemble(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high: FloatArray) -> FloatArray:
+    """Displacement at each centre per pressure on each cell and its three mirror images, shape (m, m) [m/Pa]."""
     top = cover.layers[-1].material
     half_space = (1 - top.poisson_ratio) / (2 * np.pi * top.shear_modulus)
-    regular = _regular(cover, 2.1 * float(np.hypot(u.max(), v.max())))
+    regular = _tabulate_regular(cover, 2.1 * float(np.hypot(u.max(), v.max())))
     out = np.zeros((len(u), len(u)))
     for a in (1, -1):
         for b in (1, -1):
             dx, dy = u[:, None] - a * u, v[:, None] - b * v
-            out += half_space * _love(dx, dy, wide / 2, high / 2)
+            out += half_space * _integrate_distance(dx, dy, wide / 2, high / 2)
             for s in (_GAUSS, -_GAUSS):
                 for t in (_GAUSS, -_GAUSS):
                     out += regular(np.hypot(dx + s * wide, dy + t * high)) * (wide * high / 4)
     return out
 
 
-def _regular(cover: Cover, reach: float) -> CubicSpline:
-    """What the finite thickness adds to the half space's compliance, over the distance [m/N]."""
+def _tabulate_regular(cover: Cover, reach: float) -> CubicSpline:
+    """Tabulate the compliance less that of a half space of the top layer, over the distance [m/N]."""
     k, weight = hankel_nodes(cover, reach)
     excess = (transfer(cover, k).compliance - half_space_compliance(cover.layers[-1], k)) * k * weight / (2 * np.pi)
     thinnest = min(layer.thickness for layer in cover.layers)
@@ -131,7 +139,7 @@ def _regular(cover: Cover, reach: float) -> CubicSpline:
     return CubicSpline(radius, table)
 
 
-def _love(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+def _integrate_distance(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
     """Integral of 1 / distance over rectangles of half sides a and b around the origin, at (x, y) [m]."""
     out = np.zeros_like(x)
     for s in (1, -1):
@@ -142,17 +150,17 @@ def _love(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> FloatAr
     return out
 
 
-def _settled(matrix: FloatArray, gap: FloatArray, depth: float) -> FloatArray:
-    """Pressures that hold the surface on the shape where it touches and nowhere pull or overlap [Pa]."""
+def _solve_active_set(matrix: FloatArray, gap: FloatArray, depth: float) -> FloatArray:
+    """Find the pressures for which no cell is under tension and none overlaps the shape, shape (m,) [Pa]."""
     allowed = np.isfinite(gap)
     wanted = np.where(allowed, depth - gap, 0.0)
     touching = allowed & (wanted > 0)
     for _ in range(_EXCHANGES):
         pressure = np.zeros_like(gap)
         pressure[touching] = np.linalg.solve(matrix[np.ix_(touching, touching)], wanted[touching])
-        pulled = touching & (pressure < 0)
-        pierced = allowed & ~touching & (matrix @ pressure < wanted * (1 - 1e-9))
-        if not (pulled | pierced).any():
+        under_tension = touching & (pressure < 0)
+        overlapping = allowed & ~touching & (matrix @ pressure < wanted * (1 - _ROUNDING))
+        if not (under_tension | overlapping).any():
             return pressure
-        touching = touching ^ (pulled | pierced)
+        touching = touching ^ (under_tension | overlapping)
     raise RuntimeError(f"the contact did not settle in {_EXCHANGES} exchanges on {len(gap)} cells")

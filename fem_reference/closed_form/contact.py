@@ -1,14 +1,14 @@
-"""Rigid frictionless indenters on one bonded layer: flat punch and sphere, to many digits.
+"""Rigid frictionless flat punch and sphere on a layered cover, to many digits.
 
-The mixed boundary-value problem becomes a Fredholm equation of the second kind (Lebedev and Ufliand 1958 for the
-punch, Hayes, Keer, Herrmann and Mockros 1972 for both).  With compliance c L(k h) / k, c = (1 - nu) / mu, and a
-contact pressure whose Hankel transform is int_0^a phi(t) cos(k t) dt,
+The mixed boundary-value problem reduces to a Fredholm equation of the second kind (Lebedev and Ufliand 1958 for the
+punch; Hayes, Keer, Herrmann and Mockros 1972 for both).  With the compliance c L(k) / k of the cover's top, where
+c = (1 - nu) / mu of the top layer, and a contact pressure whose Hankel transform is int_0^a phi(t) cos(k t) dt,
 
     phi(x) + (2 / pi) int_0^a phi(t) M(x, t) dt = (2 / (pi c)) g(x),
     M(x, t) = int_0^inf (L(k) - 1) cos(k x) cos(k t) dk,
 
-g = depth for the punch, depth - x artanh(x / R) for the sphere (depth - x^2 / R for the paraboloid), and the force is
-2 pi int phi.  Where the edge is not sharp phi(a) = 0 fixes the depth.
+where g = depth for the punch, and depth - x artanh(x / R) for the sphere (depth - x^2 / R for the paraboloid).  The
+force is 2 pi int phi.  For sphere and paraboloid the condition phi(a) = 0 determines the depth.
 """
 
 from __future__ import annotations
@@ -72,21 +72,27 @@ def sphere(
         raise ValueError(f"the contact radius must lie in 0..{radius} m, not {contact_radius}")
     x, weight, matrix = _equation(cover, contact_radius, nodes)
 
-    def lift(t: npt.ArrayLike) -> FloatArray:
+    def transform_gap(t: npt.ArrayLike) -> FloatArray:
         t = np.asarray(t, dtype=float)
         return t**2 / radius if paraboloid else t * np.arctanh(t / radius)
 
     flat = np.linalg.solve(matrix, np.ones_like(x))
-    curved = np.linalg.solve(matrix, lift(x))
+    curved = np.linalg.solve(matrix, transform_gap(x))
     edge = _kernel(cover, np.array([contact_radius]), x)[0] * weight * (2 / np.pi)
     # phi(a) = 0: g(a) = (2 / pi) int phi(t) M(a, t) dt for phi = depth * flat - curved
-    depth = float((lift(contact_radius) - edge @ curved) / (1 - edge @ flat))
+    depth = float((transform_gap(contact_radius) - edge @ curved) / (1 - edge @ flat))
     phi = (depth * flat - curved) * _scale(cover)
     return LayerContact(force=float(2 * np.pi * weight @ phi), depth=depth, contact_radius=contact_radius)
 
 
 def hertz(layer: Layer, radius: float, force: float) -> LayerContact:
-    """Sphere on a half space of the layer's material: a^3 = 3 F R / 4 E*, depth a^2 / R (Johnson 1985, 4.22)."""
+    """Sphere on a half space of the layer's material: a^3 = 3 F R / 4 E*, depth a^2 / R (Johnson 1985, eq. 4.22).
+
+    Args:
+        layer: Gives the material; its thickness is not used.
+        radius: Sphere radius [m].
+        force: Force [N].
+    """
     material = layer.material
     plane = material.youngs_modulus / (1 - material.poisson_ratio**2)
     contact = (3 * force * radius / (4 * plane)) ** (1 / 3)
@@ -94,12 +100,13 @@ def hertz(layer: Layer, radius: float, force: float) -> LayerContact:
 
 
 def _scale(cover: Cover) -> float:
+    """Factor 2 / (pi c) of the equation's right-hand side [Pa]."""
     material = cover.layers[-1].material
     return 2 / np.pi * material.shear_modulus / (1 - material.poisson_ratio)
 
 
 def _equation(cover: Cover, radius: float, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss points and weights on 0..a and the matrix of the Fredholm equation."""
+    """Gauss points and weights on 0..a [m], and the matrix of the Fredholm equation [-]."""
     points, weights = np.polynomial.legendre.leggauss(nodes)
     x = radius * (points + 1) / 2
     weight = radius * weights / 2

@@ -1,11 +1,12 @@
 """Apparent modulus of a rubber disk bonded between two rigid plates, small strain, incompressible.
 
-Half the disk, lengths in half heights: the plate at z = 1 moves by -1.  The squeeze film u_z = f(z), u_r = -r f' / 2
-with f = -(3 z - z^3) / 2 meets the field equations and both plates exactly.  What it leaves on the free edge is taken
-away by fields that vanish on the plates, u_z = k I0(k r) phi(z), u_r = -I1(k r) phi'(z) with
-phi = sin k z - tan k z cos k z and sin 2 k = 2 k (Papkovich-Fadle functions: Spence 1983, IMA J. Appl. Math. 30).
-Least energy over their real and imaginary parts gives a bound from above; where plate and free edge meet, displacements
-go like distance^s, cos(pi s / 2) = s (Williams 1952), so the bound falls like terms^(-2 s) and is extrapolated.
+Half the disk is solved, with lengths in half heights; the plate at z = 1 moves by -1.  The squeeze film u_z = f(z),
+u_r = -r f' / 2 with f = -(3 z - z^3) / 2 satisfies the field equations and the conditions on both plates.  It leaves
+tractions on the free edge.  These are removed by fields that vanish on the plates, u_z = k I0(k r) phi(z),
+u_r = -I1(k r) phi'(z) with phi = sin k z - tan k z cos k z and sin 2 k = 2 k (Papkovich-Fadle functions: Spence 1983,
+IMA J. Appl. Math. 30).  Minimum energy over their real and imaginary parts gives an upper bound of the modulus.  Where
+plate and free edge meet, displacements are proportional to distance^s with cos(pi s / 2) = s (Williams 1952).  The
+error of the bound is therefore proportional to terms^(-2 s), and the bound is extrapolated.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from scipy.special import ive
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
+#: Newton steps for the roots of sin 2 k = 2 k; they converge to rounding in far fewer.
 _NEWTON_STEPS = 30
 
 
@@ -44,7 +46,7 @@ def bonded_disk(shape_factor: float, *, terms: int = 40) -> float:
     """
     if not shape_factor > 0:
         raise ValueError(f"the shape factor must be positive, not {shape_factor}")
-    half, whole = (_bound(4 * shape_factor, n) for n in (terms // 2, terms))
+    half, whole = (_bound_modulus(4 * shape_factor, n) for n in (terms // 2, terms))
     singularity = brentq(lambda s: np.cos(np.pi * s / 2) - s, 0.1, 0.9)
     return float(whole + (whole - half) / (2 ** (2 * singularity) - 1))
 
@@ -59,23 +61,23 @@ class _Edge:
     t_z: FloatArray
 
     def work(self, other: _Edge, weight: FloatArray) -> FloatArray:
-        """Work of these tractions on other displacements, shape (fields, fields of other)."""
+        """Compute the work of these tractions on other displacements, shape (fields, fields of other)."""
         return (self.t_r * weight[:, None]).T @ other.u_r + (self.t_z * weight[:, None]).T @ other.u_z
 
 
-def _bound(radius: float, terms: int) -> float:
-    """Twice the least energy over the squeezed area, in Young's moduli."""
+def _bound_modulus(radius: float, terms: int) -> float:
+    """Upper bound of the apparent modulus over Young's modulus: twice the least energy over the area of the disk."""
     points, weights = np.polynomial.legendre.leggauss(4 * terms + 40)
     angle = np.pi / 4 * (points + 1)
     z, weight = np.sin(angle), 2 * np.pi * radius * weights * np.pi / 4 * np.cos(angle)
-    film, fields = _squeeze_film(radius, z), _fading(radius, z, terms)
+    film, fields = _evaluate_squeeze_film(radius, z), _evaluate_edge_fields(radius, z, terms)
     load = film.work(fields, weight)[0]
     gained = float(load @ np.linalg.lstsq(fields.work(fields, weight), load, rcond=1e-14)[0])
     return (3.6 + 3 * radius**2 / 8 - gained / (np.pi * radius**2)) / 3
 
 
-def _squeeze_film(radius: float, z: FloatArray) -> _Edge:
-    """The polynomial field on the edge, shear modulus 1; the pressure on the axis is f'."""
+def _evaluate_squeeze_film(radius: float, z: FloatArray) -> _Edge:
+    """Evaluate the squeeze film on the free edge, for shear modulus 1; the pressure on the axis is f'."""
     slope, curve = -(3 - 3 * z**2) / 2, 3 * z
     t_r = -2 * slope + 3 * radius**2 / 4
     columns = [-radius * slope / 2, -(3 * z - z**3) / 2, t_r, -radius * curve / 2]
@@ -83,9 +85,9 @@ def _squeeze_film(radius: float, z: FloatArray) -> _Edge:
     return _Edge(u_r=u_r, u_z=u_z, t_r=t_r, t_z=t_z)
 
 
-def _fading(radius: float, z: FloatArray, terms: int) -> _Edge:
-    """Real and imaginary parts of the fields that vanish on the plates, on the edge; Bessel functions scaled."""
-    k = _wave_numbers(terms)
+def _evaluate_edge_fields(radius: float, z: FloatArray, terms: int) -> _Edge:
+    """Evaluate the fields that vanish on the plates on the free edge, real and imaginary parts, scaled to unit size."""
+    k = _find_wave_numbers(terms)
     s, c, t = np.sin(np.outer(z, k)), np.cos(np.outer(z, k)), np.tan(k)
     zk = np.outer(z, k)
     scale = np.exp(-np.abs(k.imag))
@@ -105,7 +107,7 @@ def _fading(radius: float, z: FloatArray, terms: int) -> _Edge:
     return _Edge(**{name: np.hstack([(v / size).real, (v / size).imag]) for name, v in columns.items()})
 
 
-def _wave_numbers(terms: int) -> ComplexArray:
+def _find_wave_numbers(terms: int) -> ComplexArray:
     """Roots of sin 2 k = 2 k in the first quadrant, by Newton's method from their asymptotes."""
     turn = (2 * np.arange(1, terms + 1) + 0.5) * np.pi
     k = (turn + 1j * np.log(2 * turn)) / 2

@@ -1,1 +1,1 @@
-"""Finite elements: mixed Taylor-Hood elements, tensor-product meshes, and the scaling of units."""
+"""Finite elements: Taylor-Hood elements, their fast form on tensor meshes, the grading of meshes, and units."""

@@ -1,8 +1,8 @@
-"""Mixed elements on tensor meshes: hexahedra in rows, columns and layers, assembled from line matrices.
+"""Taylor-Hood hexahedra on tensor meshes (rows, columns and layers), assembled from line matrices.
 
-On such a mesh every element integral is a product of three line integrals, so the blocks of the stiffness are sums of
-Kronecker products of matrices along x, y and z, and a load is as cheap as three small products.  The elements are the
-Taylor-Hood hexahedra of `taylor_hood` (their matrices are equal to rounding), at a hundredth of the work.
+On such a mesh every element integral is a product of three line integrals.  The blocks of the stiffness are therefore
+sums of Kronecker products of matrices along x, y and z.  The result equals that of the elements of `taylor_hood` to
+rounding, for a hundredth of the work.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from fem_reference.elements.line import Line, line_matrix
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-#: A product of three line matrices times a number.
+#: A factor and the three line matrices, along x, y and z, of one Kronecker product.
 Term = tuple[float, Any, Any, Any]
 
-_PRESSURE = 3
-_NORMAL = 2
+#: Numbers of the fields: displacement along z, and pressure.
+_NORMAL, _PRESSURE = 2, 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,11 +34,11 @@ class TensorSolid:
 
     Attributes:
         edges: Element edges along x, y and z.
-        layer: Which layer each element along z belongs to, shape (e,).
+        layer: Layer of each element along z, shape (e,).
         shear_modulus: Of each layer [Pa].
         bulk_compliance: 1 / K of each layer, 0 when incompressible [1/Pa].
         order: Polynomial order of the displacement, one more than the pressure's [-].
-        first: First node along z that is free, for displacements along x, y and z [-].
+        first: First unconstrained node along z, for displacements along x, y and z: 1 where the base is fixed.
         breaks: Elements along x and along y before which the pressure may jump.
     """
 
@@ -74,15 +74,15 @@ class TensorSolid:
 
     @cached_property
     def offsets(self) -> IntArray:
-        """Where each field starts, and the number of unknowns, shape (5,)."""
+        """First unknown of each field, and the number of unknowns, shape (5,)."""
         return np.cumsum([0, *(int(np.prod(self.field_shape(field))) for field in range(4))])
 
-    def upper(self) -> sp.csr_matrix:
-        """Upper triangle of the stiffness, every neighbour stored, shape (n, n)."""
+    def assemble_upper(self) -> sp.csr_matrix:
+        """Assemble the upper triangle of the stiffness, zeros between neighbours included, shape (n, n)."""
         rows, columns, values = [], [], []
         for i in range(4):
             for j in range(i, 4):
-                row, column, value = self._entries(i, j)
+                row, column, value = self._expand_block(i, j)
                 rows.append(row + self.offsets[i])
                 columns.append(column + self.offsets[j])
                 values.append(value)
@@ -90,7 +90,7 @@ class TensorSolid:
         parts = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         return sp.coo_matrix(parts, shape=(size, size)).tocsr()
 
-    def force_from_base(self, x: FloatArray, y: FloatArray) -> FloatArray:
+    def compute_base_forces(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Forces on the free unknowns when the base is displaced along z by products of functions along x and y.
 
         Args:
@@ -102,7 +102,7 @@ class TensorSolid:
         """
         out = np.zeros((int(self.offsets[-1]), len(x)))
         for field in range(4):
-            terms = self._terms(min(field, _NORMAL), max(field, _NORMAL))
+            terms = self._list_terms(min(field, _NORMAL), max(field, _NORMAL))
             if field > _NORMAL:
                 terms = [(factor, a.T, b.T, c.T) for factor, a, b, c in terms]
             lowest = 0 if field == _PRESSURE else self.first[field]
@@ -113,43 +113,46 @@ class TensorSolid:
             out[self.offsets[field] : self.offsets[field + 1]] = np.asarray(part).reshape(-1, len(x))
         return out
 
-    def _entries(self, i: int, j: int) -> tuple[IntArray, IntArray, FloatArray]:
+    def _expand_block(self, i: int, j: int) -> tuple[IntArray, IntArray, FloatArray]:
         """Rows, columns and values of the block of fields i <= j; its upper half only when i = j."""
         start = [0 if field == _PRESSURE else self.first[field] for field in (i, j)]
         value: FloatArray = np.zeros(1)
         place: list[Any] = []
-        for factor, a, b, full in self._terms(i, j):
+        for factor, a, b, full in self._list_terms(i, j):
             c = full[start[0] :, start[1] :]
             value = value + factor * np.multiply.outer(a.data, np.multiply.outer(b.data, c.data)).ravel()
             place = [matrix.tocoo() for matrix in (a, b, c)]
-        row, column = (_joined([p.coords[side] for p in place], self.field_shape((i, j)[side])) for side in (0, 1))
+        row, column = (
+            _number_nodes([p.coords[side] for p in place], self.field_shape((i, j)[side])) for side in (0, 1)
+        )
         keep = slice(None) if i != j else row <= column
         return row[keep], column[keep], value[keep]
 
-    def _terms(self, i: int, j: int) -> list[Term]:
-        """The stiffness between fields i <= j as sums of products.
+    def _list_terms(self, i: int, j: int) -> list[Term]:
+        """Stiffness between fields i <= j as a sum of Kronecker products.
 
         Of sigma = 2 mu dev(eps) - p I: the block of displacements i and j is
         mu (delta_ij grad a . grad b + d_j a d_i b - 2/3 d_i a d_j b).
         """
         if i == j == _PRESSURE:
-            return [(-1.0, *self._row("pressure"))]
+            return [(-1.0, *self._select("pressure"))]
         if j == _PRESSURE:
-            return [(-1.0, *self._row("volume", {i: "divergence"}))]
+            return [(-1.0, *self._select("volume", {i: "divergence"}))]
         if i == j:
-            return [(4 / 3 if k == i else 1.0, *self._row("mass", {k: "stiffness"})) for k in range(3)]
+            return [(4 / 3 if k == i else 1.0, *self._select("mass", {k: "stiffness"})) for k in range(3)]
         return [
-            (1.0, *self._row("mass", {i: "right", j: "left"})),
-            (-2 / 3, *self._row("mass", {i: "left", j: "right"})),
+            (1.0, *self._select("mass", {i: "right", j: "left"})),
+            (-2 / 3, *self._select("mass", {i: "left", j: "right"})),
         ]
 
-    def _row(self, usual: str, special: dict[int, str] | None = None) -> tuple[Any, Any, Any]:
+    def _select(self, usual: str, special: dict[int, str] | None = None) -> tuple[Any, Any, Any]:
+        """Line matrices along x, y and z: the usual one, except along the special axes."""
         x, y, z = (self._matrices[axis][(special or {}).get(axis, usual)] for axis in range(3))
         return x, y, z
 
     @cached_property
     def _matrices(self) -> list[dict[str, sp.csr_matrix]]:
-        """Line matrices of each axis; moduli, which vary along z only, are in those of z."""
+        """Line matrices of each axis by name; the moduli vary along z only and multiply the matrices along z."""
         out = []
         for axis, (u, p) in enumerate(zip(self.lines, self.pressure_lines, strict=True)):
             one = np.ones(len(u.edges) - 1)
@@ -169,8 +172,8 @@ class TensorSolid:
         return out
 
 
-def _joined(parts: list[Any], shape: tuple[int, int, int]) -> IntArray:
-    """Node numbers of all triples of nodes along x, y and z, x slowest."""
+def _number_nodes(parts: list[Any], shape: tuple[int, int, int]) -> IntArray:
+    """Number the nodes of all triples of nodes along x, y and z, with z fastest."""
     x, y, z = (np.asarray(part, dtype=np.int64) for part in parts)
     across = (x[:, None] * shape[1] + y) * shape[2]
     return np.asarray((across.ravel()[:, None] + z).ravel())

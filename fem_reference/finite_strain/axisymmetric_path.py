@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from fem_reference.elements.grading import grade_around_edge, grade_outward
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import MixedElements, mixed_elements
+from fem_reference.elements.taylor_hood import MixedElements, prepare_elements
 from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import Obstacle
@@ -75,7 +75,7 @@ def press_axisymmetric(
         PathError: If the path stops early.
     """
     units = Units.of(path.cover)
-    thin = units.thin(path.cover)
+    thin = units.scale_cover(path.cover)
     fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
     size = min(1.0, radius) / elements_per_thickness
     growth = 1 + 1.2 / elements_per_thickness
@@ -86,7 +86,7 @@ def press_axisymmetric(
     else:
         radii = grade_outward(size, 1.25 * radius, reach, growth)
     mesh, region = mesh_cover(thin, elements_per_thickness, radii, surface_size=top)
-    elements = mixed_elements(mesh, region=region, axisymmetric=True)
+    elements = prepare_elements(mesh, region=region, axisymmetric=True)
     obstacle = Obstacle(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
     problem = Problem(
         solid=Solid.of_cover(elements, path.cover, units),
@@ -95,7 +95,7 @@ def press_axisymmetric(
         units=units,
         load_scale=path.load_scale,
     )
-    aims = [units.target(value, path.control) for value in path.scaled_targets]
+    aims = [units.scale_target(value, path.control) for value in path.scaled_targets]
     guesses = () if coarse is None or path.friction else coarse.guesses(elements)
     first = 0.02 * path.load_scale
     reached = problem.follow(aims, control=path.control, first=first, guesses=guesses, progress=progress)

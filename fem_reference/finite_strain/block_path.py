@@ -16,7 +16,7 @@ import numpy.typing as npt
 from fem_reference.elements.grading import grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, mixed_elements
+from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, prepare_elements
 from fem_reference.finite_strain.contact import Rigid
 from fem_reference.finite_strain.indenter_surface import Obstacle
 from fem_reference.finite_strain.loading_path import LoadingPath
@@ -146,7 +146,7 @@ def meshed(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElem
     counts = [max(2, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
     heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=block.size)
     mesh, region = mesh_layers(block.sides, heights, layer)
-    return mixed_elements(mesh, region=region)
+    return prepare_elements(mesh, region=region)
 
 
 def held(cover: Cover, elements: MixedElements, block: Block) -> npt.NDArray[np.int64]:

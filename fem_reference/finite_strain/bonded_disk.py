@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import mixed_elements
+from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
 from fem_reference.grid_convergence import grid_convergence
@@ -74,7 +74,7 @@ class Disk:
         """A disk of `radius` half heights with `count` elements through half the height."""
         unit = Cover(layers=(Layer(thickness=1.0, material=material),))
         mesh, _ = mesh_cover(unit, count, np.linspace(0, radius, max(2, round(radius * count)) + 1))
-        elements = mixed_elements(mesh, axisymmetric=True)
+        elements = prepare_elements(mesh, axisymmetric=True)
         r, z = elements.nodes.T
         top, middle = np.flatnonzero(z > 1 - _TOUCH), np.flatnonzero(z < _TOUCH)
         across = np.concatenate([np.flatnonzero(r < _TOUCH), top])

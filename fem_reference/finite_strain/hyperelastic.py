@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, Pattern
-from fem_reference.materials import Energy, finite_strain_energy
+from fem_reference.materials import Energy, create_finite_strain_energy
 from fem_reference.materials.energy import Response, Scaled
 from fem_reference.materials.invariants import Invariant, volume_ratio
 from meshes import Cover
@@ -51,7 +51,7 @@ class Solid:
         materials = [layer.material for layer in cover.layers]
         return cls(
             elements=elements,
-            energies=[Scaled(energy=finite_strain_energy(m), factor=1 / units.stress) for m in materials],
+            energies=[Scaled(energy=create_finite_strain_energy(m), factor=1 / units.stress) for m in materials],
             bulk_compliance=np.array([units.stress / m.bulk_modulus for m in materials]),
             pattern=Pattern(elements),
         )
@@ -88,11 +88,11 @@ class Solid:
         w, shape = e.weight[part], e.pressure_shape[part]
         inverse = self.bulk_compliance[e.region[part], None]
         stress = (response.stress - p[..., None] * J.first) * w[..., None]
-        forces[part] = e.transposed(stress, part)
+        forces[part] = e.integrate_force(stress, part)
         volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + p * inverse) * w)
         moduli = (response.tangent - p[..., None, None] * J.second) * w[..., None, None]
-        stiff[part] = e.stiffness(moduli, part)
-        couple[part] = -e.coupled(J.first * w[..., None], part)
+        stiff[part] = e.integrate_stiffness(moduli, part)
+        couple[part] = -e.integrate_coupling(J.first * w[..., None], part)
         squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
 
     @property
@@ -117,7 +117,7 @@ class Solid:
 
     def _fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
         e = self.elements
-        flat = e.displacement_gradient(state, part)
+        flat = e.compute_gradient(state, part)
         F = np.zeros((*flat.shape[:2], 3, 3))
         for g, (i, j) in enumerate(e.places):
             F[..., i, j] = flat[..., g] + (i == j)

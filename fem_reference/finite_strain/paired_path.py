@@ -81,7 +81,7 @@ def press_pair(
         PathError: If the path stops early.
     """
     units = Units.of(path.cover)
-    elements = meshed(block, units.thin(path.cover), elements_per_thickness)
+    elements = meshed(block, units.scale_cover(path.cover), elements_per_thickness)
     solid = Solid.of_cover(elements, path.cover, units)
     at_rest = path.baseline
     undeformed = np.zeros(elements.displacements + elements.pressures)
@@ -150,10 +150,10 @@ def _followed(
     problem = Problem(
         solid=solid,
         contact=contact,
-        fixed=held(units.thin(path.cover), solid.elements, block),
+        fixed=held(units.scale_cover(path.cover), solid.elements, block),
         units=units,
         load_scale=path.load_scale,
         overlap=_OVERLAP_ALONG if path.friction else _OVERLAP,
     )
-    aims = [units.target(value, path.control) for value in path.scaled_targets]
+    aims = [units.scale_target(value, path.control) for value in path.scaled_targets]
     return problem.follow(aims, control=path.control, first=0.02 * path.load_scale, guesses=guesses, progress=progress)

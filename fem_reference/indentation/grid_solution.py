@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.grid_convergence import extrapolated, grid_convergence
+from fem_reference.grid_convergence import extrapolate, grid_convergence
 from meshes import TexelArray
 from meshes.pose import PlanarPose
 
@@ -58,7 +58,7 @@ class GridStudy:
         solutions: The three solutions of every target, coarsest grid first.
         sizes: Element sizes of the three grids, coarsest first; only their ratios matter [-].
         least_order: Smallest order of convergence that error estimates assume [-].
-        extrapolate: Whether a result is the limit of the three values, extrapolated with first order, rather than the
+        extrapolate: Whether a result is the limit of the three values, extrapolate with first order, rather than the
             value on the finest grid.  Right where the pressure is singular under a sharp edge: the error of a result
             then falls in proportion to the element size.
         least_overlap: Smallest relative penetration that the solver can resolve; error estimates count at least this
@@ -81,20 +81,20 @@ class GridStudy:
         Args:
             values: One value or array per grid, coarsest first.
         """
-        return extrapolated(values, self.sizes) if self.extrapolate else np.asarray(values[-1], dtype=float)
+        return extrapolate(values, self.sizes) if self.extrapolate else np.asarray(values[-1], dtype=float)
 
     def estimate_error(self, values: Sequence[float]) -> float:
         """Return the estimated relative error of `combine(values)` [-].
 
-        For an extrapolated result: the change from the extrapolation of the two coarser grids, times a safety factor.
-        Otherwise, and where three values do not change monotonically and nothing was extrapolated: the grid convergence
+        For an extrapolate result: the change from the extrapolation of the two coarser grids, times a safety factor.
+        Otherwise, and where three values do not change monotonically and nothing was extrapolate: the grid convergence
         index.
         """
         result = float(self.combine(values))
         if result == 0:
             return 0.0
         if self.extrapolate and (values[1] - values[0]) * (values[2] - values[1]) >= 0:
-            return _SAFETY * abs(result - float(extrapolated(values[:2], self.sizes[:2]))) / abs(result)
+            return _SAFETY * abs(result - float(extrapolate(values[:2], self.sizes[:2]))) / abs(result)
         return grid_convergence(values, self.sizes, least=self.least_order) / abs(result)
 
 
@@ -123,9 +123,9 @@ def extrapolate_solutions(solutions: Sequence[GridSolution], sizes: Sequence[flo
     """
     return replace(
         solutions[-1],
-        total_force=float(extrapolated([each.total_force for each in solutions], sizes)),
-        depth=float(extrapolated([each.depth for each in solutions], sizes)),
-        texel_forces=lambda array, pose: extrapolated([each.texel_forces(array, pose) for each in solutions], sizes),
+        total_force=float(extrapolate([each.total_force for each in solutions], sizes)),
+        depth=float(extrapolate([each.depth for each in solutions], sizes)),
+        texel_forces=lambda array, pose: extrapolate([each.texel_forces(array, pose) for each in solutions], sizes),
     )
 
 

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from fem_reference.elements.grading import grade_outward, layer_heights
 from fem_reference.elements.line import Line, recover_pressure
-from fem_reference.elements.taylor_hood import linear_system, mesh_layers, mixed_elements
+from fem_reference.elements.taylor_hood import assemble_linear, mesh_layers, prepare_elements
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 
@@ -94,10 +94,10 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
     size = unit / elements_per_thickness
     radii = grade_outward(size, _EVEN * unit, reach, growth=1 + _GROWTH / elements_per_thickness)
     mesh, region = mesh_cover(cover, elements_per_thickness, radii)
-    elements = mixed_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
+    elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
     shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
     compliance = np.array([modulus / layer.material.bulk_modulus for layer in cover.layers])
-    matrix = linear_system(elements, shear, compliance)
+    matrix = assemble_linear(elements, shear, compliance)
     r, z = elements.nodes.T
     system = ConstrainedSystem(matrix, find_constrained(cover, r, z, reach / unit))
     load = np.zeros(matrix.shape[0])

@@ -250,7 +250,7 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
     texels = MirroredTexels.group(array, cover.thickness)
     x, y, _ = solid.lines
     swapped = texels.swapped if np.array_equal(x.edges, y.edges) else None
-    upper = solid.upper()
+    upper = solid.assemble_upper()
     factors: SymmetricFactors | None = None
     out = np.zeros((len(PARITIES), len(texels.pairs), x.count, y.count))
     whole = np.ones((x.count, y.count))
@@ -272,7 +272,7 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
             factors = SymmetricFactors(sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape))
         else:
             factors.refactor(values)
-        load = -solid.force_from_base(*displaced)
+        load = -solid.compute_base_forces(*displaced)
         load[constrained] = 0.0
         top = _select_top(solid, factors.solve(load))
         if parity == (0, 0):

@@ -1,4 +1,4 @@
-"""Stored energies, one per file, formula beside code; derivatives are checked by central differences in the tests."""
+"""Stored energies of rubber, one per file.  The tests check their derivatives by central differences."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ __all__ = [
     "Ogden",
     "Response",
     "Yeoh",
-    "energy",
-    "finite_strain_energy",
+    "create_energy",
+    "create_finite_strain_energy",
 ]
 
 
-def energy(material: Material) -> Energy:
-    """The isochoric energy of a material; a `linear-elastic` one has none.
+def create_energy(material: Material) -> Energy:
+    """Create the isochoric energy of a material.
 
     Raises:
-        ValueError: If the material is meant for small strain only.
+        ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
     """
     p = material.number
     match material.model:
@@ -41,6 +41,6 @@ def energy(material: Material) -> Energy:
             raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
 
 
-def finite_strain_energy(material: Material) -> Energy:
-    """`energy`, with a small-strain material taken as neo-Hookean of the same shear modulus."""
-    return NeoHookean(shear_modulus=material.shear_modulus) if material.small_strain_only else energy(material)
+def create_finite_strain_energy(material: Material) -> Energy:
+    """Create the isochoric energy of a material; a `linear-elastic` one counts as neo-Hookean of its shear modulus."""
+    return NeoHookean(shear_modulus=material.shear_modulus) if material.small_strain_only else create_energy(material)

@@ -1,8 +1,8 @@
-"""What every stored energy offers, and the volumetric part that all of them share.
+"""Interface of stored energies.
 
-The energy per reference volume is split: W(F) = isochoric(F) + p (J - 1) - p^2 / 2 K, with the mean pressure -p as an
-independent unknown, so that K = infinity is one more number (Simo, Taylor and Pister 1985).  Materials supply the
-isochoric part alone; it must not change when F is multiplied by a number.
+The energy per reference volume is split into W(F) = isochoric(F) + p (J - 1) - p^2 / 2 K.  The mean stress p is an
+independent unknown, so that an infinite bulk modulus K needs no special case (Simo, Taylor and Pister 1985).  A
+material supplies the isochoric part only, which must not change when F is multiplied by a number.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
-    """Energy, first Piola-Kirchhoff stress and its derivative.
+    """Energy, first Piola-Kirchhoff stress and tangent at many points.
 
     Attributes:
         energy: Shape (...) [J/m3].
-        stress: dW/dF, components of `Invariant.places`, shape (..., g) [Pa].
+        stress: dW/dF, the components g listed in `Invariant.places`, shape (..., g) [Pa].
         tangent: d2W/dF2, shape (..., g, g) [Pa].
     """
 
@@ -37,17 +37,18 @@ class Energy(Protocol):
     """An isochoric stored energy."""
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Energy, stress and tangent.
+        """Evaluate energy, stress and tangent.
 
         Args:
             F: Deformation gradients, shape (..., 3, 3) [-].
-            J: Their determinants with derivatives, as `volume_ratio` gives them; its `places` are the response's.
+            J: Their determinants with derivatives, from `volume_ratio`; its `places` select the components of stress
+                and tangent.
         """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scaled:
-    """Another energy times a number, as a change of units needs it.
+    """Another energy times a number, for a change of units.
 
     Attributes:
         energy: The other energy.
@@ -58,18 +59,18 @@ class Scaled:
     factor: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Energy, stress and tangent, all scaled."""
+        """Evaluate energy, stress and tangent, each times the factor."""
         plain = self.energy.isochoric(F, J)
         return Response(
             energy=plain.energy * self.factor, stress=plain.stress * self.factor, tangent=plain.tangent * self.factor
         )
 
 
-def of_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, curve: FloatArray) -> Response:
-    """Response of w(I): stress w' dI, tangent w'' dI x dI + w' d2I.
+def respond_to_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, curve: FloatArray) -> Response:
+    """Evaluate an energy w(I) that depends on one invariant: stress w' dI, tangent w'' dI x dI + w' d2I.
 
     Args:
-        invariant: I with derivatives.
+        invariant: The invariant I with its derivatives.
         energy: w(I) [J/m3].
         slope: w'(I) [Pa].
         curve: w''(I) [Pa].

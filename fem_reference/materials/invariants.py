@@ -1,8 +1,9 @@
 """Isochoric invariants of the deformation gradient and their derivatives.
 
-F is (..., 3, 3).  Derivatives are taken only for the components of F that can differ from those of the unit matrix,
-five of nine around an axis: a first derivative is (..., g), a second (..., g, g), in the order of `places`.  Formulas
-by differentiating J^(-2/3) tr C and J^(-4/3) (tr^2 C - tr C^2) / 2 (Holzapfel, Nonlinear Solid Mechanics, section 6.4).
+F has shape (..., 3, 3).  Derivatives are taken only with respect to the components of F that can differ from those of
+the unit matrix: all nine in three dimensions, five in axisymmetric states.  First derivatives have shape (..., g) and
+second ones (..., g, g), in the order of `places`.  The invariants are J^(-2/3) tr C and J^(-4/3) (tr^2 C - tr C^2) / 2
+with C = F^T F (Holzapfel, Nonlinear Solid Mechanics, section 6.4).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 Places = tuple[tuple[int, int], ...]
 
-#: All components, row by row.
+#: Row and column of all nine components, row by row.
 EVERY_PLACE: Places = tuple((i, j) for i in range(3) for j in range(3))
 
 
@@ -36,14 +37,14 @@ class Invariant:
     places: Places
 
 
-def picked(tensor: FloatArray, places: Places) -> FloatArray:
-    """Components of (..., 3, 3), shape (..., g)."""
+def pick_components(tensor: FloatArray, places: Places) -> FloatArray:
+    """Select components of tensors of shape (..., 3, 3), shape (..., g)."""
     i, j = np.array(places).T
     return np.asarray(tensor[..., i, j])
 
 
 def volume_ratio(F: FloatArray, places: Places = EVERY_PLACE) -> Invariant:
-    """J = det F; its derivatives are the cofactors of F, and entries of F with the sign of two permutations."""
+    """Compute J = det F with its derivatives: cofactors of F, then entries of F with the sign of two permutations."""
     cofactor = {place: _minor(F, *place) for place in {*places, (0, 0), (0, 1), (0, 2)}}
     second = np.zeros((*F.shape[:-2], len(places), len(places)))
     for a, (i, j) in enumerate(places):
@@ -59,25 +60,25 @@ def volume_ratio(F: FloatArray, places: Places = EVERY_PLACE) -> Invariant:
 
 
 def first_isochoric(F: FloatArray, J: Invariant) -> Invariant:
-    """J^(-2/3) tr(F^T F)."""
+    """Compute the first isochoric invariant J^(-2/3) tr C with its derivatives."""
     trace = Invariant(
         value=np.einsum("...ij,...ij->...", F, F),
-        first=2 * picked(F, J.places),
+        first=2 * pick_components(F, J.places),
         second=2 * np.eye(len(J.places)),
         places=J.places,
     )
-    return _scaled(trace, J, -2 / 3)
+    return _multiply_by_power(trace, J, -2 / 3)
 
 
 def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
-    """J^(-4/3) (tr^2 C - tr C^2) / 2."""
+    """Compute the second isochoric invariant J^(-4/3) (tr^2 C - tr C^2) / 2 with its derivatives."""
     C = F.swapaxes(-1, -2) @ F
     b = F @ F.swapaxes(-1, -2)
     trace = np.einsum("...ii->...", C)
     i, j = np.array(J.places).T
-    k, m = i, j  # the second derivative's other component, along the last axis
+    k, m = i, j  # the second component of the derivative, along the last axis
     i, j = i[:, None], j[:, None]
-    flat = picked(F, J.places)
+    flat = pick_components(F, J.places)
     second = (
         4 * flat[..., :, None] * flat[..., None, :]
         + 2 * trace[..., None, None] * ((i == k) & (j == m))
@@ -87,15 +88,15 @@ def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
     )
     plain = Invariant(
         value=(trace**2 - np.einsum("...ij,...ij->...", C, C)) / 2,
-        first=2 * (trace[..., None] * flat - picked(F @ C, J.places)),
+        first=2 * (trace[..., None] * flat - pick_components(F @ C, J.places)),
         second=second,
         places=J.places,
     )
-    return _scaled(plain, J, -4 / 3)
+    return _multiply_by_power(plain, J, -4 / 3)
 
 
-def _scaled(plain: Invariant, J: Invariant, power: float) -> Invariant:
-    """J^power times an invariant, by the product rule."""
+def _multiply_by_power(plain: Invariant, J: Invariant, power: float) -> Invariant:
+    """Multiply an invariant by a power of J; derivatives by the product rule."""
     scale = J.value**power
     slope = power * scale / J.value
     curve = (power - 1) * slope / J.value * plain.value
@@ -114,11 +115,11 @@ def _scaled(plain: Invariant, J: Invariant, power: float) -> Invariant:
 
 
 def _minor(F: FloatArray, i: int, j: int) -> FloatArray:
-    """Cofactor of F_ij."""
+    """Compute the cofactor of F_ij."""
     k, m, p, q = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
     return np.asarray(F[..., k, p] * F[..., m, q] - F[..., k, q] * F[..., m, p])
 
 
 def _sign(i: int, k: int) -> int:
-    """Sign of the permutation (i, k, the third)."""
+    """Sign of the permutation (i, k, remaining index)."""
     return 1 if (k - i) % 3 == 1 else -1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.materials.energy import Response, of_invariant
+from fem_reference.materials.energy import Response, respond_to_invariant
 from fem_reference.materials.invariants import Invariant, first_isochoric, second_isochoric
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,11 +26,11 @@ class MooneyRivlin:
     c01: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Energy, stress and tangent."""
+        """Evaluate energy, stress and tangent."""
         I1, I2 = first_isochoric(F, J), second_isochoric(F, J)
         zero = np.zeros_like(I1.value)
-        one = of_invariant(I1, self.c10 * (I1.value - 3), zero + self.c10, zero)
-        two = of_invariant(I2, self.c01 * (I2.value - 3), zero + self.c01, zero)
+        one = respond_to_invariant(I1, self.c10 * (I1.value - 3), zero + self.c10, zero)
+        two = respond_to_invariant(I2, self.c01 * (I2.value - 3), zero + self.c01, zero)
         return Response(
             energy=one.energy + two.energy, stress=one.stress + two.stress, tangent=one.tangent + two.tangent
         )

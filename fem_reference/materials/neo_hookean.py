@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.materials.energy import Response, of_invariant
+from fem_reference.materials.energy import Response, respond_to_invariant
 from fem_reference.materials.invariants import Invariant, first_isochoric
 
 FloatArray = npt.NDArray[np.float64]
@@ -24,7 +24,7 @@ class NeoHookean:
     shear_modulus: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Energy, stress and tangent."""
+        """Evaluate energy, stress and tangent."""
         I1 = first_isochoric(F, J)
         slope = np.full_like(I1.value, self.shear_modulus / 2)
-        return of_invariant(I1, slope * (I1.value - 3), slope, np.zeros_like(slope))
+        return respond_to_invariant(I1, slope * (I1.value - 3), slope, np.zeros_like(slope))

@@ -8,18 +8,22 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.materials.energy import Response
-from fem_reference.materials.invariants import Invariant, picked
+from fem_reference.materials.invariants import Invariant, pick_components
 
 FloatArray = npt.NDArray[np.float64]
+
+#: Relative difference of two stretches below which the limit replaces the divided difference [-].
+_EQUAL = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ogden:
     """W = sum 2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), l the isochoric principal stretches (Ogden 1972).
 
-    The small-strain shear modulus is the sum of the mu.  Derivatives go through F = U diag(l) V^T: the stress is
-    diagonal there, and the tangent couples each pair of axes through divided differences (Smith, De Goes and Kim,
-    Analytic eigensystems for isotropic distortion energies, 2019), which stay finite where two stretches meet.
+    The small-strain shear modulus is the sum of the mu.  Derivatives are computed in the frame of the singular value
+    decomposition F = U diag(l) V^T.  There the stress is diagonal, and the tangent couples each pair of axes through
+    divided differences (Smith, De Goes and Kim, Analytic eigensystems for isotropic distortion energies, 2019), which
+    stay finite where two stretches are equal.
 
     Attributes:
         moduli: mu of each term [Pa].
@@ -30,14 +34,16 @@ class Ogden:
     exponents: tuple[float, ...]
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Energy, stress and tangent."""
+        """Evaluate energy, stress and tangent."""
         U, stretch, Vt = np.linalg.svd(F)
-        energy, slope, curve = self._principal(stretch, J.value)
+        energy, slope, curve = self._differentiate_principal(stretch, J.value)
         i, j = np.array(J.places).T
-        tangent = _rotated(U, stretch, Vt, slope, curve)[..., i[:, None], j[:, None], i, j]
-        return Response(energy=energy, stress=picked((U * slope[..., None, :]) @ Vt, J.places), tangent=tangent)
+        tangent = _rotate(U, stretch, Vt, slope, curve)[..., i[:, None], j[:, None], i, j]
+        return Response(
+            energy=energy, stress=pick_components((U * slope[..., None, :]) @ Vt, J.places), tangent=tangent
+        )
 
-    def _principal(self, stretch: FloatArray, J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _differentiate_principal(self, stretch: FloatArray, J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the principal stretches."""
         energy = np.zeros_like(J)
         slope = np.zeros_like(stretch)
@@ -56,14 +62,14 @@ class Ogden:
         return energy, slope, curve
 
 
-def _rotated(U: FloatArray, stretch: FloatArray, Vt: FloatArray, slope: FloatArray, curve: FloatArray) -> FloatArray:
-    """Tangent in the frame of F from gradient and Hessian in its singular values."""
+def _rotate(U: FloatArray, stretch: FloatArray, Vt: FloatArray, slope: FloatArray, curve: FloatArray) -> FloatArray:
+    """Tangent in the frame of F, from gradient and Hessian of the energy in the singular values."""
     local = np.zeros((*stretch.shape, 3, 3, 3))
     for a in range(3):
         for b in range(3):
             local[..., a, a, b, b] += curve[..., a, b]
             if a < b:
-                plus, minus = _divided(stretch, slope, curve, a, b)
+                plus, minus = _divide_differences(stretch, slope, curve, a, b)
                 for i, j in ((a, b), (b, a)):
                     local[..., i, j, i, j] += (minus + plus) / 2
                     local[..., i, j, j, i] += (minus - plus) / 2
@@ -71,12 +77,12 @@ def _rotated(U: FloatArray, stretch: FloatArray, Vt: FloatArray, slope: FloatArr
     return np.asarray(turned)
 
 
-def _divided(
+def _divide_differences(
     stretch: FloatArray, slope: FloatArray, curve: FloatArray, a: int, b: int
 ) -> tuple[FloatArray, FloatArray]:
-    """(Wa + Wb) / (la + lb), and (Wa - Wb) / (la - lb) with its limit where the stretches meet."""
+    """(Wa + Wb) / (la + lb), and (Wa - Wb) / (la - lb), with its limit where the stretches la and lb are equal."""
     gap = stretch[..., a] - stretch[..., b]
-    close = np.abs(gap) < 1e-5 * stretch[..., a]
+    close = np.abs(gap) < _EQUAL * stretch[..., a]
     limit = (curve[..., a, a] + curve[..., b, b]) / 2 - curve[..., a, b]
     minus = np.where(close, limit, (slope[..., a] - slope[..., b]) / np.where(close, 1.0, gap))
     plus = (slope[..., a] + slope[..., b]) / (stretch[..., a] + stretch[..., b])

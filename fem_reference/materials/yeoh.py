@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.materials.energy import Response, of_invariant
+from fem_reference.materials.energy import Response, respond_to_invariant
 from fem_reference.materials.invariants import Invariant, first_isochoric
 
 FloatArray = npt.NDArray[np.float64]
@@ -28,10 +28,10 @@ class Yeoh:
     c3: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Energy, stress and tangent."""
+        """Evaluate energy, stress and tangent."""
         I1 = first_isochoric(F, J)
         x = I1.value - 3
-        return of_invariant(
+        return respond_to_invariant(
             I1,
             x * (self.c1 + x * (self.c2 + x * self.c3)),
             self.c1 + x * (2 * self.c2 + x * 3 * self.c3),

@@ -220,7 +220,7 @@ def _solve_flexibility(
     solid: TensorSolid, chosen: list[IntArray], parities: tuple[tuple[int, int], ...], *, sliding: bool
 ) -> list[FloatArray]:
     """Downward displacements of chosen top nodes under unit forces on them, for each parity, shape (k, k) each."""
-    upper = solid.upper()
+    upper = solid.assemble_upper()
     _, rows, last = solid.field_shape(2)
     node = chosen[0][:, None] * rows + chosen[1]
     unknown = (solid.offsets[2] + (node + 1) * last - 1).ravel()

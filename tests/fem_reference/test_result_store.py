@@ -140,7 +140,7 @@ def test_entries_say_what_they_are(folder):
 
 def test_a_store_that_is_not_there_is_empty():
     assert result_store.entries() == result_store.verify() == []
-    assert result_store.sweep_leftovers() == result_store.partial_files() == 0
+    assert result_store.sweep_leftovers() == result_store.count_partial_files() == 0
 
 
 def test_results_come_back_even_where_nothing_can_be_kept(tmp_path, monkeypatch, caplog):
@@ -178,7 +178,7 @@ def test_leftovers_are_swept_at_the_next_start(folder):
     (folder / ".softcover-partial-0123").write_bytes(b"half")
     compute, _ = counted({"a": 1.0})
     result_store.fetch("test", {}, compute)
-    assert result_store.partial_files() == 0
+    assert result_store.count_partial_files() == 0
 
 
 def test_equal_inputs_are_described_equally():

@@ -80,7 +80,7 @@ def kill_writers(times):
         os.waitpid(number, 0)
         with os.fdopen(reader, "rb") as pipe:
             finished += [int(line) for line in (told + pipe.read()).split(b"\n")[:-1]]
-        found = result_store.partial_files()
+        found = result_store.count_partial_files()
         left += found
         assert result_store.sweep_leftovers() == found
     return finished, left
@@ -166,7 +166,7 @@ def test_full_disk_costs_the_entry_only(folder):
         assert result_store.fetch("test", {"x": 2.0}, lambda: {"a": np.arange(9)})["a"].sum() == 36
 
     assert succeeded(child(work))
-    assert result_store.partial_files() == 0
+    assert result_store.count_partial_files() == 0
     assert sorted(entry.problem for entry in result_store.verify()) == ["", ""]
 
 

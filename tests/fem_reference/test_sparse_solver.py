@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import skfem
 
 from fem_reference import sparse_solver
-from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.sparse_solver import BACKENDS, ConstrainedSystem
 
 PACKAGE = {"pardiso": "pypardiso", "metis": "pymetis", "plain": "scipy"}
@@ -20,9 +20,9 @@ def layered(nu, ratio=1.0, elements=4):
     """Two layers on a clamped base: matrix, clamped unknowns and a few loads."""
     mesh = skfem.MeshHex.init_tensor(*[np.linspace(0, 3, elements + 1)] * 2, np.linspace(0, 1, 3))
     region = (mesh.p[2][mesh.t].mean(axis=0) > 0.5).astype(int)
-    prepared = mixed_elements(mesh, region=region)
+    prepared = prepare_elements(mesh, region=region)
     shear = np.array([1.0, ratio])
-    matrix = linear_system(prepared, shear, 3 * (1 - 2 * nu) / (2 * shear * (1 + nu)))
+    matrix = assemble_linear(prepared, shear, 3 * (1 - 2 * nu) / (2 * shear * (1 + nu)))
     base = np.flatnonzero(prepared.nodes[:, 2] < 1e-9)
     load = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
     return matrix, (3 * base[:, None] + np.arange(3)).ravel(), load
@@ -60,7 +60,7 @@ def test_same_pattern_keeps_the_analysis(backend, monkeypatch):
     matrix, fixed, load = layered(0.5)
     stiffer, _, _ = layered(0.45, ratio=30.0)  # its pressure block is no longer zero
     first = system(backend, stiffer, fixed)
-    monkeypatch.setattr(sparse_solver, "_node_order", lambda _: pytest.fail("ordered again"))
+    monkeypatch.setattr(sparse_solver, "_order_nodes", lambda _: pytest.fail("ordered again"))
     monkeypatch.setattr(sparse_solver._Pardiso, "__init__", lambda *_: pytest.fail("analysed again"))
     again = ConstrainedSystem(matrix, fixed, like=first).solve(load)
     monkeypatch.undo()
@@ -125,10 +125,10 @@ def test_backend_is_chosen_by_argument_environment_and_size(monkeypatch):
     with pytest.raises(ValueError, match="unknown solver 'mumps'; known solvers: pardiso, metis, plain"):
         ConstrainedSystem(matrix, fixed)
     monkeypatch.delenv("SOFTCOVER_SOLVER")
-    monkeypatch.setattr(sparse_solver, "_loadable", lambda: False)
-    assert sparse_solver._chosen(None, 10**6) == "metis"
+    monkeypatch.setattr(sparse_solver, "_can_load_pardiso", lambda: False)
+    assert sparse_solver._choose_backend(None, 10**6) == "metis"
     monkeypatch.setattr(sparse_solver, "find_spec", lambda _: None)
-    assert sparse_solver._chosen(None, 10**6) == "plain"
+    assert sparse_solver._choose_backend(None, 10**6) == "plain"
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form, compress_disk
-from fem_reference.closed_form.disk import _Edge, _fading, _squeeze_film
+from fem_reference.closed_form.disk import _Edge, _evaluate_edge_fields, _evaluate_squeeze_film
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain import bonded_disk
 from fem_reference.finite_strain.bonded_disk import Disk
@@ -39,12 +39,12 @@ def test_series_fields_obey_betti():
     """Work of one field's edge traction on another's edge displacement is symmetric only for solutions."""
     z, weight = np.polynomial.legendre.leggauss(120)
     z, weight = (z + 1) / 2, weight / 2
-    fields = _fading(1.7, z, 6)
+    fields = _evaluate_edge_fields(1.7, z, 6)
     work = fields.work(fields, weight)
     assert np.abs(work - work.T).max() < 1e-12 * np.abs(work).max()
     assert np.linalg.eigvalsh(work).min() > 0
     wrong = replace(fields, t_r=fields.t_r + 2 * 0.01 * fields.u_r * z[:, None])  # a spring is symmetric, and yet
-    film = _squeeze_film(1.7, z)
+    film = _evaluate_squeeze_film(1.7, z)
     assert np.abs(film.work(wrong, weight) - wrong.work(film, weight).T).max() > 1e-3
     spoiled = _Edge(u_r=fields.u_r, u_z=fields.u_z, t_r=fields.t_r, t_z=1.01 * fields.t_z)
     work = spoiled.work(spoiled, weight)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.sparse_solver import ConstrainedSystem
 
 
@@ -32,8 +32,8 @@ MESHES = {
 
 def solve_with_boundary(mesh, field, mu, bulk_compliance):
     """Prescribe a displacement field on the whole boundary and return what comes out inside."""
-    elements = mixed_elements(mesh, axisymmetric=mesh.dim() == 2, order=6)
-    matrix = linear_system(elements, np.array([mu]), np.array([bulk_compliance]))
+    elements = prepare_elements(mesh, axisymmetric=mesh.dim() == 2, order=6)
+    matrix = assemble_linear(elements, np.array([mu]), np.array([bulk_compliance]))
     boundary = elements.basis.get_dofs().flatten()
     d = elements.dimension
     fixed = np.sort((d * boundary[:, None] + np.arange(d)).ravel())
@@ -67,9 +67,9 @@ def test_axisymmetric_patch_test(kind, bulk_compliance):
 def test_a_planted_defect_fails_the_patch_test():
     """A wrong hoop strain (half of it) must not pass."""
     mesh = distorted(MESHES["quadrilaterals"]())
-    elements = mixed_elements(mesh, axisymmetric=True, order=6)
+    elements = prepare_elements(mesh, axisymmetric=True, order=6)
     broken = replace(elements, hoop=elements.hoop / 2)
-    matrix = linear_system(broken, np.array([1.3]), np.array([0.7]))
+    matrix = assemble_linear(broken, np.array([1.3]), np.array([0.7]))
     boundary = elements.basis.get_dofs().flatten()
     fixed = np.sort((2 * boundary[:, None] + np.arange(2)).ravel())
     wanted = np.stack([0.2 * elements.nodes[:, 0], 0.1 * elements.nodes[:, 1]], axis=1).ravel()
@@ -78,8 +78,8 @@ def test_a_planted_defect_fails_the_patch_test():
 
 
 def test_stiffness_is_symmetric_and_free_of_rigid_motion():
-    elements = mixed_elements(distorted(MESHES["hexahedra"]()))
-    matrix = linear_system(elements, np.array([2.0]), np.array([0.3]))
+    elements = prepare_elements(distorted(MESHES["hexahedra"]()))
+    matrix = assemble_linear(elements, np.array([2.0]), np.array([0.3]))
     assert abs(matrix - matrix.T).max() < 1e-12
     x = elements.nodes
     turn = np.stack([-x[:, 1], x[:, 0], 0 * x[:, 0]], axis=1).ravel()
@@ -89,12 +89,12 @@ def test_stiffness_is_symmetric_and_free_of_rigid_motion():
 
 def test_pressure_may_jump_between_regions():
     mesh = skfem.MeshQuad.init_tensor(np.array([0.5, 1.0]), np.array([0.0, 0.5, 1.0]))
-    assert mixed_elements(mesh, axisymmetric=True).pressures == 6
-    assert mixed_elements(mesh, axisymmetric=True, region=np.array([0, 1])).pressures == 8
+    assert prepare_elements(mesh, axisymmetric=True).pressures == 6
+    assert prepare_elements(mesh, axisymmetric=True, region=np.array([0, 1])).pressures == 8
 
 
 def test_meshes_without_a_stable_pair_are_refused():
     with pytest.raises(ValueError, match="no mixed element for MeshLine1"):
-        mixed_elements(skfem.MeshLine())
+        prepare_elements(skfem.MeshLine())
     with pytest.raises(ValueError, match="axisymmetric"):
-        mixed_elements(skfem.MeshQuad())
+        prepare_elements(skfem.MeshQuad())

@@ -9,7 +9,7 @@ import skfem
 from fem_reference import closed_form, press, press_path
 from fem_reference.elements.grading import grade_outward
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY, press_axisymmetric
 from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
@@ -33,7 +33,7 @@ def solid(kind, nu=0.45):
     """A small block or ring of elements, in units of one."""
     ring = skfem.MeshQuad().refined(2).translated((0.5, 0.0))
     mesh = ring if kind == "ring" else skfem.MeshHex().refined(1)
-    elements = mixed_elements(mesh, axisymmetric=kind == "ring")
+    elements = prepare_elements(mesh, axisymmetric=kind == "ring")
     return Solid.of_cover(elements, rubber(nu), Units.of(rubber(nu)))
 
 
@@ -68,7 +68,7 @@ def test_at_rest_it_is_linear_elasticity(kind):
     body = solid(kind, 0.4)
     units = Units.of(rubber(0.4))
     rest, tangent = body.linearise(np.zeros(body.elements.displacements + body.elements.pressures))
-    linear = linear_system(body.elements, np.array([1.0]), body.bulk_compliance)
+    linear = assemble_linear(body.elements, np.array([1.0]), body.bulk_compliance)
     assert np.abs(rest).max() == 0
     assert abs(tangent - linear).max() < 1e-12
     assert units.force == pytest.approx(units.stress * units.length**2)
@@ -98,8 +98,8 @@ def test_a_body_turned_inside_out_is_refused():
 
 
 def test_transfer_keeps_linear_fields():
-    coarse = mixed_elements(skfem.MeshQuad().refined(1).translated((0.5, 0.0)), axisymmetric=True)
-    fine = mixed_elements(skfem.MeshQuad().refined(3).translated((0.5, 0.0)), axisymmetric=True)
+    coarse = prepare_elements(skfem.MeshQuad().refined(1).translated((0.5, 0.0)), axisymmetric=True)
+    fine = prepare_elements(skfem.MeshQuad().refined(3).translated((0.5, 0.0)), axisymmetric=True)
 
     def field(elements):
         moved = np.stack([2 * elements.nodes[:, 0] + 1, elements.nodes[:, 1] - 3], axis=1).ravel()
@@ -160,13 +160,13 @@ def test_mirror_planes_are_found():
 def path_problem(nu=0.45, count=4, penalty=PENALTY):
     cover = rubber(nu)
     units = Units.of(cover)
-    mesh, _ = mesh_cover(units.thin(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
-    elements = mixed_elements(mesh, axisymmetric=True)
+    mesh, _ = mesh_cover(units.scale_cover(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
+    elements = prepare_elements(mesh, axisymmetric=True)
     obstacle = Obstacle(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
     return Problem(
         solid=Solid.of_cover(elements, cover, units),
         contact=SurfaceContact(elements, 1.0, obstacle, penalty=penalty * count),
-        fixed=find_constrained(units.thin(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
+        fixed=find_constrained(units.scale_cover(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
         units=units,
     )
 

@@ -10,7 +10,7 @@ import pytest
 import skfem
 
 from fem_reference import press
-from fem_reference.elements.taylor_hood import mixed_elements
+from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain import contact as surface_contact
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import lay_out
@@ -50,7 +50,7 @@ def pressed(indenter, friction, *, nu=0.3, depth=2e-6, elements=4, fillet=None):
 
 def block(friction):
     """The top of a small block under a flat face that is wider than it."""
-    elements = mixed_elements(skfem.MeshHex().refined(1))
+    elements = prepare_elements(skfem.MeshHex().refined(1))
     obstacle = Obstacle(indenter=Box(size=(10.0, 10.0, 1.0)), fillet=0.1)
     return elements, SurfaceContact(elements, 1.0, obstacle, penalty=50.0, friction=friction)
 

@@ -13,7 +13,7 @@ import pytest
 import skfem
 
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import Pattern, linear_system, mixed_elements
+from fem_reference.elements.taylor_hood import Pattern, assemble_linear, prepare_elements
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.mesh_transfer import _pressure_places
 from fem_reference.sparse_solver import ConstrainedSystem
@@ -129,7 +129,7 @@ class Case:
 
 def solved(case, mesh, spoil=lambda elements: elements):
     """Elements and the state they find, the field held all around."""
-    elements = spoil(mixed_elements(mesh, axisymmetric=case.axisymmetric, order=6))
+    elements = spoil(prepare_elements(mesh, axisymmetric=case.axisymmetric, order=6))
     basis, d = elements.basis, elements.dimension
     x = np.asarray(basis.global_coordinates())
     force = case.body_force(x) * (2 * np.pi * x[0] if case.axisymmetric else np.ones_like(x[0]))[..., None]
@@ -149,7 +149,7 @@ def solved(case, mesh, spoil=lambda elements: elements):
 
 def _balanced(case, elements, load, held, values):
     if not case.finite:
-        matrix = linear_system(elements, np.ones(1), np.array([bulk_compliance(case.nu)]))
+        matrix = assemble_linear(elements, np.ones(1), np.array([bulk_compliance(case.nu)]))
         return ConstrainedSystem(matrix, held).solve(load, values)
     cover = Cover(layers=(Layer(thickness=1.0, material=rubber(case.nu)),))
     body = Solid.of_cover(elements, cover, Units.of(cover))
@@ -175,7 +175,7 @@ def errors(case, elements, state):
         exact = exact + ((pressure - exact) * elements.weight).sum() / elements.weight.sum()
     pairs = [
         (u, case.field(x)),
-        (elements.displacement_gradient(state), case.gradient(x)[..., rows, columns]),
+        (elements.compute_gradient(state), case.gradient(x)[..., rows, columns]),
         (pressure[..., None], exact[..., None]),
     ]
     norm = lambda v: np.sqrt((elements.weight[..., None] * v**2).sum())  # noqa: E731
@@ -290,9 +290,9 @@ def displacement_only(case, elements, load, held, values):
     """The defect: the same quadratic displacements with the volume's stiffness in place of a pressure."""
     unit = np.array([float(i == j) for i, j in elements.places])
     zero = np.zeros((len(elements.cells), elements.cells.shape[1] * 2, elements.pressure_cells.shape[1]))
-    mixed = linear_system(elements, np.ones(1), np.ones(1))[: elements.displacements, : elements.displacements]
+    mixed = assemble_linear(elements, np.ones(1), np.ones(1))[: elements.displacements, : elements.displacements]
     moduli = np.outer(unit, unit) / bulk_compliance(case.nu) * elements.weight[..., None, None]
-    volume = elements.stiffness(moduli)
+    volume = elements.integrate_stiffness(moduli)
     square = np.zeros((zero.shape[0], zero.shape[2], zero.shape[2]))
     whole = Pattern(elements).assemble(volume, zero, square)[: elements.displacements, : elements.displacements]
     out = np.zeros_like(load)

@@ -30,7 +30,7 @@ def block(n):
 
 
 def grid(n):
-    return meshed(block(n), Units.of(COVER).thin(COVER), n)
+    return meshed(block(n), Units.of(COVER).scale_cover(COVER), n)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import skfem
 
 from fem_reference import point_spread
 from fem_reference.elements.line import Line, line_matrix
-from fem_reference.elements.taylor_hood import linear_system, mixed_elements
+from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, solve_adjoint
 from fem_reference.linear_response.mirror_symmetry import Resolution, mesh_quarter
@@ -41,9 +41,11 @@ def test_line_matrices_make_the_matrix_of_the_general_elements(bulk_compliance):
     mesh = skfem.MeshHex.init_tensor(x, y, z)
     region = (mesh.p[2][mesh.t].mean(axis=0) > 1).astype(int)
     shear, soft = np.array([1.0, 7.0]), np.array([bulk_compliance, 0.2])
-    general = mixed_elements(mesh, region=region, order=6)
-    expected = linear_system(general, shear, soft).toarray()
-    upper = TensorSolid(edges=(x, y, z), layer=np.array([0, 0, 1]), shear_modulus=shear, bulk_compliance=soft).upper()
+    general = prepare_elements(mesh, region=region, order=6)
+    expected = assemble_linear(general, shear, soft).toarray()
+    upper = TensorSolid(
+        edges=(x, y, z), layer=np.array([0, 0, 1]), shear_modulus=shear, bulk_compliance=soft
+    ).assemble_upper()
     found = (upper + sp.triu(upper, 1).T).toarray()
     order = np.lexsort(np.round(general.nodes, 9).T[::-1])
     moves = np.concatenate([3 * order + component for component in range(3)])
@@ -68,8 +70,8 @@ def test_quarter_and_dual_equal_the_whole_cover_loaded_at_a_point(bonded, nu, ba
     solid = mesh_quarter(cover, SMALL, COARSE)
     x, y, z = (solid.lines[0].edges, solid.lines[1].edges, solid.lines[2].edges)
     mesh = skfem.MeshHex.init_tensor(np.r_[-x[:0:-1], x], np.r_[-y[:0:-1], y], z)
-    whole = mixed_elements(mesh, order=6)
-    matrix = linear_system(whole, solid.shear_modulus, solid.bulk_compliance)
+    whole = prepare_elements(mesh, order=6)
+    matrix = assemble_linear(whole, solid.shear_modulus, solid.bulk_compliance)
     base_nodes = np.flatnonzero(np.abs(whole.nodes[:, 2]) < 1e-9)
     fixed = (3 * base_nodes[:, None] + np.arange(3)).ravel()
     if base == "sliding":  # three nodes' sides hold it against drifting and turning

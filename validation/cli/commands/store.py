@@ -72,7 +72,7 @@ def list_entries(*, json: Json = False) -> None:
                 "code": result_store.code_version(),
                 "entries": [_list_entry(entry) for entry in found],
                 "bytes": sum(entry.size for entry in found),
-                "partial_files": result_store.partial_files(),
+                "partial_files": result_store.count_partial_files(),
             }
         )
         return
@@ -102,7 +102,7 @@ def verify_entries(*, json: Json = False) -> int:
                 "folder": str(result_store.folder()),
                 "checked": len(checked),
                 "damaged": [{"key": e.key, "path": str(e.path), "problem": e.problem} for e in damaged],
-                "partial_files": result_store.partial_files(),
+                "partial_files": result_store.count_partial_files(),
             }
         )
     else:
