@@ -1,27 +1,29 @@
-"""Everything the fast model needs, as one folder: `parameters.toml` beside `cover.npz`.
+"""The parameters of one sensor, and the folder that holds them: `parameters.toml` beside `cover.npz`.
 
-The TOML is complete and in SI: array, spread, filter, electronics, provenance.  `cover.npz` carries what does
-not belong into text: the spread operator `[texel, loaded texel]` and any further tables; its sha256 stands in
-the TOML.  Nothing is pickled.  A save that is killed at any moment leaves the folder as it was, or as it should
-become: never a part of a file, never one file of each.
+The TOML file is complete and in SI units: array, spread, filter, electronics, provenance.  `cover.npz` holds the
+large tables: the spread operator `[texel, loaded texel]`, the cover between sub-texel cells, and any further tables.
+The TOML file contains the sha256 of `cover.npz`.  Nothing is pickled.  If a save is killed, the folder holds either the
+old pair of files or the new one.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import io
+import os
 import tomllib
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import ParametersError, ShapeError
+from fastmodel.errors import ParametersError, ShapeError, check_type
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import Electronics
@@ -30,35 +32,33 @@ from meshes import TexelArray, atomic_file
 from meshes.npz import pack_npz
 
 FloatArray = npt.NDArray[np.float64]
-T = TypeVar("T")
 
-#: Version of the folder's format; a reader refuses what it does not know.
+#: Version of the folder's format; other versions are refused.
 FORMAT = 1
 TOML_NAME = "parameters.toml"
 NPZ_NAME = "cover.npz"
 #: Folder of the sensors that come with the package, one folder each.
 SENSORS = Path(__file__).parent / "sensors"
+#: Name of the spread operator among the tables.
 _OPERATOR = "operator"
-_COMPLIANCE = "cells_compliance"
-_INFLUENCE = "cells_influence"
-_TABLE = "cells_table"
-_CELL_TABLES = ("compliance", "influence", "table")
-_RESERVED = (_OPERATOR, _COMPLIANCE, _INFLUENCE, _TABLE)
+#: Attributes of `CoverCells` that are tables, with their names among the tables.
+_CELL_TABLES = {name: f"cells_{name}" for name in ("compliance", "influence", "table")}
+#: Names that further tables must not have.
+_RESERVED = (_OPERATOR, *_CELL_TABLES.values())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parameters:
-    """A tactile array with its cover, as the fast model sees it.
+    """The parameters of a tactile array with its cover.
 
     Attributes:
-        array: Where the texels are.
-        spread: How the cover spreads force over texels.
-        electronics: What the sensor does with a texel's force.
-        filter: Low-pass on every texel; None for none.
-        provenance: Where the numbers come from: estimator, versions, hashes, assumptions.
-        tables: Further arrays of the cover that travel with it, by name, for example a point response.
-        cells: The cover between sub-texel cells, for the contact methods `cover` and `foundation`; None where nobody
-            knows it.
+        array: The texels.
+        spread: The point spread of the cover.
+        electronics: The conversion of forces to counts.
+        filter: Low-pass filter on every texel; None for none.
+        provenance: Origin of the numbers: estimator, versions, hashes, assumptions.
+        tables: Further arrays of the cover that are stored with it, by name, for example a point response.
+        cells: The cover between sub-texel cells, for the contact methods `cover` and `foundation`; None if unknown.
     """
 
     array: TexelArray
@@ -73,9 +73,13 @@ class Parameters:
         """Check that the parts fit one another.
 
         Raises:
-            ShapeError: If the spread operator or the gains are for another number of texels.
-            ParametersError: If a table is named like one of the format's own.
+            ArgumentTypeError: If a part has a wrong type.
+            ShapeError: If spread operator, gains or cells are for another array.
+            ParametersError: If a table has a name that the format uses itself.
         """
+        check_type("array", self.array, TexelArray, "a meshes.TexelArray")
+        check_type("electronics", self.electronics, Electronics, "a fastmodel.Electronics")
+        check_type("filter", self.filter, (Butterworth, type(None)), "a fastmodel.Butterworth or None")
         if isinstance(self.spread, Tabulated):
             self.spread.operator(self.array)
         gains = self.electronics.gains
@@ -88,10 +92,10 @@ class Parameters:
                 raise ParametersError(f"a table must not be named {name!r}; the format uses that name itself")
 
     def save(self, folder: str | Path) -> Path:
-        """Write `parameters.toml` and `cover.npz` into a folder, made if need be.
+        """Write `parameters.toml` and `cover.npz` into a folder, which is made if it does not exist.
 
         Args:
-            folder: Where to.
+            folder: The folder.
 
         Returns:
             The path of `parameters.toml`.
@@ -99,16 +103,16 @@ class Parameters:
         Raises:
             OSError: If the folder cannot be written.
         """
-        target = Path(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
-        if self.cells is not None:
-            tables |= {_COMPLIANCE: self.cells.compliance, _INFLUENCE: self.cells.influence}
-            tables |= {} if self.cells.table is None else {_TABLE: self.cells.table}
-        packed = pack_npz(tables)
         # Only writing needs this package.
         import tomli_w
 
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
+        for name, stored in _CELL_TABLES.items():
+            if (table := getattr(self.cells, name, None)) is not None:
+                tables[stored] = table
+        packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         _replace_pair(target, packed, text.encode())
         return target / TOML_NAME
@@ -123,90 +127,115 @@ def load(sensor: str | Path) -> Parameters:
     """Read the parameters of a sensor.
 
     Args:
-        sensor: Name of a sensor that comes with the package (`list_sensors`), or a folder that `Parameters.save` wrote,
-            or its `parameters.toml`.  A text that is such a name means the sensor; write `./name` for a folder.
+        sensor: Name of a sensor that comes with the package (see `list_sensors`), or a folder that `Parameters.save`
+            wrote, or its `parameters.toml`.  A text that is such a name means the sensor; write `./name` for a folder.
 
     Raises:
+        ArgumentTypeError: If the argument is neither a text nor a path.
         ParametersError: If the name is unknown, or a file is missing, damaged, of another format, or holds bad values.
     """
+    check_type("sensor", sensor, (str, os.PathLike), "the name of a sensor or the path of a parameters folder")
     path = SENSORS / sensor if isinstance(sensor, str) and sensor in list_sensors() else Path(sensor)
     if not path.exists():
         raise ParametersError(
             f"{sensor}: no such folder; a folder with {TOML_NAME} and {NPZ_NAME} is needed, or one of the sensors "
             f"{', '.join(list_sensors())}"
         )
-    path = path if path.suffix == ".toml" else path / TOML_NAME
-    document = _read_toml(path)
-    reader = _Reader(document, path)
-    if reader.take("format") != FORMAT:
-        raise ParametersError(f"{path}: format is {document['format']!r}; this version reads {FORMAT}")
-    array = reader.build("array", lambda: _array(reader))
-    tables = reader.build("cover", lambda: _tables(reader, path))
+    document = _Document(path if path.suffix == ".toml" else path / TOML_NAME)
+    if document.take("format") != FORMAT:
+        raise ParametersError(f"{document.path}: format is {document.take('format')!r}; this version reads {FORMAT}")
+    with document.section("array"):
+        array = _build_array(document)
+    with document.section("cover"):
+        tables = _read_tables(document)
     operator = tables.pop(_OPERATOR, np.zeros(0))
     if operator.shape != (array.count, array.count):
         raise ParametersError(
-            f"{path.parent / NPZ_NAME}: {_OPERATOR!r} has shape {operator.shape}; {array.count} texels take "
+            f"{document.path.parent / NPZ_NAME}: {_OPERATOR!r} has shape {operator.shape}; {array.count} texels need "
             f"{(array.count, array.count)}"
         )
-    return reader.build(
-        "parameters",
-        lambda: Parameters(
+    with document.section("spread"):
+        spread = _build_spread(document.take("spread"), operator)
+    with document.section("electronics"):
+        electronics = _build_electronics(document.take("electronics"))
+    with document.section("filter"):
+        low_pass = Butterworth(**document.take("filter")) if "filter" in document.values else None
+    with document.section("cells"):
+        cells = _build_cells(document.take("cells"), tables) if "cells" in document.values else None
+    with document.section("parameters"):
+        return Parameters(
             array=array,
-            spread=reader.build("spread", lambda: _spread(reader, operator)),
-            electronics=reader.build("electronics", lambda: _electronics(reader)),
-            filter=reader.build("filter", lambda: _filter(document.get("filter"))),
-            provenance=reader.build("provenance", lambda: dict(document.get("provenance", {}))),
-            cells=reader.build("cells", lambda: _cells(document.get("cells"), tables)),
+            spread=spread,
+            electronics=electronics,
+            filter=low_pass,
+            provenance=dict(document.values.get("provenance", {})),
+            cells=cells,
             tables={name: table for name, table in tables.items() if name not in _RESERVED},
-        ),
-    )
+        )
 
 
-class _Reader:
-    """Looks values up by dotted path and turns every failure into one line that names file and place."""
+class _Document:
+    """A parsed TOML file.  Errors name the file and the place in it, in one line.
 
-    def __init__(self, document: Mapping[str, Any], path: Path) -> None:
-        self._document = document
-        self._path = path
+    Attributes:
+        path: Path of the file.
+        values: Its content.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.values = tomllib.loads(_read_bytes(path).decode())
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ParametersError(f"{path}: not readable as TOML: {error}") from error
 
     def take(self, key: str) -> Any:  # noqa: ANN401 -- TOML values
-        value: Any = self._document
+        """The value under a dotted key."""
+        value: Any = self.values
         for part in key.split("."):
             if not isinstance(value, Mapping) or part not in value:
-                raise ParametersError(f"{self._path}: {key} is missing")
+                raise ParametersError(f"{self.path}: {key} is missing")
             value = value[part]
         return value
 
-    def build(self, place: str, make: Callable[[], T]) -> T:
+    @contextlib.contextmanager
+    def section(self, name: str) -> Iterator[None]:
+        """Turn errors about values into errors that name the file and a section."""
         try:
-            return make()
+            yield
         except ParametersError:
             raise
         except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
-            raise ParametersError(f"{self._path}: [{place}] {error}") from error
+            raise ParametersError(f"{self.path}: [{name}] {error}") from error
 
 
 def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
+    """The content of the TOML file.
+
+    Args:
+        parameters: The parameters.
+        sha256: Hash of the npz file.
+    """
     document: dict[str, Any] = {
         "format": FORMAT,
         "array": _describe_array(parameters.array),
         "spread": _describe_spread(parameters.spread),
-        "electronics": _plain(parameters.electronics),
+        "electronics": _describe_dataclass(parameters.electronics),
         "cover": {"file": NPZ_NAME, "sha256": sha256},
     }
     if parameters.filter is not None:
-        document["filter"] = _plain(parameters.filter)
+        document["filter"] = _describe_dataclass(parameters.filter)
     if parameters.cells is not None:
-        plain = _plain(parameters.cells)
-        document["cells"] = {name: value for name, value in plain.items() if name not in _CELL_TABLES}
+        values = _describe_dataclass(parameters.cells)
+        document["cells"] = {name: value for name, value in values.items() if name not in _CELL_TABLES}
     if parameters.provenance:
-        document["provenance"] = _without_none(dict(parameters.provenance))
+        document["provenance"] = _convert_values(parameters.provenance)
     return document
 
 
 def _describe_array(array: TexelArray) -> dict[str, Any]:
-    """Name, size and pitch; a mask and single positions only where they are not the plain grid's."""
-    plain: dict[str, Any] = {
+    """Name, size and pitch; mask, positions and normals only if they differ from those of the plain grid."""
+    values: dict[str, Any] = {
         "name": array.name,
         "rows": array.rows,
         "columns": array.columns,
@@ -214,42 +243,45 @@ def _describe_array(array: TexelArray) -> dict[str, Any]:
         "texel_size": list(array.texel_size),
     }
     if not array.active.all():
-        plain["active"] = array.image(array.active).astype(int).tolist()
+        values["active"] = array.image(array.active).astype(int).tolist()
     grid = TexelArray.grid(array.rows, array.columns, array.pitch)
     if not (np.array_equal(array.centres, grid.centres) and np.array_equal(array.normals, grid.normals)):
-        plain["centres"] = array.centres.tolist()
-        plain["normals"] = array.normals.tolist()
-    return plain
+        values["centres"] = array.centres.tolist()
+        values["normals"] = array.normals.tolist()
+    return values
 
 
-def _array(reader: _Reader) -> TexelArray:
-    table = reader.take("array")
-    pitch, size = reader.take("array.pitch"), reader.take("array.texel_size")
+def _build_array(document: _Document) -> TexelArray:
+    """The inverse of `_describe_array`."""
+    pitch, size = document.take("array.pitch"), document.take("array.texel_size")
+    table = document.take("array")
     grid = TexelArray.grid(
-        reader.take("array.rows"),
-        reader.take("array.columns"),
+        document.take("array.rows"),
+        document.take("array.columns"),
         (pitch[0], pitch[1]),
         texel_size=(size[0], size[1]),
         active=table.get("active"),
-        name=reader.take("array.name"),
+        name=document.take("array.name"),
     )
     if "centres" not in table:
         return grid
     return dataclasses.replace(
         grid,
         centres=np.array(table["centres"], dtype=np.float64),
-        normals=np.array(reader.take("array.normals"), dtype=np.float64),
+        normals=np.array(document.take("array.normals"), dtype=np.float64),
     )
 
 
 def _describe_spread(spread: Spread) -> dict[str, Any]:
+    """The numbers of a Gaussian; of any other spread only the source, because its operator is in the npz file."""
     if isinstance(spread, Gaussian):
-        return {"kind": "gaussian", **_plain(spread)}
+        return {"kind": "gaussian", **_describe_dataclass(spread)}
     return {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
 
 
-def _spread(reader: _Reader, operator: FloatArray) -> Spread:
-    values = dict(reader.take("spread"))
+def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
+    """The inverse of `_describe_spread`."""
+    values = dict(table)
     match values.pop("kind", None):
         case "gaussian":
             return Gaussian(**values)
@@ -259,55 +291,43 @@ def _spread(reader: _Reader, operator: FloatArray) -> Spread:
             raise ValueError(f"kind is {kind!r}; it must be 'gaussian' or 'operator'")
 
 
-def _electronics(reader: _Reader) -> Electronics:
-    values = dict(reader.take("electronics"))
-    for name in ("characteristic", "gains"):
-        if name in values:
-            values[name] = tuple(values[name])
+def _build_electronics(table: Mapping[str, Any]) -> Electronics:
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     return Electronics(**values)
 
 
-def _filter(values: Mapping[str, Any] | None) -> Butterworth | None:
-    return None if values is None else Butterworth(**values)
+def _build_cells(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> CoverCells:
+    stored: dict[str, Any] = {name: tables[key] for name, key in _CELL_TABLES.items() if key in tables}
+    return CoverCells(**{**table, "cell": tuple(table["cell"])}, **stored)
 
 
-def _cells(values: Mapping[str, Any] | None, tables: Mapping[str, FloatArray]) -> CoverCells | None:
-    if values is None:
-        return None
-    named = {**values, "cell": tuple(values["cell"])}
-    return CoverCells(compliance=tables[_COMPLIANCE], influence=tables[_INFLUENCE], table=tables.get(_TABLE), **named)
+def _describe_dataclass(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance
+    """The fields of a dataclass as TOML values, see `_convert_values`."""
+    return _convert_values(dataclasses.asdict(instance))
 
 
-def _plain(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance
-    """A dataclass as TOML values; None is left out."""
-    return _without_none(dataclasses.asdict(instance))
-
-
-def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
-    plain: dict[str, Any] = {}
+def _convert_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Convert tuples and numpy values to TOML values, and leave out None."""
+    converted: dict[str, Any] = {}
     for key, value in values.items():
-        if value is None:
-            continue
         if isinstance(value, Mapping):
-            plain[key] = _without_none(value)
+            converted[key] = _convert_values(value)
         elif isinstance(value, np.generic | np.ndarray):
-            plain[key] = value.tolist()
-        else:
-            plain[key] = list(value) if isinstance(value, tuple) else value
-    return plain
-
-
-def _tables(reader: _Reader, path: Path) -> dict[str, FloatArray]:
-    name, sha256 = reader.take("cover.file"), reader.take("cover.sha256")
-    if name != NPZ_NAME or not isinstance(sha256, str):
-        raise ValueError(f"file must be {NPZ_NAME!r} and sha256 a text, not {name!r} and {sha256!r}")
-    return _read_tables(path.parent / NPZ_NAME, sha256)
+            converted[key] = value.tolist()
+        elif value is not None:
+            converted[key] = list(value) if isinstance(value, tuple) else value
+    return converted
 
 
 def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
-    """Replace both files so that a reader finds a pair that belongs together at every moment.
+    """Replace both files such that a reader finds a matching pair at every moment.
 
-    Until the TOML file is replaced too, a copy of the old tables serves those who read the old one.
+    A copy of the old npz file is kept until the TOML file, which names its hash, is replaced too.
+
+    Args:
+        folder: The folder.
+        packed: Content of the npz file.
+        text: Content of the TOML file.
 
     Raises:
         OSError: If the folder cannot be written; the old pair can still be read then.
@@ -323,17 +343,22 @@ def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
 
 
 def _path_of_copy(tables: Path, sha256: str) -> Path:
-    """Where a copy of tables of this hash stands while the pair is being replaced."""
+    """Path of the copy of an npz file of this hash, which exists while the pair is being replaced."""
     return tables.with_name(f"{tables.stem}.{sha256[:16]}{tables.suffix}")
 
 
-def _read_tables(path: Path, sha256: str) -> dict[str, FloatArray]:
-    packed = _read(path)
+def _read_tables(document: _Document) -> dict[str, FloatArray]:
+    """The tables of the npz file that the TOML file names."""
+    name, sha256 = document.take("cover.file"), document.take("cover.sha256")
+    if name != NPZ_NAME or not isinstance(sha256, str):
+        raise ValueError(f"file must be {NPZ_NAME!r} and sha256 a text, not {name!r} and {sha256!r}")
+    path = document.path.parent / NPZ_NAME
+    packed = _read_bytes(path)
     if hashlib.sha256(packed).hexdigest() != sha256:
         copy = _path_of_copy(path, sha256)
         if not copy.exists():
             raise ParametersError(f"{path}: does not belong to {TOML_NAME} (sha256 differs); write both anew")
-        packed = _read(copy)
+        packed = _read_bytes(copy)
     try:
         with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
@@ -341,14 +366,7 @@ def _read_tables(path: Path, sha256: str) -> dict[str, FloatArray]:
         raise ParametersError(f"{path}: not a readable npz file: {error}") from error
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(_read(path).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParametersError(f"{path}: not readable as TOML: {error}") from error
-
-
-def _read(path: Path) -> bytes:
+def _read_bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Texels must not lie on top of one another: what presses there would be felt twice."""
+"""Check that texels do not overlap: a force on an overlap would be measured twice."""
 
 from __future__ import annotations
 
@@ -6,30 +6,32 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fastmodel.errors import OverlapError
-from fastmodel.signal.point_spread import tangent_axes
+from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 
-#: Share of a texel's edge by which neighbours may overlap: rounding, and the corners of a curved layout [-].
+#: Share of a texel's edge by which neighbours may overlap [-]: allows for rounding and for curved layouts, where the
+#: rectangles of neighbours overlap at their corners.
 _ALLOWED = 0.02
 
 
 def refuse_overlaps(array: TexelArray) -> None:
     """Check that no two texels overlap.
 
-    Neighbours that look the same way and lie in one another's plane are compared as rectangles.
+    Two texels overlap if their normals are less than 90 degrees apart, their planes are less than half a texel apart,
+    and their rectangles overlap in the plane of the first.
 
     Args:
         array: The texels.
 
     Raises:
-        OverlapError: If two overlap; it names the first pair.
+        OverlapError: If texels overlap; the message names the first pair.
     """
     size = np.array(array.texel_size)
     pairs = cKDTree(array.centres).query_pairs(float(np.hypot(*size)), output_type="ndarray")
     if not len(pairs):
         return
     first, second = pairs.T
-    axis_x, axis_y = tangent_axes(array)
+    axis_x, axis_y = find_tangents(array)
     apart = array.centres[second] - array.centres[first]
     along = np.abs([np.einsum("ij,ij->i", apart, axis[first]) for axis in (axis_x, axis_y, array.normals)])
     alike = np.einsum("ij,ij->i", array.normals[first], array.normals[second]) > 0

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import Samples
-from fastmodel.signal.point_spread import tangent_axes
+from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -114,7 +114,7 @@ def panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
         margin: Pitches by which the plate of a flat array reaches beyond its outermost texels; curved ones have none,
             since panels would stand in one another's way.
     """
-    axes = np.stack([*tangent_axes(array), array.normals], axis=-1)
+    axes = np.stack([*find_tangents(array), array.normals], axis=-1)
     if _is_bent_sheet(array, axes) and not array.planar:
         return tuple(_block(array, axes, block) for block in _blocks(array, axes))
     local = (array.centres - array.centres[0]) @ axes[0]

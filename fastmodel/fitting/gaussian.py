@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.fitting.width_estimators import Pair, image_estimates, radial_estimates
-from fastmodel.signal.point_spread import Gaussian, sampled_gaussian, smallest_kernel
+from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: npt.NDArray[np
         tried.add(ksizes)
         candidates.append(Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, ksizes)))
     last = candidates[-1]
-    wide, high = ({smallest_kernel(sigma * by) for by in _ABOUT} for sigma in (last.sigma_x, last.sigma_y))
+    wide, high = ({find_smallest_kernel(sigma * by) for by in _ABOUT} for sigma in (last.sigma_x, last.sigma_y))
     beside = sorted(set(product(wide, high)) - tried)
     candidates += [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, each)) for each in beside]
 
@@ -177,9 +177,9 @@ def _fit_sigmas(
 
 def _axis(offsets: npt.NDArray[np.int64], sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
     """One axis of the kernel and its derivative by log sigma: g (d^2 - <d^2>) / sigma^2."""
-    g = sampled_gaussian(offsets, sigma, ksize)
+    g = sample_gaussian(offsets, sigma, ksize)
     lattice = np.arange(-(ksize // 2), ksize // 2 + 1)
-    mean_square = float(np.sum(lattice**2 * sampled_gaussian(lattice, sigma, ksize)))
+    mean_square = float(np.sum(lattice**2 * sample_gaussian(lattice, sigma, ksize)))
     return g, g * (offsets**2 - mean_square) / sigma**2
 
 

@@ -12,7 +12,7 @@ from fastmodel.contact.interface import Reading
 from fastmodel.parameters import Parameters
 from fastmodel.signal.butterworth import FilterBank
 from fastmodel.signal.frame import Frame
-from fastmodel.signal.point_spread import running_operator
+from fastmodel.signal.point_spread import build_operator
 
 
 class SignalChain:
@@ -36,7 +36,7 @@ class SignalChain:
         array = parameters.array
         self._array, self._electronics = array, parameters.electronics
         self._inactive = None if array.active.all() else ~array.active
-        self._operator = running_operator(parameters.spread, array) if spreads else None
+        self._operator = build_operator(parameters.spread, array) if spreads else None
         # One signal per texel.  The last signal is the total force, so that `outside` is filtered as the texels are.
         self._filter = FilterBank(parameters.filter, rate_hz, array.count + 1)
         self._sample = np.zeros(array.count + 1)

@@ -1,8 +1,8 @@
-"""How the cover spreads force over texels: a constant linear operator.
+"""The point spread of the cover over the texels: a constant linear operator.
 
-Whatever the cover does (Gaussian, tabulated from finite elements, edge-aware), at run time it is one matrix
-`[texel, loaded texel]`.  A column need not sum to one: what it lacks left the array or fell on a masked
-texel, and is booked as `outside`.  Nothing is reflected and nothing renormalised.
+Every model of the spread (a Gaussian, a table from finite elements) becomes one matrix `[texel, loaded texel]` at run
+time.  A column may sum to less than one: the difference is the force that leaves the array or acts on masked texels,
+and counts as `outside`.  It is neither reflected at the edges nor distributed over the other texels.
 """
 
 from __future__ import annotations
@@ -19,29 +19,36 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Share of the Gaussian's own mass that the kernel has to hold [-].
+#: Smallest share of the Gaussian's sum that a kernel contains [-].
 KERNEL_MASS = 0.999
-#: Texels up to which a dense operator is the fastest one.
+#: Largest number of texels for which the operator is a dense matrix [-]: for more, a sparse one is faster.
 DENSE_MOST = 500
+#: Treat a projected axis shorter than this as zero: the texel then looks along the array's x axis [-].
+_PARALLEL = 1e-6
 
 
 class Spread(Protocol):
-    """Anything that becomes a matrix on a given array."""
+    """A model of the point spread."""
 
     def operator(self, array: TexelArray) -> FloatArray:
-        """Matrix from forces on loaded texels to texel forces, shape (n, n) [-]."""
+        """Matrix `[texel, loaded texel]` from contact forces to texel forces, shape (n, n) [-].
+
+        Args:
+            array: The array.
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gaussian:
-    """A Gaussian point spread function, sampled at texel centres, of unit sum over its kernel.
+    """A Gaussian point spread function, sampled at texel centres, with unit sum over its kernel.
 
-    The convention is OpenCV's `getGaussianKernel`, which the 2015 report used: weights
-    exp(-i^2 / (2 sigma^2)) at whole texel offsets i, cut at ksize, divided by their sum; the axes multiply.
+    The weight at the whole texel offsets i and j is g(i, sigma_x) g(j, sigma_y), where g is exp(-i^2 / (2 sigma^2))
+    divided by its sum over the kernel.
+    Source: OpenCV's `getGaussianKernel`, which the 2015 report used.
 
     Attributes:
-        sigma_x: Standard deviation along the columns' axis [pitches].
-        sigma_y: Standard deviation along the rows' axis [pitches].
+        sigma_x: Standard deviation along x [pitches].
+        sigma_y: Standard deviation along y [pitches].
         ksize_x: Width of the kernel along x, odd [texels].
         ksize_y: Width of the kernel along y, odd [texels].
     """
@@ -65,24 +72,24 @@ class Gaussian:
 
     @classmethod
     def from_sigma(cls, sigma_x: float, sigma_y: float | None = None) -> Gaussian:
-        """Make a Gaussian with the smallest kernel that holds 99.9 % of its mass along each axis.
+        """Make a Gaussian with the smallest kernel that contains 99.9 % of its sum along each axis.
 
         Args:
             sigma_x: Standard deviation along x [pitches].
-            sigma_y: Standard deviation along y; that along x when not given [pitches].
+            sigma_y: Standard deviation along y, by default that along x [pitches].
         """
         along_y = sigma_x if sigma_y is None else sigma_y
         return cls(
             sigma_x=sigma_x,
             sigma_y=along_y,
-            ksize_x=smallest_kernel(sigma_x),
-            ksize_y=smallest_kernel(along_y),
+            ksize_x=find_smallest_kernel(sigma_x),
+            ksize_y=find_smallest_kernel(along_y),
         )
 
     def kernel(self) -> FloatArray:
         """The kernel as an image, shape (ksize_y, ksize_x), unit sum [-]."""
         weights = [
-            sampled_gaussian(np.arange(ksize) - ksize // 2, sigma, ksize)
+            sample_gaussian(np.arange(ksize) - ksize // 2, sigma, ksize)
             for sigma, ksize in ((self.sigma_x, self.ksize_x), (self.sigma_y, self.ksize_y))
         ]
         return np.outer(weights[1], weights[0])
@@ -90,14 +97,17 @@ class Gaussian:
     def operator(self, array: TexelArray) -> FloatArray:
         """Matrix `[texel, loaded texel]` on any layout, shape (n, n) [-].
 
-        Offsets are taken in the tangent plane of the loaded texel, in pitches, so that a flat grid gives
-        the kernel itself.  Masked texels are not felt (zero rows) but may be loaded: the cover carries on.
-        Texels that look away from the loaded one feel nothing of it.  Where a curved layout crowds texels so
-        that a column would exceed the load, it is scaled to the load.
+        Offsets are measured in pitches in the tangent plane of the loaded texel, so that columns on a flat grid are
+        the kernel itself.  Rows of masked texels are zero, but their columns are not: a load on a masked texel spreads
+        to its neighbours.  Entries between texels whose normals are 90 degrees or more apart are zero.  Columns of a
+        curved layout that sum to more than one are scaled to one.
+
+        Args:
+            array: The array.
         """
-        offset_x, offset_y = tangential_offsets(array)
-        matrix = sampled_gaussian(offset_x, self.sigma_x, self.ksize_x)
-        matrix *= sampled_gaussian(offset_y, self.sigma_y, self.ksize_y)
+        offset_x, offset_y = measure_offsets(array)
+        matrix = sample_gaussian(offset_x, self.sigma_x, self.ksize_x)
+        matrix *= sample_gaussian(offset_y, self.sigma_y, self.ksize_y)
         matrix[array.normals @ array.normals.T <= 0] = 0.0
         matrix[~array.active] = 0.0
         matrix /= np.maximum(matrix.sum(axis=0), 1.0)
@@ -106,18 +116,18 @@ class Gaussian:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tabulated:
-    """Any linear operator as a table: from finite elements, edge-aware, position-dependent.
+    """Any linear operator as a table, for example from finite elements with the edges of the cover.
 
     Attributes:
         matrix: Texel force per unit force on a loaded texel, `[texel, loaded texel]`, shape (n, n) [-].
-        source: Where the numbers come from.
+        source: Origin of the numbers.
     """
 
     matrix: FloatArray
     source: str = "given by the user"
 
     def __post_init__(self) -> None:
-        """Check and freeze the table.
+        """Check the table and make it read-only.
 
         Raises:
             ShapeError: If it is not square.
@@ -130,7 +140,10 @@ class Tabulated:
         self.matrix.setflags(write=False)
 
     def operator(self, array: TexelArray) -> FloatArray:
-        """The table with masked texels silenced, shape (n, n) [-].
+        """The table, with zero rows for masked texels, shape (n, n) [-].
+
+        Args:
+            array: The array.
 
         Raises:
             ShapeError: If the table is for another number of texels.
@@ -143,8 +156,8 @@ class Tabulated:
         return np.where(array.active[:, None], self.matrix, 0.0)
 
 
-def running_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_array:
-    """The operator in the form that is cheapest to apply: dense for small arrays, sparse for large ones.
+def build_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_array:
+    """Build the operator in the form that is fastest to apply, dense or sparse, shape (n, n) [-].
 
     Args:
         spread: The spread.
@@ -153,12 +166,12 @@ def running_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_a
     if array.count <= DENSE_MOST:
         return spread.operator(array)
     if isinstance(spread, Gaussian) and array.regular:
-        return _banded(spread, array)
+        return _build_banded(spread, array)
     return sp.csr_array(spread.operator(array))
 
 
-def _banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:
-    """A Gaussian on an even grid, made without the dense matrix."""
+def _build_banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:
+    """The operator of a Gaussian on a regular flat grid, without the dense matrix, shape (n, n) [-]."""
     axes = []
     for count, sigma, ksize in (
         (array.rows, spread.sigma_y, spread.ksize_y),
@@ -166,14 +179,14 @@ def _banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:
     ):
         reach = min(ksize // 2, count - 1)
         offsets = np.arange(-reach, reach + 1)
-        values = sampled_gaussian(offsets, sigma, ksize)
+        values = sample_gaussian(offsets, sigma, ksize)
         axes.append(sp.diags_array(values, offsets=offsets, shape=(count, count)))
     whole = sp.csr_array(sp.kron(axes[0], axes[1]))
     return sp.csr_array(sp.diags_array(array.active.astype(np.float64)) @ whole)
 
 
-def smallest_kernel(sigma: float, mass: float = KERNEL_MASS) -> int:
-    """Smallest odd width that holds `mass` of a Gaussian sampled at whole offsets [texels].
+def find_smallest_kernel(sigma: float, mass: float = KERNEL_MASS) -> int:
+    """Smallest odd width that contains a given share of a Gaussian sampled at whole offsets [texels].
 
     Args:
         sigma: Standard deviation [pitches].
@@ -191,14 +204,14 @@ def smallest_kernel(sigma: float, mass: float = KERNEL_MASS) -> int:
     return 2 * int(np.argmax(held >= mass)) + 1
 
 
-def sampled_gaussian(offsets: npt.ArrayLike, sigma: float, ksize: int) -> FloatArray:
-    """One axis of the kernel at any offsets, same shape as `offsets` [-].
+def sample_gaussian(offsets: npt.ArrayLike, sigma: float, ksize: int) -> FloatArray:
+    """One axis of the kernel at given offsets, same shape as `offsets` [-].
 
-    The value is exp(-d^2 / (2 sigma^2)) over its sum at the whole offsets inside the kernel, zero beyond half
-    a texel past the outermost one.
+    The value at distance d is exp(-d^2 / (2 sigma^2)) over the sum of this expression at the whole offsets inside the
+    kernel.  It is zero farther than half a texel beyond the outermost of these offsets.
 
     Args:
-        offsets: Distances along the axis [pitches].
+        offsets: Distances along the axis, any shape [pitches].
         sigma: Standard deviation [pitches].
         ksize: Odd width [texels].
     """
@@ -208,23 +221,33 @@ def sampled_gaussian(offsets: npt.ArrayLike, sigma: float, ksize: int) -> FloatA
     return np.where(np.abs(distance) < ksize / 2, np.exp(-0.5 * (distance / sigma) ** 2) / total, 0.0)
 
 
-def tangential_offsets(array: TexelArray) -> tuple[FloatArray, FloatArray]:
-    """Offsets of every texel from every loaded one, in the loaded texel's tangent plane.
+def measure_offsets(array: TexelArray) -> tuple[FloatArray, FloatArray]:
+    """Offsets of every texel from every loaded texel, in the loaded texel's tangent plane.
+
+    Args:
+        array: The array.
 
     Returns:
         Offsets along x and along y, each `[texel, loaded texel]` of shape (n, n) [pitches].
     """
-    axis_x, axis_y = tangent_axes(array)
+    axis_x, axis_y = find_tangents(array)
     offset_x = array.centres @ axis_x.T - np.einsum("ij,ij->i", array.centres, axis_x)
     offset_y = array.centres @ axis_y.T - np.einsum("ij,ij->i", array.centres, axis_y)
     return offset_x / array.pitch[0], offset_y / array.pitch[1]
 
 
-def tangent_axes(array: TexelArray) -> tuple[FloatArray, FloatArray]:
-    """Unit tangents of every texel, both (n, 3): the array's x projected, and normal x tangent [-]."""
+def find_tangents(array: TexelArray) -> tuple[FloatArray, FloatArray]:
+    """Unit tangents of every texel, both of shape (n, 3) [-].
+
+    The first is the array's x axis projected on the texel's plane, or the array's y axis if the projection vanishes.
+    The second is the cross product of the normal and the first.
+
+    Args:
+        array: The array.
+    """
     axis_x = np.array([1.0, 0.0, 0.0]) - array.normals[:, :1] * array.normals
     length = np.linalg.norm(axis_x, axis=1)
-    sideways = length < 1e-6  # noqa: PLR2004 -- the texel looks along x: any tangent serves, take the array's y
+    sideways = length < _PARALLEL
     axis_x[sideways] = [0.0, 1.0, 0.0]
     length[sideways] = 1.0
     axis_x /= length[:, None]
@@ -232,5 +255,9 @@ def tangent_axes(array: TexelArray) -> tuple[FloatArray, FloatArray]:
 
 
 def outside_share(operator: FloatArray) -> FloatArray:
-    """Share of a force on each loaded texel that no texel feels, shape (n,): 1 - column sum [-]."""
+    """Share of a force on each loaded texel that no texel measures: 1 - column sum, shape (n,) [-].
+
+    Args:
+        operator: Spread operator `[texel, loaded texel]`, shape (n, n) [-].
+    """
     return np.asarray(1.0 - operator.sum(axis=0))

@@ -4,14 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastmodel.errors import ShapeError
-from fastmodel.signal.point_spread import Gaussian, Tabulated, outside_share, running_operator, smallest_kernel
+from fastmodel.signal.point_spread import Gaussian, Tabulated, build_operator, find_smallest_kernel, outside_share
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 
 WTS = ARRAYS["wts-0614-34"]
 
 
-def test_kernel_is_the_sampled_gaussian_of_unit_sum():
+def test_kernel_is_the_sample_gaussian_of_unit_sum():
     kernel = Gaussian(sigma_x=0.8, sigma_y=1.2, ksize_x=5, ksize_y=7).kernel()
     assert kernel.shape == (7, 5)
     assert kernel.sum() == pytest.approx(1, abs=1e-15)
@@ -21,7 +21,7 @@ def test_kernel_is_the_sampled_gaussian_of_unit_sum():
 
 @given(st.floats(0.1, 20))
 def test_ksize_is_the_smallest_odd_that_holds_the_mass(sigma):
-    ksize = smallest_kernel(sigma)
+    ksize = find_smallest_kernel(sigma)
     i = np.arange(-400, 401)
     weights = np.exp(-0.5 * (i / sigma) ** 2)
     held = weights[np.abs(i) <= ksize // 2].sum() / weights.sum()
@@ -113,10 +113,10 @@ def test_large_arrays_run_on_a_sparse_operator_that_does_the_same():
     mask[3:5, 7:20] = False
     array = TexelArray.grid(30, 25, (2e-3, 3e-3), active=mask)
     spread = Gaussian(sigma_x=0.7, sigma_y=1.1, ksize_x=5, ksize_y=7)
-    sparse = running_operator(spread, array)
+    sparse = build_operator(spread, array)
     assert sparse.nnz < 0.06 * array.count**2
     np.testing.assert_allclose(sparse.toarray(), spread.operator(array), atol=1e-15)
     table = Tabulated(matrix=spread.operator(array))
-    np.testing.assert_allclose(running_operator(table, array).toarray(), table.operator(array))
+    np.testing.assert_allclose(build_operator(table, array).toarray(), table.operator(array))
     small = TexelArray.grid(3, 3, 2e-3)
-    np.testing.assert_array_equal(running_operator(spread, small), spread.operator(small))
+    np.testing.assert_array_equal(build_operator(spread, small), spread.operator(small))
