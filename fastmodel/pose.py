@@ -1,4 +1,4 @@
-"""Poses and quaternions, scalar first, as MuJoCo writes them."""
+"""Poses in space, and quaternions with the scalar first, as in MuJoCo."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pose:
-    """Where one frame stands in another.
+    """Position and orientation of one frame in another.
 
     Attributes:
         position: Origin, shape (3,) [m].
-        quaternion: Orientation, scalar first, shape (4,) [-].
+        quaternion: Orientation as a unit quaternion, scalar first, shape (4,) [-].
     """
 
     position: FloatArray
@@ -25,32 +25,49 @@ class Pose:
 
     @classmethod
     def of(cls, position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
-        """Check and normalise.
+        """Make a pose from numbers, with the quaternion normalised.
+
+        Args:
+            position: Origin, shape (3,) [m].
+            quaternion: Orientation, scalar first, of any length but zero, shape (4,) [-].
 
         Raises:
             ValueError: If a shape is wrong, a number not finite, or the quaternion zero.
         """
-        place, turn = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
-        if place.shape != (3,) or turn.shape != (4,):
-            raise ValueError(f"a pose takes 3 and 4 numbers, not shapes {place.shape} and {turn.shape}")
-        length = np.linalg.norm(turn)
-        if not (np.isfinite(place).all() and np.isfinite(length) and length > 0):
-            raise ValueError(f"a pose needs finite numbers and a quaternion, not {place} and {turn}")
-        return cls(position=place, quaternion=turn / length)
+        origin, rotation = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
+        if origin.shape != (3,) or rotation.shape != (4,):
+            raise ValueError(f"a pose takes 3 and 4 numbers, not shapes {origin.shape} and {rotation.shape}")
+        length = np.linalg.norm(rotation)
+        if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
+            raise ValueError(
+                f"a pose takes finite numbers and a quaternion other than zero, not {origin} and {rotation}"
+            )
+        return cls(position=origin, quaternion=rotation / length)
 
 
 def quaternions(matrices: FloatArray) -> FloatArray:
-    """Quaternions of rotation matrices, shape (n, 3, 3) to (n, 4) [-]."""
-    turns = np.empty((len(matrices), 4))
-    for turn, matrix in zip(turns, matrices, strict=True):
-        mujoco.mju_mat2Quat(turn, np.ascontiguousarray(matrix).ravel())
-    return turns
+    """Quaternions of rotation matrices, shape (n, 4) [-].
+
+    Args:
+        matrices: Rotation matrices, shape (n, 3, 3) [-].
+    """
+    found = np.empty((len(matrices), 4))
+    for quaternion, matrix in zip(found, matrices, strict=True):
+        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(matrix).ravel())
+    return found
 
 
-def multiply(first: FloatArray, then: FloatArray) -> FloatArray:
-    """Hamilton product first * then, each of shape (4,) or (n, 4) [-]."""
+def multiply(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Hamilton product of quaternions, shape (4,) or (n, 4) [-].
+
+    The product rotates by the second factor first, then by the first.
+
+    Args:
+        first: First factor, shape (4,) or (n, 4) [-].
+        second: Second factor, shape (4,) or (n, 4) [-].
+    """
     w, x, y, z = np.moveaxis(np.asarray(first), -1, 0)
-    a, b, c, d = np.moveaxis(np.asarray(then), -1, 0)
+    a, b, c, d = np.moveaxis(np.asarray(second), -1, 0)
     return np.stack(
         [
             w * a - x * b - y * c - z * d,
@@ -63,15 +80,22 @@ def multiply(first: FloatArray, then: FloatArray) -> FloatArray:
 
 
 def rotate(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Vectors v turned by one unit quaternion (w, u): v + 2 u x (u x v + w v), shape (n, 3) [any]."""
+    """Rotate vectors by a unit quaternion, shape (n, 3) [unit of the vectors].
+
+    With scalar w and vector part u of the quaternion, v becomes v + 2 u x (u x v + w v).
+
+    Args:
+        quaternion: Unit quaternion, shape (4,) [-].
+        vectors: Vectors v, shape (n, 3) [any unit].
+    """
     w, u = quaternion[0], quaternion[1:]
     return np.asarray(vectors + 2 * np.cross(u, np.cross(u, vectors) + w * vectors))
 
 
 def about_z(angle: float) -> FloatArray:
-    """Quaternion of a turn about z, shape (4,) [-].
+    """Quaternion of a rotation about z, shape (4,) [-].
 
     Args:
-        angle: Angle [rad].
+        angle: Angle of the rotation [rad].
     """
     return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])

@@ -1,1 +1,1 @@
-"""Fits of the fast model's parameters to a reference response."""
+"""Fits of the fast model's parameters to results of the reference."""

@@ -1,9 +1,9 @@
-"""Fits to how deep an indenter goes under which force: the foundation's modulus, and the plate's contact parameters.
+"""Fits to the reference's curve of force over depth: the foundation's modulus, and the plate's contact parameters.
 
-Neither is the cover.  An elastic foundation has no lateral reach, so every size of contact asks for a modulus of its
-own.  MuJoCo's contacts have no stiffness at all: their softness is divided by the mass, and a free body that rests on
-n points sinks (1 - d) g t^2 / n, with impedance d, time constant t and gravity g, whatever it weighs.  So one depth at
-one load can be matched, a curve cannot.
+Both are approximations of the cover.  The springs of an elastic foundation are independent, so that contacts of
+different size need different moduli.  MuJoCo's contacts have no stiffness of their own, because their softness is
+scaled with the mass: a free body that rests on n points sinks by (1 - d) g t^2 / n, with impedance d, time constant t
+and gravity g, whatever its mass.  So the depth can be matched at one load, but not the curve.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from meshes.constants import STANDARD_GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The estimator that a fitted modulus comes from.
+#: Name of the estimator that gives the modulus.
 ESTIMATOR = "least-squares-force"
-#: Points along each edge of the square in which the displaced volume is summed.
+#: Number of points along each edge of the square in which the displaced volume is summed [-].
 _POINTS = 200
-#: Time constants of a contact in physics steps: MuJoCo takes no less than two, and these are well clear of it [-].
+#: Smallest time constant of a contact, in physics steps [-]: MuJoCo raises time constants below two steps.
 _LEAST_STEPS = 2.5
-#: Impedance where the depth allows it; stiffer contacts come closer to 1 [-].
+#: Impedance of the contact [-].  It is larger if the smallest time constant already sinks too deep.
 _IMPEDANCE = 0.95
-#: Time that is given to come to rest, in time constants, and at least [s].
+#: Time to come to rest: in time constants [-], and at least [s].
 _REST, _LEAST_REST = 60.0, 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoundationFit:
-    """The elastic foundation that comes closest to a depth curve.
+    """The elastic foundation that fits a curve of force over depth best.
 
     Attributes:
         modulus: Pressure per depth [Pa/m].
-        uncertainty: Standard error of the modulus, from how far the forces miss the fit [Pa/m].
-        residual: Root mean square miss of the forces, over that of the forces [-].
-        estimator: Name of the estimator that `modulus` comes from.
-        estimates: Every estimator's modulus by name [Pa/m].
+        uncertainty: Standard error of the modulus, from the residuals of the forces [Pa/m].
+        residual: Root mean square of the residuals over that of the forces [-].
+        estimator: Name of the estimator that gave `modulus`.
+        estimates: Modulus of every estimator, by name [Pa/m].
     """
 
     modulus: float
@@ -57,16 +57,16 @@ class FoundationFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactFit:
-    """MuJoCo contact parameters under which one free body rests as deep as in the reference.
+    """MuJoCo contact parameters with which a free body rests at the reference's depth.
 
     Attributes:
         solref: Time constant and damping ratio [s, -].
-        solimp: Impedance at first touch and deep down, width, midpoint and power [-, -, m, -, -].
+        solimp: Impedance at first touch and at depth, width, midpoint and power [-, -, m, -, -].
         load: Weight at which the depth is matched [N].
-        mass: Its mass [kg].
-        depth: The reference's depth at that load [m].
-        sinks: How deep bodies of all the reference's loads rest with these parameters, shape (k,) [m].
-        misses: The same over the reference's depths, less one, shape (k,) [-].
+        mass: Mass of this weight [kg].
+        depth: Depth of the reference at this load [m].
+        sinks: Depth of bodies of all the reference's loads with these parameters, shape (k,) [m].
+        misses: Relative difference of these depths from the reference's, shape (k,) [-].
     """
 
     solref: tuple[float, float]
@@ -78,27 +78,31 @@ class ContactFit:
     misses: FloatArray
 
     def plate(self, plate: Plate | None = None) -> Plate:
-        """A plate with these parameters, to be given to `CoverContact` or `Foundation`."""
+        """Make a plate with these parameters, for `CoverContact` or `Foundation`.
+
+        Args:
+            plate: Plate whose other settings are kept; the default plate if None.
+        """
         return dataclasses.replace(plate or Plate(), solref=self.solref, solimp=self.solimp)
 
 
 def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike) -> FoundationFit:
-    """Fit the modulus of an elastic foundation to how deep an indenter goes: force = modulus times displaced volume.
+    """Fit the modulus of an elastic foundation: force = modulus * displaced volume.
 
-    Estimators: `least-squares-force` over all forces, unweighted; `lightest` and `heaviest`, what the first and the
-    last point ask for by themselves.  On a real cover these differ: small contacts ask for more.
+    Estimators: `least-squares-force`, the unweighted fit to all forces; `lightest` and `heaviest`, the moduli of the
+    first and of the last point alone.  They differ on a real cover, where small contacts need larger moduli.
 
     Args:
         indenter: The shape.
-        load: Forces, shape (k,), rising [N].
-        depth: Approaches from first touch, shape (k,) [m].
+        load: Forces, rising, shape (k,) [N].
+        depth: Approaches since first touch, shape (k,) [m].
 
     Raises:
         ShapeError: If there are fewer than two points or shapes differ.
         FastModelError: If a number is not positive and finite.
     """
-    force, deep = _checked(load, depth)
-    volume = np.array([_displaced(indenter, each) for each in deep])
+    force, deep = _check_curve(load, depth)
+    volume = np.array([_measure_volume(indenter, each) for each in deep])
     modulus = float(force @ volume / (volume @ volume))
     miss = force - modulus * volume
     return FoundationFit(
@@ -117,22 +121,22 @@ def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike
 def fit_contact(
     load: npt.ArrayLike, depth: npt.ArrayLike, *, matched: float | None = None, timestep: float = 1e-3
 ) -> ContactFit:
-    """Find contact parameters of the plate with which a ball under its own weight rests as deep as in the reference.
+    """Find contact parameters of the plate with which a free ball rests at the reference's depth.
 
-    The engine itself is run, with a free ball on the plate; a face that stands on n points sinks 1 / n as deep, a body
-    on a slide a third.
+    The depths are simulated with a ball on the plate.  A face that rests on n points sinks 1 / n as deep, and a body on
+    a slide a third as deep.
 
     Args:
-        load: Forces, shape (k,), rising [N].
-        depth: The reference's approaches, shape (k,) [m].
-        matched: The load whose depth is matched; the middle one when not given [N].
-        timestep: Of the physics that the parameters are for [s].
+        load: Forces, rising, shape (k,) [N].
+        depth: Approaches of the reference, shape (k,) [m].
+        matched: Load at which the depth is matched, by default the middle one [N].
+        timestep: Timestep of the simulation in which the parameters will be used [s].
 
     Raises:
         ShapeError: If there are fewer than two points or shapes differ.
         FastModelError: If a number is not positive and finite, or the matched load is not among the loads.
     """
-    force, deep = _checked(load, depth)
+    force, deep = _check_curve(load, depth)
     chosen = len(force) // 2 if matched is None else int(np.abs(force - matched).argmin())
     if matched is not None and not np.isclose(force[chosen], matched, rtol=1e-6):
         raise FastModelError(f"matched must be one of the loads {force.tolist()} N, not {matched}")
@@ -140,10 +144,10 @@ def fit_contact(
     least = _LEAST_STEPS * timestep
     constant = max(least, float(np.sqrt(aim / ((1 - _IMPEDANCE) * STANDARD_GRAVITY))))
     impedance = 1 - aim / (STANDARD_GRAVITY * constant**2)
-    found = _sink(mass, constant, impedance, timestep)
-    # the law is exact for one contact point; what remains is the engine's own rounding of the constants
+    found = _simulate_depth(mass, constant, impedance, timestep)
+    # The law is exact for one contact point, up to the limits that MuJoCo sets to the constants: correct for them.
     impedance = 1 - (1 - impedance) * aim / found
-    sinks = np.array([_sink(each / STANDARD_GRAVITY, constant, impedance, timestep) for each in force])
+    sinks = np.array([_simulate_depth(each / STANDARD_GRAVITY, constant, impedance, timestep) for each in force])
     return ContactFit(
         solref=(constant, 1.0),
         solimp=(impedance, impedance, 1e-3, 0.5, 2.0),
@@ -155,7 +159,8 @@ def fit_contact(
     )
 
 
-def _checked(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+def _check_curve(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Forces [N] and depths [m] as arrays, both of shape (k,)."""
     force, deep = np.array(load, dtype=np.float64), np.array(depth, dtype=np.float64)
     if force.ndim != 1 or force.shape != deep.shape or len(force) < 2:  # noqa: PLR2004 -- a scatter takes two
         raise ShapeError(f"load and depth take two or more points of one shape, not {force.shape} and {deep.shape}")
@@ -165,11 +170,16 @@ def _checked(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray, Flo
     return force, deep
 
 
-def _displaced(indenter: Indenter, depth: float) -> float:
-    """Volume of an indenter below the undeformed top: int max(0, depth - gap) [m3]."""
+def _measure_volume(indenter: Indenter, depth: float) -> float:
+    """Volume of the indenter below the undeformed top, the integral of max(0, depth - gap) [m3].
+
+    Args:
+        indenter: The shape.
+        depth: Depth of its lowest point [m].
+    """
     half_x, half_y = indenter.footprint
     middle = (np.arange(_POINTS) + 0.5) / _POINTS * 2 - 1
-    # a shallow ball touches a small part of its footprint only: look where it does
+    # The integral covers only the part of the footprint that lies below the top, which is small for a shallow ball.
     gap = indenter.gap(*np.meshgrid(middle * half_x, middle * half_y))
     rows, columns = np.nonzero(gap < depth)
     if not len(rows):
@@ -181,8 +191,15 @@ def _displaced(indenter: Indenter, depth: float) -> float:
     return float(np.maximum(depth - indenter.gap(x, y), 0.0).sum() * cell)
 
 
-def _sink(mass: float, constant: float, impedance: float, timestep: float) -> float:
-    """How deep a free ball of a mass rests in the plate [m]."""
+def _simulate_depth(mass: float, constant: float, impedance: float, timestep: float) -> float:
+    """Depth at which a free ball rests in the plate [m].
+
+    Args:
+        mass: Mass of the ball [kg].
+        constant: Time constant of the contact [s].
+        impedance: Impedance of the contact [-].
+        timestep: Timestep of the simulation [s].
+    """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
     spec.option.gravity = [0, 0, -STANDARD_GRAVITY]

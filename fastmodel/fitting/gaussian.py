@@ -1,10 +1,10 @@
-"""Fitting the Gaussian point spread function to a reference response.
+"""Fit of the Gaussian point spread function to a reference response.
 
-A sigma without its estimator means nothing: for a thin, nearly incompressible cover they differ by a factor
-of two, because the true response has a narrow core and a long weak tail.  The parameters are the unweighted
-least-squares fit of the *kernel itself* (sampled, cut at ksize, unit sum) to the response to uniform pressure
-on one texel, since a force spread over a texel is what a rigid texel passes on.  Every other estimator is
-listed beside it by name and never used.
+The parameters are the unweighted least-squares fit of the *kernel itself* (sampled at texel centres, cut at ksize,
+unit sum) to the response to uniform pressure on one texel, because a rigid texel passes its force on as a pressure over
+its area.  A sigma has no meaning without its estimator: for a thin, nearly incompressible cover, whose response has a
+narrow core and a long weak tail, sigmas of different estimators differ by up to a factor of two.  The results therefore
+list other estimators by name.  Their values are not used.
 """
 
 from __future__ import annotations
@@ -17,29 +17,36 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FastModelError, ShapeError
-from fastmodel.fitting.width_estimators import Pair, image_estimates, radial_estimates
+from fastmodel.fitting.width_estimators import Pair, estimate_from_image, estimate_from_profile
 from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The estimator that the parameters come from.
+#: Name of the estimator that gives the parameters.
 ESTIMATOR = "least-squares-uniform"
-#: Range of sigma that is searched [pitches].
+#: Range in which sigma is searched [pitches].
 SIGMA_RANGE = (0.05, 100.0)
-#: Factors on a fitted sigma between which a jump of ksize counts as near [-].
-_ABOUT = (0.99, 1.0, 1.01)
+#: Factors on a fitted sigma at which the kernel size is evaluated, to find jumps of ksize nearby [-].
+_NEARBY = (0.99, 1.0, 1.01)
+#: Range of the response at the loaded texel, and of the sigma that follows from it, for the start of the search
+#: [-, pitches].
+_START_PEAK, _START_SIGMA = (1e-4, 0.9), (0.3, 50.0)
+#: Half width of a kernel without a cut, in sigmas [-]: a Gaussian is below 1e-31 there.
+_UNCUT_REACH = 12
+#: Tolerance of the least-squares solver on step, cost and gradient [-]: as small as rounding allows.
+_TOLERANCE = 1e-15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """A fitted Gaussian, how well it fits, and what the other estimators say.
+    """A fitted Gaussian, its misfit, and the values of other estimators.
 
     Attributes:
         gaussian: The point spread function.
         residual: Half the summed absolute difference between response and kernel, over the load [-].
-        outside_kernel: Share of the load that the reference does not put on texels inside the kernel [-].
-        estimator: Name of the estimator that `gaussian` comes from.
-        estimates: Every estimator's (sigma_x, sigma_y) by name [pitches]; nan where it does not exist.
+        outside_kernel: Share of the load that the reference puts outside the kernel's texels [-].
+        estimator: Name of the estimator that gave `gaussian`.
+        estimates: (sigma_x, sigma_y) of every estimator, by name [pitches]; nan if the response has no such width.
     """
 
     gaussian: Gaussian
@@ -62,37 +69,36 @@ def fit_gaussian(
 ) -> Fit:
     """Fit the Gaussian to the texel response to uniform pressure over one texel.
 
-    Below about 0.26 pitches the kernel is one texel wide and its sigma cannot be told from the response.
+    For sigmas below about 0.26 pitches the kernel is one texel wide, and the response does not determine sigma.
 
     Args:
         response: Texel forces as an image, shape (rows, columns) [N].
         loaded: Row and column of the loaded texel [-].
         load: Force on that texel [N].
-        active: Which texels measure, shape (rows, columns); all when not given.
-        point_response: Texel forces under the same force on a point over the texel's centre, same shape,
-            for the estimators that use it [N].
-        radius: Radii of the point response at the base, shape (m,), rising from 0, for the radial
-            estimators [m].
-        pressure_per_force: Base pressure at these radii per unit force, shape (m,) [1/m2].
-        pitch: Texel pitch along x and y, needed with `radius` [m].
+        active: Mask of the texels that measure, shape (rows, columns), by default all [-].
+        point_response: Texel forces under the same force on the point over the texel's centre, for the estimators
+            that use it, shape (rows, columns) [N].
+        radius: Radii, rising from 0, for the radial estimators, shape (m,) [m].
+        pressure_per_force: Pressure at the base at these radii per unit point force, shape (m,) [1/m2].
+        pitch: Texel pitch along x and y, required with `radius` [m].
 
     Raises:
         ShapeError: If shapes disagree or the loaded texel is not on the image.
-        FastModelError: If a value is not finite, the load is not positive, or the radial profile comes
-            incomplete.
+        FastModelError: If a value is not finite, the load is not positive, or only some of `radius`,
+            `pressure_per_force` and `pitch` are given.
     """
-    image, mask = _checked(response, loaded, load, active)
+    image, mask = _check_response(response, loaded, load, active)
     gaussian = _fit_kernel(image, loaded, mask)
-    kernel = _placed(gaussian, image.shape, loaded)
+    kernel = _place_kernel(gaussian, image.shape, loaded)
     estimates: dict[str, Pair] = {ESTIMATOR: (gaussian.sigma_x, gaussian.sigma_y)}
     estimates["least-squares-uniform-uncut"] = _fit_sigmas(image, loaded, mask, None)
-    estimates |= image_estimates(image, loaded, "uniform")
+    estimates |= estimate_from_image(image, loaded, "uniform")
     if point_response is not None:
-        point, _ = _checked(point_response, loaded, load, active)
+        point, _ = _check_response(point_response, loaded, load, active)
         estimates["least-squares-point"] = _fit_sigmas(point, loaded, mask, None)
-        estimates |= image_estimates(point, loaded, "point")
+        estimates |= estimate_from_image(point, loaded, "point")
     if radius is not None or pressure_per_force is not None:
-        estimates |= _radial(radius, pressure_per_force, pitch)
+        estimates |= _estimate_radially(radius, pressure_per_force, pitch)
     return Fit(
         gaussian=gaussian,
         residual=float(0.5 * np.abs(image - kernel)[mask].sum()),
@@ -102,10 +108,10 @@ def fit_gaussian(
     )
 
 
-def _checked(
+def _check_response(
     response: npt.ArrayLike, loaded: tuple[int, int], load: float, active: npt.ArrayLike | None
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """The response per unit load and the mask, both of shape (rows, columns)."""
+    """The response per unit load [-] and the mask, both of shape (rows, columns)."""
     image = np.array(response, dtype=np.float64)
     if image.ndim != 2:  # noqa: PLR2004 -- an image
         raise ShapeError(f"a response is an image of shape (rows, columns), not {image.shape}")
@@ -122,10 +128,11 @@ def _checked(
 
 
 def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: npt.NDArray[np.bool_]) -> Gaussian:
-    """Least squares over sigma with ksize following sigma by its own rule.
+    """Least-squares fit of sigma, with ksize determined by sigma (see `Gaussian.from_sigma`).
 
-    The rule makes the objective jump where ksize does, so sigma is fitted at fixed ksize until both agree.  About such
-    a jump they may agree or alternate on either side: there the best of the kernels that obey the rule is taken.
+    The objective jumps at sigmas where ksize changes.  So sigma is fitted at fixed ksize, and this is repeated with the
+    ksize of the fitted sigma until a ksize comes up again.  Near a jump this may end on the worse side, or alternate.
+    So kernels of nearby sigmas are tried as well, and the best of all is returned.
     """
     candidates = [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, None))]
     tried: set[tuple[int, int]] = set()
@@ -133,12 +140,12 @@ def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: npt.NDArray[np
         tried.add(ksizes)
         candidates.append(Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, ksizes)))
     last = candidates[-1]
-    wide, high = ({find_smallest_kernel(sigma * by) for by in _ABOUT} for sigma in (last.sigma_x, last.sigma_y))
+    wide, high = ({find_smallest_kernel(sigma * by) for by in _NEARBY} for sigma in (last.sigma_x, last.sigma_y))
     beside = sorted(set(product(wide, high)) - tried)
     candidates += [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, each)) for each in beside]
 
     def misfit(gaussian: Gaussian) -> float:
-        return float(np.sum((image - _placed(gaussian, image.shape, loaded))[mask] ** 2))
+        return float(np.sum((image - _place_kernel(gaussian, image.shape, loaded))[mask] ** 2))
 
     return min(reversed(candidates), key=misfit)
 
@@ -149,7 +156,14 @@ def _fit_sigmas(
     mask: npt.NDArray[np.bool_],
     ksizes: tuple[int, int] | None,
 ) -> Pair:
-    """Sigmas of the unit-sum Gaussian nearest to the image, with given kernel widths or uncut."""
+    """Sigmas of the unit-sum Gaussian nearest to the image [pitches].
+
+    Args:
+        image: Response per unit load, shape (rows, columns) [-].
+        loaded: Row and column of the loaded texel [-].
+        mask: Texels that measure, shape (rows, columns) [-].
+        ksizes: Widths of the kernel along x and y [texels]; None for a kernel without a cut.
+    """
     from scipy.optimize import least_squares
 
     i = np.arange(image.shape[1]) - loaded[1]
@@ -157,8 +171,8 @@ def _fit_sigmas(
 
     def parts(logs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         sx, sy = np.exp(logs)
-        kx, ky = ksizes or (_uncut(sx), _uncut(sy))
-        return (*_axis(i, float(sx), kx), *_axis(j, float(sy), ky))
+        kx, ky = ksizes or (_find_uncut_size(sx), _find_uncut_size(sy))
+        return (*_sample_axis(i, float(sx), kx), *_sample_axis(j, float(sy), ky))
 
     def difference(logs: FloatArray) -> FloatArray:
         gx, _, gy, _ = parts(logs)
@@ -169,41 +183,45 @@ def _fit_sigmas(
         return np.stack([np.outer(gy, dx)[mask], np.outer(dy, gx)[mask]], axis=1)
 
     low, high = np.log(SIGMA_RANGE)
-    start = np.log(_first_guess(image, loaded))
-    solution = least_squares(difference, start, jac=jacobian, bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    start = np.log(_guess_sigma(image, loaded))
+    solution = least_squares(
+        difference, start, jac=jacobian, bounds=(low, high), xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE
+    )
     sx, sy = np.exp(solution.x)
     return (float(sx), float(sy))
 
 
-def _axis(offsets: npt.NDArray[np.int64], sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
-    """One axis of the kernel and its derivative by log sigma: g (d^2 - <d^2>) / sigma^2."""
+def _sample_axis(offsets: npt.NDArray[np.int64], sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
+    """One axis of the kernel, g, and its derivative by log(sigma), g (d^2 - mean of d^2) / sigma^2 [-]."""
     g = sample_gaussian(offsets, sigma, ksize)
     lattice = np.arange(-(ksize // 2), ksize // 2 + 1)
     mean_square = float(np.sum(lattice**2 * sample_gaussian(lattice, sigma, ksize)))
     return g, g * (offsets**2 - mean_square) / sigma**2
 
 
-def _first_guess(image: FloatArray, loaded: tuple[int, int]) -> tuple[float, float]:
-    """Sigma of a Gaussian with the image's peak, 1 / sqrt(2 pi peak), inside the searched range."""
-    peak = float(np.clip(image[loaded], 1e-4, 0.9))
-    sigma = float(np.clip(1 / np.sqrt(2 * np.pi * peak), 0.3, 50.0))
+def _guess_sigma(image: FloatArray, loaded: tuple[int, int]) -> Pair:
+    """Sigma of a Gaussian with the image's peak, 1 / sqrt(2 pi peak), for both axes [pitches]."""
+    peak = float(np.clip(image[loaded], *_START_PEAK))
+    sigma = float(np.clip(1 / np.sqrt(2 * np.pi * peak), *_START_SIGMA))
     return (sigma, sigma)
 
 
-def _uncut(sigma: float) -> int:
-    return 2 * int(np.ceil(12 * sigma)) + 1
+def _find_uncut_size(sigma: float) -> int:
+    """Width of a kernel that is wide enough to contain the whole Gaussian [texels]."""
+    return 2 * int(np.ceil(_UNCUT_REACH * sigma)) + 1
 
 
-def _placed(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int, int]) -> FloatArray:
-    """The kernel laid over an image about the loaded texel, cut at the image's edges."""
-    gx, _ = _axis(np.arange(shape[1]) - loaded[1], gaussian.sigma_x, gaussian.ksize_x)
-    gy, _ = _axis(np.arange(shape[0]) - loaded[0], gaussian.sigma_y, gaussian.ksize_y)
+def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int, int]) -> FloatArray:
+    """The kernel about the loaded texel, cut at the edges of the image, shape (rows, columns) [-]."""
+    gx, _ = _sample_axis(np.arange(shape[1]) - loaded[1], gaussian.sigma_x, gaussian.ksize_x)
+    gy, _ = _sample_axis(np.arange(shape[0]) - loaded[0], gaussian.sigma_y, gaussian.ksize_y)
     return np.outer(gy, gx)
 
 
-def _radial(
+def _estimate_radially(
     radius: npt.ArrayLike | None, pressure: npt.ArrayLike | None, pitch: tuple[float, float] | None
 ) -> dict[str, Pair]:
+    """The radial estimators' (sigma_x, sigma_y) by name [pitches]; arguments as for `fit_gaussian`."""
     if radius is None or pressure is None or pitch is None:
         raise FastModelError("the radial estimators need radius, pressure_per_force and pitch together")
     r, p = np.asarray(radius, dtype=np.float64), np.asarray(pressure, dtype=np.float64)
@@ -211,4 +229,4 @@ def _radial(
         raise ShapeError(f"radius must rise and match pressure_per_force; shapes {r.shape} and {p.shape}")
     if not (np.isfinite(p).all() and p[0] > 0):
         raise FastModelError("pressure_per_force must be finite and positive at the first radius")
-    return {name: (sigma / pitch[0], sigma / pitch[1]) for name, sigma in radial_estimates(r, p).items()}
+    return {name: (sigma / pitch[0], sigma / pitch[1]) for name, sigma in estimate_from_profile(r, p).items()}
