@@ -1,7 +1,7 @@
-"""Many worlds at once: copies of one model, each with its own state and sensors, stepped on all cores.
+"""Many worlds at once: copies of one model, each with its own state and sensors, stepped in threads.
 
-Worlds share nothing but the model, which stepping does not change, so a world's results do not depend on how many
-others run beside it: they are those of the same world alone, bit by bit.
+The worlds share only the model, which stepping does not change.  So a world's results are bit for bit those of the same
+world alone.
 """
 
 from __future__ import annotations
@@ -9,49 +9,48 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FastModelError
+from fastmodel.errors import FastModelError, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 
-#: Called before every physics step with the world's number and its MjData.
-Control = Callable[[int, Any], None]
+#: Function that is called before every physics step, with the number of the world and its state.
+Control = Callable[[int, mujoco.MjData], None]
 
 
 class Batch:
     """Worlds of one model with the same sensors.
 
     Attributes:
-        data: The `mujoco.MjData` of each world; set states there.
+        data: The state of each world; write to it to set a state.
         sensors: The sensors of each world, `[world][sensor]`.
     """
 
     def __init__(
-        self,
-        model: Any,  # noqa: ANN401 -- MjModel
-        sensors: Sequence[Sensor],
-        worlds: int,
-        *,
-        threads: int | None = None,
+        self, model: mujoco.MjModel, sensors: Sequence[Sensor], worlds: int, *, threads: int | None = None
     ) -> None:
         """Make the worlds.
 
         Args:
             model: The compiled model.
-            sensors: What was attached to its spec; each world gets its own copy.
+            sensors: The sensors that were attached to its spec; each world gets its own copy.
             worlds: Number of worlds [-].
-            threads: Worlds that run at the same time; the number of cores when not given [-].
+            threads: Number of worlds that run at the same time, by default the number of cores [-].
 
         Raises:
-            FastModelError: If a number is not a positive whole one.
+            ArgumentTypeError: If an argument has a wrong type.
+            FastModelError: If a number is not a positive whole number.
             LifeCycleError: If the model was not compiled from the spec with these sensors.
         """
+        check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
+        check_type("sensors", sensors, Sequence, "a sequence of sensors, as fastmodel.attach returns them")
         count = os.cpu_count() or 1 if threads is None else threads
+        for name, number in (("worlds", worlds), ("threads", count)):
+            check_type(name, number, (int, float, np.integer), "a whole number")
         if worlds < 1 or count < 1 or worlds != int(worlds) or count != int(count):
             raise FastModelError(f"worlds and threads must be whole numbers from 1 on, not {worlds} and {threads}")
         self._model = model
@@ -63,14 +62,14 @@ class Batch:
         """Step every world.
 
         Args:
-            steps: Physics steps [-].
-            control: Called before every step with the world's number and its data, from the world's thread.
+            steps: Number of physics steps [-].
+            control: Called before every step with the number of the world and its state, from the world's thread.
 
         Returns:
-            The frames that fell due, `[world][sensor][frame]`.
+            The new frames, `[world][sensor][frame]`.
 
         Raises:
-            LifeCycleError: If a world was stepped apart from its sensors.
+            LifeCycleError: If a world was stepped without its sensors.
             StateError: If a contact force is not finite.
         """
         worlds = range(len(self.data))
@@ -80,17 +79,22 @@ class Batch:
             return list(pool.map(lambda world: self._run(world, steps, control), worlds))
 
     def images(self, sensor: int = 0) -> npt.NDArray[np.uint8]:
-        """The latest image of one sensor in every world, shape (worlds, rows, columns) [-]."""
+        """The latest image of one sensor in every world, shape (worlds, rows, columns) [-].
+
+        Args:
+            sensor: Index of the sensor [-].
+        """
         return np.stack([sensors[sensor].frame().image for sensors in self.sensors])
 
     def _run(self, world: int, steps: int, control: Control | None) -> list[list[Frame]]:
+        """Step one world; returns the new frames, `[sensor][frame]`."""
         data, sensors = self.data[world], self.sensors[world]
         frames: list[list[Frame]] = [[] for _ in sensors]
         for _ in range(steps):
             if control is not None:
                 control(world, data)
             mujoco.mj_step(self._model, data)
-            for taken, sensor in zip(frames, sensors, strict=True):
+            for new, sensor in zip(frames, sensors, strict=True):
                 if sensor.step(data):
-                    taken.append(sensor.frame())
+                    new.append(sensor.frame())
         return frames

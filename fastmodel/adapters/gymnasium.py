@@ -1,9 +1,9 @@
 """Tactile images as part of a Gymnasium observation.
 
-The environment runs the physics; the wrapper listens after every physics step, so that contact forces, filter and
-frames keep their own clocks however many physics steps one environment step makes.  What is observed is the latest
-frame: an environment faster than the sensor sees the same image several times, a slower one finds the frames in
-between under `info["frames"]`.
+The environment runs the physics, and the wrapper steps the sensors after every physics step.  So contact forces,
+filter and frames have the same clocks for any number of physics steps per environment step.  The observation holds the
+latest frame.  If the environment is faster than the sensor, the same image is observed several times; if it is slower,
+`info["frames"]` holds the frames in between.
 
     spec = mujoco.MjSpec.from_file("hand.xml")
     sensor = fastmodel.attach(spec, "fingertip", parameters)
@@ -11,8 +11,8 @@ between under `info["frames"]`.
     observation, info = env.reset()
     observation["tactile"]                                           # (rows, columns) uint8
 
-Environments of `gymnasium.envs.mujoco.MujocoEnv` load a file: write the edited spec with `spec.to_file`.
-Needs the extra `gym`; nothing else in this package imports gymnasium.
+Environments derived from `gymnasium.envs.mujoco.MujocoEnv` load a file; `spec.to_file` writes the edited spec.
+This module needs the extra `gym`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from fastmodel.errors import FastModelError, LifeCycleError
@@ -34,30 +35,30 @@ except ImportError as error:
         "gymnasium is not installed; run: python -m pip install 'softcover[gym]'", name="gymnasium"
     ) from error
 
-#: Makes an environment call back after every physics step, with its `mujoco.MjData`.
-Listen = Callable[[Any, Callable[[Any], None]], None]
+#: Function that gets an environment and a callback, and makes the environment call back after every physics step.
+Listen = Callable[[Any, Callable[[mujoco.MjData], None]], None]
 
 
 class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
-    """Adds the latest tactile image of one sensor or several to every observation.
+    """Adds the latest tactile image of one or several sensors to every observation.
 
-    The observation becomes a dict: an environment that has dicts keeps its keys, any other observation comes under
-    `observation`.  Each image has shape (rows, columns), uint8, row 0 at the smallest y.  `info["frames"]` holds, under
-    the same names, the m frames that fell due during the step, oldest first: their true `times`, shape (m,) [s],
-    `counts`, shape (m, n), and `images`, shape (m, rows, columns).
+    The observation is a dict.  If the environment's observation is a dict already, its keys stay; otherwise it is under
+    the key `observation`.  Each image has shape (rows, columns), uint8, row 0 at the smallest y.  `info["frames"]`
+    holds the m new frames of the step by sensor, oldest first: their true `times`, shape (m,) [s], `counts`, shape
+    (m, n) [-], and `images`, shape (m, rows, columns) [-].
 
     Args:
         env: The environment.
-        sensors: A sensor, observed as `tactile`, or several by the names that they are observed under. They are bound
-            to the environment's model here, and again where `reset` compiles another one.
-        simulation: Gives the environment's `MjModel` and `MjData`; `env.unwrapped.model` and `.data` when not given.
-        listen: Makes the environment call back after every physics step. When not given, a `MujocoEnv` is listened to
-            as it is, and any other environment must make one physics step per environment step.
+        sensors: A sensor, observed as `tactile`, or several sensors by name.  They are bound to the environment's
+            model, and bound again if `reset` compiles another model.
+        simulation: Function from the environment to its model and data; by default `env.unwrapped.model` and `.data`.
+        listen: Function that makes the environment call back after every physics step.  By default a `MujocoEnv` is
+            made to call back, and any other environment must make one physics step per environment step.
 
     Raises:
         FastModelError: If the environment shows no model and data, a name is taken, or there is no sensor.
         LifeCycleError: From the constructor, if the model was compiled without a sensor; from `step`, if the
-            environment made several physics steps unheard.
+            environment made several physics steps without calling back.
     """
 
     def __init__(
@@ -65,23 +66,23 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         env: gymnasium.Env[Any, Any],
         sensors: Sensor | Mapping[str, Sensor],
         *,
-        simulation: Callable[[Any], tuple[Any, Any]] | None = None,
+        simulation: Callable[[Any], tuple[mujoco.MjModel, mujoco.MjData]] | None = None,
         listen: Listen | None = None,
     ) -> None:
         super().__init__(env)
         self._sensors = {"tactile": sensors} if isinstance(sensors, Sensor) else dict(sensors)
-        self._simulation = simulation or _model_and_data
+        self._simulation = simulation or _find_simulation
         self._frames: dict[str, list[Frame]] = {name: [] for name in self._sensors}
         self._resetting = False
-        self._model: Any = None
+        self._model: mujoco.MjModel | None = None
         self._bind()
-        self.observation_space = self._space(env.observation_space)
-        self._heard = listen is not None or hasattr(env.unwrapped, "_step_mujoco_simulation")
-        if self._heard:
-            (listen or _listen_to_mujoco_env)(env, self._sense)
+        self.observation_space = self._extend_space(env.observation_space)
+        self._calls_back = listen is not None or hasattr(env.unwrapped, "_step_mujoco_simulation")
+        if self._calls_back:
+            (listen or _listen_to_mujoco_env)(env, self._step_sensors)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
-        """Reset the environment and start the sensors again at rest, whatever the reset itself simulated."""
+        """Reset the environment and the sensors; physics steps during the reset do not count."""
         self._resetting = True
         try:
             observation, info = self.env.reset(seed=seed, options=options)
@@ -93,49 +94,54 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         return self._observe(observation), {**info, "frames": self._take_frames()}
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:  # noqa: ANN401 -- as gymnasium's
-        """One step of the environment, and the images after it."""
+        """Step the environment, and observe the images after the step."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        if not self._heard:
-            self._sense_once()
+        if not self._calls_back:
+            self._step_sensors_once()
         return self._observe(observation), reward, terminated, truncated, {**info, "frames": self._take_frames()}
 
     def _bind(self) -> None:
-        """Bind the sensors to the environment's model, unless they are."""
+        """Bind the sensors to the environment's model unless they are bound to it already."""
         model, _ = self._simulation(self.env)
         if model is not self._model:
             for sensor in self._sensors.values():
                 sensor.bind(model)
             self._model = model
 
-    def _sense(self, data: Any) -> None:  # noqa: ANN401 -- MjData
+    def _step_sensors(self, data: mujoco.MjData) -> None:
+        """Take in one physics step."""
         if self._resetting:
             return
         for name, sensor in self._sensors.items():
             if sensor.step(data):
                 self._frames[name].append(sensor.frame())
 
-    def _sense_once(self) -> None:
+    def _step_sensors_once(self) -> None:
+        """Take in the only physics step of an environment step."""
         _, data = self._simulation(self.env)
         try:
-            self._sense(data)
+            self._step_sensors(data)
         except LifeCycleError as error:
             raise LifeCycleError(
-                f"{error}. This environment makes several physics steps in one of its own: give listen=, a function "
-                "that makes it call back after each"
+                f"{error}. This environment makes several physics steps per environment step: give listen=, a function "
+                "that makes it call back after each physics step"
             ) from error
 
     def _take_frames(self) -> dict[str, dict[str, np.ndarray]]:
-        taken = {name: _stacked(frames, self._sensors[name].frame()) for name, frames in self._frames.items()}
+        """The frames since the last call as arrays, by sensor."""
+        stacked = {name: _stack_frames(frames, self._sensors[name].frame()) for name, frames in self._frames.items()}
         for frames in self._frames.values():
             frames.clear()
-        return taken
+        return stacked
 
     def _observe(self, observation: Any) -> dict[str, Any]:  # noqa: ANN401 -- whatever the environment observes
+        """The environment's observation with the latest image of each sensor."""
         own = dict(observation) if isinstance(self.env.observation_space, spaces.Dict) else {"observation": observation}
-        # A frame never changes; an observation belongs to who asked for it.
+        # Frames are read-only, but users may write to an observation.
         return own | {name: sensor.frame().image.copy() for name, sensor in self._sensors.items()}
 
-    def _space(self, space: spaces.Space[Any]) -> spaces.Dict:
+    def _extend_space(self, space: spaces.Space[Any]) -> spaces.Dict:
+        """The environment's observation space with one image per sensor."""
         own = dict(space.spaces) if isinstance(space, spaces.Dict) else {"observation": space}
         if not self._sensors:
             raise FastModelError("there is no sensor to observe; give one, or several by name")
@@ -148,8 +154,13 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         return spaces.Dict(own | images)
 
 
-def _stacked(frames: Sequence[Frame], latest: Frame) -> dict[str, np.ndarray]:
-    """Frames as arrays, which Gymnasium can compare and batch; the latest one tells the shapes where there is none."""
+def _stack_frames(frames: Sequence[Frame], latest: Frame) -> dict[str, np.ndarray]:
+    """Frames as arrays, which Gymnasium can compare and batch.
+
+    Args:
+        frames: The frames.
+        latest: The latest frame, which gives the shapes if there are no frames.
+    """
     return {
         "times": np.array([frame.time for frame in frames]),
         "counts": np.array([frame.counts for frame in frames], dtype=np.int64).reshape(-1, *latest.counts.shape),
@@ -157,7 +168,7 @@ def _stacked(frames: Sequence[Frame], latest: Frame) -> dict[str, np.ndarray]:
     }
 
 
-def _model_and_data(env: gymnasium.Env[Any, Any]) -> tuple[Any, Any]:
+def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujoco.MjData]:
     inner = env.unwrapped
     try:
         return inner.model, inner.data  # type: ignore[attr-defined]
@@ -168,14 +179,14 @@ def _model_and_data(env: gymnasium.Env[Any, Any]) -> tuple[Any, Any]:
         ) from error
 
 
-def _listen_to_mujoco_env(env: Any, callback: Callable[[Any], None]) -> None:  # noqa: ANN401 -- MujocoEnv
-    """Let a `MujocoEnv` make its physics steps one at a time, each followed by the callback."""
+def _listen_to_mujoco_env(env: Any, callback: Callable[[mujoco.MjData], None]) -> None:  # noqa: ANN401 -- MujocoEnv
+    """Make a `MujocoEnv` call back after every physics step."""
     inner = env.unwrapped
-    several = inner._step_mujoco_simulation  # noqa: SLF001 -- the one place where a MujocoEnv steps
+    step_several = inner._step_mujoco_simulation  # noqa: SLF001 -- the only function in which a MujocoEnv steps
 
-    def one_at_a_time(control: Any, frames: int) -> None:  # noqa: ANN401 -- an array
+    def step_singly(control: Any, frames: int) -> None:  # noqa: ANN401 -- an array
         for _ in range(frames):
-            several(control, 1)
+            step_several(control, 1)
             callback(inner.data)
 
-    inner._step_mujoco_simulation = one_at_a_time  # noqa: SLF001 -- on this instance alone
+    inner._step_mujoco_simulation = step_singly  # noqa: SLF001 -- on this instance alone
