@@ -63,7 +63,7 @@ def test_a_long_roller_presses_its_middle_evenly(bonded):
 
 def test_a_planted_defect_is_seen(bonded, monkeypatch):
     """The layer taken for a half space: far too soft."""
-    monkeypatch.setattr(boundary, "_regular", lambda cover, reach: np.zeros_like)
+    monkeypatch.setattr(boundary, "_tabulate_regular", lambda cover, reach: np.zeros_like)
     cover = bonded(0.49)
     exact = closed_form.sphere(cover, 10e-3, cover.thickness)
     assert pressed_shape(cover, Sphere(radius=10e-3), exact.depth, cells=12).total_force < 0.5 * exact.force
