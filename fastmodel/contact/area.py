@@ -93,7 +93,7 @@ class AreaReader(BoxReader):
         local = (place - data.geom_xpos[self._first]) @ rotation
         for each in np.unique(body):
             mine = body == each
-            tilts = self._joints.tilts(data, int(each), rotation[:, 2])
+            tilts = self._joints.let_tilt(data, int(each), rotation[:, 2])
             shared += self._redistribute(texel[mine], force[mine], local[mine, :2], tilts=tilts)
         shared = np.maximum(shared, 0.0)
         return shared * (total.sum() / shared.sum()) if shared.sum() > 0 else total

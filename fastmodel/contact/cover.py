@@ -1,55 +1,59 @@
-"""Contact methods that sample the shapes of touching bodies: an elastic foundation, and the cover itself.
+"""Contact methods that distribute the force of each body over cells: an elastic foundation, and the cover itself.
 
-Both put one rigid plate under the array for the dynamics.  The engine's force on each touching body is then laid out
-over sub-texel cells: by springs that know nothing of one another (`Foundation`), or by the cover's own compliance
-between cells (`CoverContact`), which is also how it arrives at the base.
+Both put one rigid plate under the array for the dynamics.  Afterwards the force of each touching body, as MuJoCo gives
+it, is distributed over cells smaller than a texel: by an elastic foundation (`Foundation`), or by the compliance of the
+cover between cells (`CoverContact`), which also gives the forces on the texels at the cover's base.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
+import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.contact.interface import ContactReader, Reading
-from fastmodel.contact.panel_layout import Layout, ScatteredBase, ScatteredGrid, lay_out, panels
-from fastmodel.contact.panels import FacetReader
-from fastmodel.contact.plate import Plate, PlateReader, Touching
+from fastmodel.contact.panel_layout import PanelLayout, ScatteredBaseForces, ScatteredGrid, divide_into_panels, lay_out
+from fastmodel.contact.panels import PanelReader
+from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.errors import ParametersError
 from fastmodel.pose import Pose
-from fastmodel.pressure.base_forces import BaseForces
-from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.pressure.conjugate_gradient import CoverSolver, Settings
+from fastmodel.pressure.cell_grid import BaseForces, CellGrid
+from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
 from fastmodel.pressure.cover_kernels import CoverCells
-from fastmodel.pressure.gap_sampling import Load, Samples
-from fastmodel.pressure.reused_contact import Held, Laid
-from fastmodel.pressure.winkler import foundation_forces
+from fastmodel.pressure.gap import ELLIPSOID, Solid
+from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.winkler import FoundationSolver
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Height up to which a body is looked at, over the level it has come down to: at least (the cover may bulge up beside a
-#: contact), and as taken for the next step [-].
-_LEAST, _SPARE = 1.2, 1.6
-#: Height over a body's lowest point up to which it is looked at first, over the cover's thickness, and at most, over
-#: the first [-].
-_FIRST, _MOST = 0.1, 20.0
-#: Share of a cell by which sharp edges stand out, see `lower_surface` [-].
+#: The gap is sampled up to a reach over each body's lowest cell.  The reach for the first contact, over the cover's
+#: thickness; the largest and the smallest reach, over the first [-].
+_FIRST, _MOST, _SMALLEST = 0.1, 20.0, 0.25
+#: Reach that a contact needs, over the height up to which the body lies below the undeformed surface: the cover may
+#: bulge beside the contact.  And reach that is taken for the next contact, over the same height, so that it suffices
+#: while the load rises [-].
+_NEEDED, _TAKEN = 1.2, 1.6
+#: Distance by which solids with sharp edges are enlarged, over the edge of a cell; see `fastmodel.pressure.gap` [-].
 _EDGE = 0.125
+#: Change of loads, of positions over the edge of a cell, and of rotations, below which a contact counts as unchanged
+#: and the last reading is returned.  At rest MuJoCo's forces vary by 1e-6, cell forces by the solver's tolerance [-].
+_UNCHANGED = 1e-5
+#: Cells along each edge of a pitch where neither the method nor the parameters give them.
+_CELLS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Foundation:
-    """One rigid plate; the force of each body laid out over an elastic foundation of cells.
+    """One rigid plate; the force of each body distributed by an elastic foundation of cells.
 
     Attributes:
         plate: The plate's geom.
         modulus: Pressure per depth; that of the cover under a patch four thicknesses wide when not given [Pa/m].
-        per_texel: Cells along each edge of a pitch; the cover data's when not given, else 4 [-].
+        per_texel: Cells along each edge of a pitch; those of the cover data when not given, else 4 [-].
     """
 
     plate: Plate = field(default_factory=Plate)
@@ -58,18 +62,17 @@ class Foundation:
 
     costly: ClassVar[bool] = True
 
-    def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
         """Add the plate to a body of the spec."""
         self.plate.attach(body, array, pose, name)
 
     def bind(
         self,
-        model: Any,  # noqa: ANN401 -- MjModel
+        model: mujoco.MjModel,
         array: TexelArray,
         name: str,
         *,
         cells: CoverCells | None = None,
-        native: bool | None = None,
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -83,25 +86,19 @@ class Foundation:
                 f"parameters anew, or use Foundation(modulus=...)"
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
-        count = self.per_texel or (cells.per_texel if cells else 4)
-        ground = _Ground.under(self.plate, array, count)
-        layer = _FoundationLayer(ground.grid, modulus, native=native)
-        return _SurfaceReader(
-            ground.reader(model, array, name, native=native),
-            layer,
-            ground,
-            first=_FIRST * min(array.pitch),
-            native=native,
-        )
+        surface = _Surface.divide(self.plate, array, self.per_texel or (cells.per_texel if cells else _CELLS))
+        solver = FoundationSolver(surface.grid, modulus)
+        reader = surface.build_plate_reader(model, array, name)
+        return _PressureReader(reader, solver, surface, first=_FIRST * min(array.pitch))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoverContact:
-    """One rigid plate; the force of each body laid out by the cover's own compliance, and carried to its base.
+    """One rigid plate; the force of each body distributed by the compliance of the cover, and passed on to its base.
 
     Attributes:
         plate: The plate's geom.
-        tolerance: Change of cell forces at which the solver stops, over the load [-].
+        tolerance: Change of the cell forces in one step at which the solver stops, over the load [-].
         steps: Most steps of the solver.
     """
 
@@ -111,18 +108,17 @@ class CoverContact:
 
     costly: ClassVar[bool] = True
 
-    def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
         """Add the plate to a body of the spec."""
         self.plate.attach(body, array, pose, name)
 
     def bind(
         self,
-        model: Any,  # noqa: ANN401 -- MjModel
+        model: mujoco.MjModel,
         array: TexelArray,
         name: str,
         *,
         cells: CoverCells | None = None,
-        native: bool | None = None,
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -136,149 +132,147 @@ class CoverContact:
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
         cells.check(array)
-        ground = _Ground.under(self.plate, array, cells.per_texel, apart=max(cells.compliance.shape))
-        settings = Settings(tolerance=self.tolerance, steps=self.steps)
-        layer = _CoverLayer(ground, cells, settings, native=native)
-        touching, base = ground.reader(model, array, name, native=native), ground.base(cells, array)
-        return _SurfaceReader(touching, layer, ground, base, first=_FIRST * cells.thickness, native=native)
+        surface = _Surface.divide(self.plate, array, cells.per_texel, apart=max(cells.compliance.shape))
+        solver = CoverSolver(cells, surface.grid, tolerance=self.tolerance, steps=self.steps)
+        reader, base = surface.build_plate_reader(model, array, name), surface.build_base_forces(cells, array)
+        return _PressureReader(reader, solver, surface, base, first=_FIRST * cells.thickness)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Ground:
-    """The cells under an array: one grid where it is flat and even, else panels on a lattice."""
+class _Surface:
+    """The cells of an array: one grid if the array is flat and regular, else panels on a common grid.
+
+    Attributes:
+        plate: The plate's settings.
+        grid: The grid.
+        layout: The panels; None for one grid.
+    """
 
     plate: Plate
     grid: CellGrid
-    layout: Layout | None = None
+    layout: PanelLayout | None = None
 
     @classmethod
-    def under(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Ground:
+    def divide(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Surface:
         if array.regular:
             return cls(plate=plate, grid=CellGrid.over(array, per_texel, plate.margin))
-        layout = lay_out(array, panels(array, plate.margin), per_texel, apart)
+        layout = lay_out(array, divide_into_panels(array, plate.margin), per_texel, apart)
         return cls(plate=plate, grid=layout.grid, layout=layout)
 
-    def reader(self, model: Any, array: TexelArray, name: str, *, native: bool | None) -> PlateReader:  # noqa: ANN401
+    @property
+    def coherent(self) -> bool:
+        """Whether all cells lie in one plane, so that the approach of a body is one number."""
+        return self.layout is None or len(self.layout.panels) == 1
+
+    def build_plate_reader(self, model: mujoco.MjModel, array: TexelArray, name: str) -> PlateReader:
         edge = _EDGE * float(np.sqrt(self.grid.edge[0] * self.grid.edge[1]))
         if self.layout is None:
-            return PlateReader(self.plate, model, array, name, grid=self.grid, edge=edge, native=native)
-        return FacetReader(self.plate, model, array, name, layout=self.layout, edge=edge, native=native)
+            return PlateReader(self.plate, model, array, name, grid=self.grid, edge=edge)
+        return PanelReader(self.plate, model, array, name, layout=self.layout, edge=edge)
 
-    def base(self, cells: CoverCells, array: TexelArray) -> BaseForces | ScatteredBase:
+    def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces | ScatteredBaseForces:
         if self.layout is not None and isinstance(self.grid, ScatteredGrid):
-            return ScatteredBase(cells, self.layout, self.grid, array)
+            return ScatteredBaseForces(cells, self.layout, self.grid, array)
         return BaseForces(cells, self.grid, array)
 
 
-class _Layer(Protocol):
-    """How the force of each body is laid out over cells."""
+class _PressureSolver(Protocol):
+    """Distributes the loads of bodies over cells."""
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> Laid:
-        """Forces on cells; the contact has slid by so many rows and columns since the last one."""
+    def solve(self, samples: GapSamples, loads: tuple[Load, ...]) -> PressureSolution:
+        """Find the forces on cells."""
 
     def reset(self) -> None:
-        """Forget what was laid out before."""
+        """Forget the last contact."""
 
 
-class _SurfaceReader:
-    """Samples what touches, up to a height that follows the contact; what rests or slides is carried along."""
+class _PressureReader:
+    """Reads the plate's contacts and turns them into texel forces: sample the gap, solve for cell forces, sum them."""
 
     def __init__(
         self,
-        touching: PlateReader,
-        layer: _Layer,
-        ground: _Ground,
-        base: BaseForces | ScatteredBase | None = None,
+        plate: PlateReader,
+        solver: _PressureSolver,
+        surface: _Surface,
+        base: BaseForces | ScatteredBaseForces | None = None,
         *,
         first: float,
-        native: bool | None,
     ) -> None:
-        self._native = native
-        self._touching, self._layer, self._grid, self._base = touching, layer, ground.grid, base
-        self._flat = ground.layout is None
+        """Start at rest.
+
+        Args:
+            plate: Finds the bodies that press.
+            solver: Finds the forces on cells.
+            surface: The cells.
+            base: Finds the forces at the base, where the method knows them.
+            first: Reach of the first contact, see `_FIRST` [m].
+        """
+        self._plate, self._solver, self._base, self._grid = plate, solver, base, surface.grid
+        self._coherent = surface.coherent
         self._first, self._most = first, _MOST * first
         self._reach: dict[int, float] = {}
-        self._held: Held | None = None
-        self._nothing = self.at_rest(np.zeros(ground.grid.texels))
+        self._solved: tuple[PlateContact, Reading] | None = None
+        self._nothing = self.at_rest(np.zeros(self._grid.texels))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         self._reach.clear()
-        self._held = None
-        self._layer.reset()
+        self._solved = None
+        self._solver.reset()
         return Reading(
             contact_forces=contact_forces,
-            texel_forces=None if self._base is None else self._base.of_texels(contact_forces),
+            texel_forces=None if self._base is None else self._base.from_texels(contact_forces),
             carried=float(contact_forces.sum()),
         )
 
-    def compile_kernels(self, data: Any) -> None:  # noqa: ANN401 -- MjData
-        self.read(data)
-
-    def read(self, data: Any) -> Reading:  # noqa: ANN401
-        touching = self._touching.touching(data)
-        if touching is None:
-            self._held = None
-            return self._nothing
-        if self._held is not None and (reading := self._held.carry(touching)) is not None:
-            return reading
-        self._held = self._hold(touching)
-        return self._nothing if self._held is None else self._held.reading
-
-    def _hold(self, touching: Touching) -> Held | None:
-        """Solve the contact; None where nothing of it lies on the cells."""
-        samples, slid = None, (0, 0)
-        reach = [self._reach.get(body, self._first) for body in touching.bodies]
-        if self._held is not None and (moved := self._held.slid(touching)) is not None:
-            slid = moved
-        elif self._held is not None:
-            # the same cells, and the pose that they were looked at in: what creeps adds up
-            samples, reach = self._held.samples, list(self._held.reach)
-            touching = dataclasses.replace(touching, standing=self._held.touching.standing)
-        while True:
-            if samples is None:
-                samples = self._touching.look(touching, reach)
-            kept = samples.seen
-            if len(kept) < len(reach):
-                # beside the cells: nothing of it is felt here
-                touching, reach, samples = touching.only(kept), [reach[body] for body in kept], None
-                if not kept:
-                    return None
-                continue
-            laid = self._layer.lay_out(samples, touching.loads, slid)
-            level = np.where(np.isfinite(laid.level), laid.level, self._first).tolist()
-            higher = [
-                min(_SPARE * top, self._most) if have < min(top * _LEAST, self._most) else have
-                for have, top in zip(reach, level, strict=True)
-            ]
-            if higher == reach:
-                break
-            reach, samples = higher, None
-        for body, top in zip(touching.bodies, level, strict=True):
-            self._reach[body] = min(max(_SPARE * top, self._first / 4), self._most)
-        return Held(touching, samples, laid, self._grid, self._base, reach=reach, flat=self._flat, native=self._native)
-
-
-class _FoundationLayer:
-    def __init__(self, grid: CellGrid, modulus: float, *, native: bool | None) -> None:
-        self._stiffness, self._native = modulus * grid.edge[0] * grid.edge[1], native
-
-    def reset(self) -> None:
-        """Springs remember nothing."""
-
-    def lay_out(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> Laid:  # noqa: ARG002
-        forces, levels = foundation_forces(samples, loads, self._stiffness * samples.coverage, native=self._native)
-        return Laid(forces, samples.largest(levels) - samples.lowest)
-
-
-class _CoverLayer:
-    def __init__(self, ground: _Ground, cells: CoverCells, settings: Settings, *, native: bool | None) -> None:
-        self._solver = CoverSolver(cells, ground.grid, settings, native=native)
-        self._deep = ground.layout is None or len(ground.layout.facets) == 1
-
-    def reset(self) -> None:
+    def compile_kernels(self, data: mujoco.MjData) -> None:
+        """Call every kernel once, with a ball of one pitch in diameter that presses with 1 N on the middle cells."""
+        self._plate.compile_kernels(data)
+        size, low, edge = self._grid.arrays
+        radius = np.full(3, 0.5 * float(edge.max()) * self._grid.per_texel)
+        ball = Solid(kind=ELLIPSOID, size=radius, planes=np.zeros((0, 4)), centre=np.zeros(3), half=radius)
+        position = np.array([[*(low + 0.5 * size * edge), radius[0]]])
+        pose = PosedBody(shape=BodyShape(solids=(ball,)), rotation=np.eye(3)[None], position=position)
+        samples = sample_gap(self._grid, [pose], [np.inf])
+        self._solver.solve(samples, (Load(force=1.0, moment=np.zeros(2), tilts=False),))
         self._solver.reset()
 
-    def lay_out(self, samples: Samples, loads: Sequence[Load], slid: tuple[int, int]) -> Laid:
-        found = self._solver.solve(samples, loads, slid)
-        approach = found.approach if self._deep else None
-        return Laid(found.forces, found.level, approach, found.on_cells, found.origin)
+    def read(self, data: mujoco.MjData) -> Reading:
+        contact = self._plate.find_contact(data)
+        if contact is None:
+            return self._nothing
+        if self._solved is None or not contact.equals(self._solved[0], _UNCHANGED, min(self._grid.edge)):
+            self._solved = (contact, self._solve(contact))
+        return self._solved[1]
+
+    def _solve(self, contact: PlateContact) -> Reading:
+        """Solve for the cell forces, with a reach that suffices, and sum them over texels."""
+        reach = [self._reach.get(body, self._first) for body in contact.bodies]
+        while True:
+            samples = self._plate.sample_gap(contact, reach)
+            found = samples.bodies_found
+            if not found:
+                return self._nothing
+            if len(found) < len(reach):
+                # bodies that press on the plate beside all cells load no texel
+                contact, reach = contact.select(found), [reach[k] for k in found]
+                continue
+            solution = self._solver.solve(samples, contact.loads)
+            height = np.where(np.isfinite(solution.height), solution.height, self._first).tolist()
+            needed = [
+                min(_TAKEN * top, self._most) if have < min(_NEEDED * top, self._most) else have
+                for have, top in zip(reach, height, strict=True)
+            ]
+            if needed == reach:
+                break
+            reach = needed
+        for body, top in zip(contact.bodies, height, strict=True):
+            self._reach[body] = min(max(_TAKEN * top, _SMALLEST * self._first), self._most)
+        texel_forces = None
+        if self._base is not None and solution.window is not None:
+            texel_forces = self._base.from_window(solution.window, solution.origin)
+        return Reading(
+            contact_forces=self._grid.sum_on_texels(samples.row, samples.column, solution.forces),
+            texel_forces=texel_forces,
+            carried=float(solution.forces.sum()),
+            approach=solution.approach if self._coherent else None,
+        )

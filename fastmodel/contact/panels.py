@@ -1,8 +1,8 @@
-"""What presses on an array of several panels, and what it looks like from each of them.
+"""Contacts on an array of several panels.
 
-How a rigid body's force divides among panels is, like its division among rigid boxes, a matter of contact points: the
-engine knows the sum only.  So the force of each body is taken as a vector over all panels, with its moments where the
-body is free, and one rigid motion of the body lays it out over the cells of all panels at once.
+MuJoCo divides the force of a rigid body among panels by contact points, as it does among rigid boxes: only the sum is
+meaningful.  Therefore the force of each body is summed over all panels as a vector, with its moment where the body is
+free to tilt.  One rigid motion of the body then determines the pressure on the cells of all panels together.
 """
 
 from __future__ import annotations
@@ -10,34 +10,41 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
+import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.contact.panel_layout import Facet, Layout
-from fastmodel.contact.plate import Plate, PlateReader, Touching
-from fastmodel.contact.plate_forces import decode
-from fastmodel.pressure.gap_sampling import Load, Samples, Standing, sample
+from fastmodel.compiled import compile_kernel
+from fastmodel.contact.box_forces import decode_force
+from fastmodel.contact.panel_layout import PanelCells, PanelLayout
+from fastmodel.contact.plate import Plate, PlateContact, PlateReader
+from fastmodel.pressure.conjugate_gradient import Load
+from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-#: Cosine of the angle between a body's force and a panel's normal below which the panel bears nothing of it [-].
+#: Cosine of the angle between a body's force and a panel's normal below which the panel takes up no pressure; also the
+#: share of a force that must lie along a body's free directions for them to be used [-].
 _STEEP = 0.2
-#: Root mean square, over a panel's normal, below which a sum over cells says nothing that others do not say [-].
-_WEAK = 0.02
-#: Change of a force's direction that counts as none [-].
-_TURNED = 1e-4
+#: Root mean square over a body's cells below which a column of its constraints is dropped, after projection: it is then
+#: linearly dependent on the others [-].
+_DEPENDENT = 0.02
+#: Singular value that tells directions within the span of others (0) from new ones (1) [-].
+_NEW = 0.5
+#: Rows of the table of cells that `PanelReader` builds for each panel: row, column, coverage, x, y, gap (`_GAP`), place
+#: (3) and normal (3).
+_FIELDS, _GAP = 12, 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FacetSamples(Samples):
-    """Cells of several panels; row, column, x and y are those on the lattice.
+class PanelSamples(GapSamples):
+    """Cells of several panels; row, column, x and y are those on the common grid.
 
     Attributes:
-        place: Middle of the covered part in the array's frame, shape (m, 3) [m].
+        place: Centroid of the covered part in the array's frame, shape (m, 3) [m].
         normal: Outward normal there, shape (m, 3) [-].
     """
 
@@ -47,167 +54,182 @@ class FacetSamples(Samples):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wrench(Load):
-    """What one body presses with on all panels.
+    """The force and moment with which one body presses on all panels.
 
     Attributes:
-        force: Along the first direction [N].
-        moment: About the array's origin, shape (3,) [Nm].
-        tilts: Whether more than the approach along the first direction is free.
-        push: Force of the array on the body, shape (3,) [N].
-        directions: Unit vectors along which the body is free to move, the first along what it presses with, (k, 3) [-].
-        turns: Whether it is free to tilt as well.
+        force: Component along the first of `directions` [N].
+        moment: About the array's origin, shape (3,) [N m].
+        tilts: Whether the body is free to move in any way other than along the first direction.
+        vector: Force of the body, as a vector against the array, shape (3,) [N].
+        directions: Unit vectors along which the body is free to move, the first along its force, shape (k, 3) [-].
+        rotates: Whether it is free to rotate as well.
     """
 
-    push: FloatArray
+    vector: FloatArray
     directions: FloatArray
-    turns: bool
+    rotates: bool
 
     @classmethod
-    def of(cls, push: FloatArray, moment: FloatArray, slides: FloatArray, *, turns: bool) -> Wrench:
-        """Find the directions.
+    def along_free_directions(
+        cls, vector: FloatArray, moment: FloatArray, slides: FloatArray, *, rotates: bool
+    ) -> Wrench:
+        """Find the directions in which a body is free to move.
 
         Args:
-            push: Force of the array on the body, shape (3,) [N].
-            moment: Its moment about the array's origin, shape (3,) [Nm].
-            slides: Axes of slides, shape (k, 3) [-].
-            turns: Whether the body is free to tilt; then it is taken as free to move anywhere.
+            vector: Force of the body, shape (3,) [N].
+            moment: Its moment about the array's origin, shape (3,) [N m].
+            slides: Axes of the body's slide joints, shape (k, 3) [-].
+            rotates: Whether the body is free to rotate; it then counts as free to move in all directions.
         """
-        span = np.eye(3) if turns else np.linalg.svd(slides.T, full_matrices=False)[0] if len(slides) else push[:, None]
-        along = span @ (span.T @ push) if turns or len(slides) else push
-        if np.linalg.norm(along) < _STEEP * np.linalg.norm(push):
-            span, along = push[:, None], push
+        if rotates:
+            span = np.eye(3)
+        elif len(slides):
+            span = np.linalg.svd(slides.T, full_matrices=False)[0]
+        else:
+            span = vector[:, None]
+        along = span @ (span.T @ vector) if rotates or len(slides) else vector
+        if np.linalg.norm(along) < _STEEP * np.linalg.norm(vector):
+            span, along = vector[:, None], vector
         first = along / np.linalg.norm(along)
         rest = span - np.outer(first, first @ span)
         left, sizes, _ = np.linalg.svd(rest, full_matrices=False)
-        others = left[:, sizes > 0.5].T  # noqa: PLR2004 -- one or zero
+        others = left[:, sizes > _NEW].T
         return cls(
-            force=float(push @ first),
+            force=float(vector @ first),
             moment=moment,
-            tilts=turns or len(others) > 0,
-            push=push,
+            tilts=rotates or len(others) > 0,
+            vector=vector,
             directions=np.vstack([first, others]),
-            turns=turns,
+            rotates=rotates,
         )
 
-    def upright(self) -> Wrench:
-        """The same with the approach only."""
-        return dataclasses.replace(self, tilts=False, turns=False, directions=self.directions[:1])
-
-    def alike(self, other: Load, distance: float) -> bool:
-        """Whether another wrench presses along the same line."""
-        if not isinstance(other, Wrench):
+    def equals(self, other: Load, tolerance: float, length: float) -> bool:
+        """Whether another wrench is the same up to a tolerance; see `Load.equals`."""
+        if not isinstance(other, Wrench) or not super().equals(other, tolerance, length):
             return False
-        turned = np.abs(self.push / self.force - other.push / other.force).max()
-        return bool(turned <= _TURNED) and (not self.turns or super().alike(other, distance))
+        return bool(np.abs(self.vector - other.vector).max() <= tolerance * self.force)
 
-    def constraints(self, samples: Samples, mine: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Forces along every direction and, where the body turns, both moments across the first one.
+    def without_moments(self) -> Wrench:
+        """The same wrench with only the force along the first direction prescribed."""
+        return dataclasses.replace(self, tilts=False, rotates=False, directions=self.directions[:1])
 
-        Sums that differ little from others, as all lateral ones on a flat array, are left out.
+    def build_constraints(self, samples: GapSamples, own: IntArray | slice) -> tuple[FloatArray, FloatArray]:
+        """Constraints on the force along every direction and, if the body rotates, on two moments.
+
+        The moments are those about the axes across the first direction.  Columns that are linearly dependent on others
+        are dropped, such as those of all lateral forces on a flat array.
+
+        Args:
+            samples: Cells under all bodies.
+            own: Which of them are this body's, shape (m,).
+
+        Returns:
+            Columns, shape (m, k), and target, shape (k,).
         """
-        if not isinstance(samples, FacetSamples):
-            raise TypeError("a wrench is laid out over cells of panels")
-        place, normal = samples.place[mine], samples.normal[mine]
+        if not isinstance(samples, PanelSamples):
+            raise TypeError("the constraints of a wrench need samples of panels")
+        place, normal = samples.place[own], samples.normal[own]
         columns = [normal @ direction for direction in self.directions]
-        wanted = [float(self.push @ direction) for direction in self.directions]
-        if self.turns:
-            middle = np.cross(self.push, self.moment) / (self.push @ self.push)
-            lever = np.cross(place - middle, normal)
+        wanted = [float(self.vector @ direction) for direction in self.directions]
+        if self.rotates:
+            centre = np.cross(self.vector, self.moment) / (self.vector @ self.vector)
+            lever = np.cross(place - centre, normal)
             size = max(float(np.abs(lever).max()), 1e-9)
             columns += [lever @ direction / size for direction in self.directions[1:]]
             wanted += [0.0] * (len(self.directions) - 1)
-        first, rest = columns[0], np.array(columns[1:]).reshape(-1, len(mine))
+        first, rest = columns[0], np.array(columns[1:]).reshape(-1, len(place))
         share = rest @ first / (first @ first)
         rest = rest - np.outer(share, first)
         aims = np.array(wanted[1:]) - share * wanted[0]
-        values, vectors = np.linalg.eigh(rest @ rest.T / len(mine))
-        kept = values > _WEAK**2
+        values, vectors = np.linalg.eigh(rest @ rest.T / len(place))
+        kept = values > _DEPENDENT**2
         scale = 1 / np.sqrt(values[kept])
         mixed = vectors[:, kept] * scale
         return np.ascontiguousarray(np.column_stack([first, rest.T @ mixed])), np.append(wanted[0], aims @ mixed)
 
 
-class FacetReader(PlateReader):
-    """Finds in one step's data what presses on the panels."""
+class PanelReader(PlateReader):
+    """Finds the bodies that press on the panels, and samples the gap under them."""
 
     def __init__(
         self,
         plate: Plate,
-        model: Any,  # noqa: ANN401 -- MjModel
+        model: mujoco.MjModel,
         array: TexelArray,
         name: str,
         *,
-        layout: Layout,
+        layout: PanelLayout,
         edge: float,
-        native: bool | None = None,
     ) -> None:
-        """Find the plates in the compiled model; as for `PlateReader`, with panels and their cells for the grid."""
-        super().__init__(plate, model, array, name, grid=layout.grid, edge=edge, native=native)
-        self._facets, self._thickness, self._whole = layout.facets, plate.height, layout.grid
-        self._panel_of = np.full(self._model.ngeom + 1, -1)
-        self._panel_of[self._geoms] = np.arange(len(self._geoms))
-        self._normals = np.array([facet.panel.axes[:, 2] for facet in self._facets])
+        """Find the plates in the compiled model; see `PlateReader`, with panels in place of the grid."""
+        super().__init__(plate, model, array, name, grid=layout.grid, edge=edge)
+        self._panels, self._thickness = layout.panels, plate.height
+        self._panel_of_geom = np.full(self._model.ngeom + 1, -1)
+        self._panel_of_geom[self._geoms] = np.arange(len(self._geoms))
+        self._normals = np.array([part.panel.axes[:, 2] for part in self._panels])
+        self._decode = compile_kernel(decode_forces)
 
-    def _loads(self, data: Any, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:  # noqa: ANN401
+    def compile_kernels(self, data: mujoco.MjData) -> None:
+        """Call the kernels once, on a state without contacts."""
+        super().compile_kernels(data)
+        contact, none = data.contact, np.zeros(0, dtype=np.int64)
+        self._decode(none, contact.efc_address, contact.dim, contact.friction, data.efc_force, self._pyramidal)
+
+    def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
         contact = data.contact
-        panels = self._panel_of[contact.geom]
+        panels = self._panel_of_geom[contact.geom]
         touches = ((panels >= 0).any(axis=1) & (contact.efc_address >= 0)).nonzero()[0]
         if not len(touches):
             return []
         second = panels[touches, 1] >= 0
         side = second.astype(np.int64)
-        body = self._group[contact.geom[touches, 1 - side]]
+        body = self._body_of_geom[contact.geom[touches, 1 - side]]
         normal = self._normals[panels[touches, side]]
-        forces = np.zeros((len(touches), 3))
-        dimensions = contact.dim[touches]
-        for size in set(dimensions.tolist()):
-            mine = (dimensions == size).nonzero()[0]
-            k = touches[mine]
-            local = decode(data.efc_force, contact.efc_address[k], contact.friction[k], size, pyramidal=self._pyramidal)
-            directions = contact.frame[k].reshape(-1, 3, 3)[:, : local.shape[1]] @ axes
-            press, rub = local[:, :1] * directions[:, 0], np.einsum("ki,kij->kj", local[:, 1:], directions[:, 1:])
-            # friction counts as far as it presses; what it pulls along the panel is no pressure
-            forces[mine] = press + (rub * normal[mine]).sum(axis=1, keepdims=True) * normal[mine]
+        local = self._decode(
+            touches, contact.efc_address, contact.dim, contact.friction, data.efc_force, self._pyramidal
+        )
+        directions = contact.frame[touches].reshape(-1, 3, 3) @ axes
+        pressure = local[:, :1] * directions[:, 0]
+        friction = np.einsum("ki,kij->kj", local[:, 1:], directions[:, 1:])
+        # friction counts by its component along the panel's normal only: the rest is no pressure
+        forces = pressure + (friction * normal).sum(axis=1, keepdims=True) * normal
         forces[second] *= -1
         place = (contact.pos[touches] - origin) @ axes
         return [
             (int(each), load)
             for each in np.unique(body)
-            if (load := self._wrench(data, int(each), axes, place[body == each], forces[body == each])) is not None
+            if (load := self._sum_wrench(data, int(each), axes, place[body == each], forces[body == each])) is not None
         ]
 
-    def _wrench(
-        self,
-        data: Any,  # noqa: ANN401 -- MjData
-        body: int,
-        axes: FloatArray,
-        place: FloatArray,
-        forces: FloatArray,
+    def _sum_wrench(
+        self, data: mujoco.MjData, body: int, axes: FloatArray, place: FloatArray, forces: FloatArray
     ) -> Load | None:
-        push, moment = forces.sum(axis=0), np.cross(place, forces).sum(axis=0)
-        if np.isfinite(push).all() and not (self._normals @ push).max() > 0:
+        """Load of one body; None if it presses on no panel; its force is nan if a force is not finite."""
+        vector, moment = forces.sum(axis=0), np.cross(place, forces).sum(axis=0)
+        if not np.isfinite(vector).all():
+            return Load(force=float("nan"), moment=vector, tilts=False)
+        if not (self._normals @ vector).max() > 0:
             return None
-        slides = self._joints.slides(data, body) @ axes
-        if not np.isfinite(push).all():
-            return Load(force=float("nan"), moment=push, tilts=False)
-        return Wrench.of(push, moment, slides, turns=self._joints.tilts(data, body, axes[:, 2]))
+        slides = self._joints.find_slides(data, body) @ axes
+        rotates = self._joints.let_tilt(data, body, axes[:, 2])
+        return Wrench.along_free_directions(vector, moment, slides, rotates=rotates)
 
-    def look(self, touching: Touching, reach: Sequence[float]) -> Samples:
-        """Look at every body from every panel that it may press on."""
+    def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
+        """Sample the gap under every body, from every panel that its force may press on."""
         found: list[FloatArray] = []
-        for body, (standing, load) in enumerate(zip(touching.standing, touching.loads, strict=True)):
+        for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
             first = load.directions[0] if isinstance(load, Wrench) else np.array([0.0, 0.0, 1.0])
-            cells = [
-                self._from(facet, standing, reach[body])
-                for facet, bears in zip(self._facets, self._normals @ first > _STEEP, strict=True)
-                if bears and _near(facet, standing, reach[body])
+            tables = [
+                self._sample_panel(part, pose, reach[body])
+                for part, pressed in zip(self._panels, self._normals @ first > _STEEP, strict=True)
+                if pressed and _is_near(part, pose, reach[body])
             ]
-            own = np.concatenate([np.zeros((12, 0)), *cells], axis=1)
-            own = own[:, own[5] <= own[5].min(initial=np.inf) + reach[body]]
+            own = np.concatenate([np.zeros((_FIELDS, 0)), *tables], axis=1)
+            own = own[:, own[_GAP] <= own[_GAP].min(initial=np.inf) + reach[body]]
             found.append(np.vstack([np.full(own.shape[1], float(body)), own]))
-        body_, row, column, coverage, x, y, gap, *rest = np.concatenate(found, axis=1)
-        return FacetSamples(
-            body=body_.astype(np.int64),
+        number, row, column, coverage, x, y, gap, *rest = np.concatenate(found, axis=1)
+        return PanelSamples(
+            body=number.astype(np.int64),
             row=row.astype(np.int64),
             column=column.astype(np.int64),
             coverage=coverage,
@@ -218,35 +240,60 @@ class FacetReader(PlateReader):
             normal=np.array(rest[3:]).T,
         )
 
-    def _from(self, facet: Facet, standing: Standing, reach: float) -> FloatArray:
-        """Row, column, coverage, x, y, gap, place and normal of one panel's cells under a body, shape (12, m)."""
-        axes, grid = facet.panel.axes, facet.grid
-        local = Standing(
-            shape=standing.shape,
-            rotation=axes.T @ standing.rotation,
-            position=(standing.position - facet.panel.origin) @ axes,
+    def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> FloatArray:
+        """One panel's cells under a body, shape (`_FIELDS`, m)."""
+        axes, grid = part.panel.axes, part.grid
+        local = PosedBody(
+            shape=pose.shape,
+            rotation=axes.T @ pose.rotation,
+            position=(pose.position - part.panel.origin) @ axes,
         )
-        seen = sample(grid, [local], [reach], native=self._native)
-        place = facet.panel.origin + np.outer(seen.x, axes[:, 0]) + np.outer(seen.y, axes[:, 1])
-        shift = self._whole.low - grid.low + np.array([facet.column, facet.row]) * grid.edge
-        cells = np.vstack(
+        samples = sample_gap(grid, [local], [reach])
+        place = part.panel.origin + np.outer(samples.x, axes[:, 0]) + np.outer(samples.y, axes[:, 1])
+        shift = self._grid.low - grid.low + np.array([part.column, part.row]) * grid.edge
+        table = np.vstack(
             [
-                seen.row + facet.row,
-                seen.column + facet.column,
-                seen.coverage,
-                seen.x + shift[0],
-                seen.y + shift[1],
-                seen.gap,
+                samples.row + part.row,
+                samples.column + part.column,
+                samples.coverage,
+                samples.x + shift[0],
+                samples.y + shift[1],
+                samples.gap,
                 place.T,
-                np.tile(axes[:, 2:], seen.count),
+                np.tile(axes[:, 2:], samples.count),
             ]
         )
-        return cells[:, (seen.gap > -self._thickness) & facet.holds(seen.row, seen.column)]
+        # what lies deeper than the plate is thick belongs to a surface behind the panel
+        return table[:, (samples.gap > -self._thickness) & part.holds(samples.row, samples.column)]
 
 
-def _near(facet: Facet, standing: Standing, reach: float) -> bool:
-    """Whether balls about a body's solids come near a panel's cells."""
-    shape = standing.shape
-    middle = standing.position + np.einsum("pij,pj->pi", standing.rotation, shape.centres)
-    distance = np.linalg.norm(middle - facet.panel.origin, axis=1) - np.linalg.norm(shape.halves, axis=1)
-    return bool(np.any(~(distance > facet.radius + reach)))
+def _is_near(part: PanelCells, pose: PosedBody, reach: float) -> bool:
+    """Whether the bounding sphere of any of a body's solids comes near a panel's cells."""
+    shape = pose.shape
+    centre = pose.position + np.einsum("pij,pj->pi", pose.rotation, shape.centres)
+    distance = np.linalg.norm(centre - part.panel.origin, axis=1) - np.linalg.norm(shape.halves, axis=1)
+    return bool((distance <= part.radius + reach).any())
+
+
+def decode_forces(  # noqa: PLR0917 -- a kernel takes its arrays by position
+    contacts: IntArray,
+    address: IntArray,
+    dim: IntArray,
+    friction: FloatArray,
+    efc_force: FloatArray,
+    pyramidal: bool,
+) -> FloatArray:
+    """Kernel: normal and tangential forces of some contacts in their own frames, shape (k, 3) [N].
+
+    Args:
+        contacts: The contacts, shape (k,).
+        address: First row of each contact of the model in `efc_force`.
+        dim: Dimension of each.
+        friction: Friction coefficients of each [-].
+        efc_force: Constraint forces [N].
+        pyramidal: Whether friction cones are pyramidal.
+    """
+    forces = np.empty((len(contacts), 3))
+    for k in range(len(contacts)):
+        decode_force(contacts[k], address, dim, friction, efc_force, pyramidal, forces[k])
+    return forces

@@ -1,7 +1,7 @@
-"""One rigid plate for the dynamics: what each touching body presses it with, and what that body looks like from below.
+"""One rigid plate under the array: it carries the contact forces of MuJoCo, and its reader finds the bodies that press.
 
-The plate carries forces exactly and costs little, but says nothing about where on a face the force lands.  That comes
-from the shapes themselves, sampled over the cells of the array.
+The plate gives the total force of each body exactly at little cost, but not the distribution of that force over the
+face.  The distribution follows from the shapes of the bodies, see `fastmodel.pressure`.
 """
 
 from __future__ import annotations
@@ -9,25 +9,28 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.compiled import choose_kernel
+from fastmodel.compiled import compile_kernel
+from fastmodel.contact.box_forces import decode_force
 from fastmodel.contact.joints import Joints
-from fastmodel.contact.panel_layout import Panel, panels
-from fastmodel.contact.plate_forces import plate_loops, plate_numpy, poses_loops, poses_numpy
+from fastmodel.contact.panel_layout import Panel, divide_into_panels
 from fastmodel.errors import LifeCycleError, StateError
 from fastmodel.pose import Pose, multiply, quaternions, rotate
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.pressure.gap import solid
-from fastmodel.pressure.gap_sampling import Load, Samples, Shape, Standing, sample
+from fastmodel.pressure.conjugate_gradient import Load
+from fastmodel.pressure.gap import describe_solid
+from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+#: Highest collision bit: MuJoCo's collision masks are signed 32-bit integers.
+_HIGHEST_BIT = 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,11 +39,11 @@ class Plate:
 
     Attributes:
         height: Height of the plate, inward from the cover's top [m].
-        margin: Pitches by which plate and cover reach beyond the outermost texels on each side; force there is
+        margin: Pitches by which plate and cover extend beyond the outermost texels on each side; force there counts as
             outside [-].
         contact_bit: The plate's own collision bit, 0..30 [-].
-        solref: Time constant and damping ratio of its contacts, see `fit_contact`; MuJoCo's, shared with what touches,
-            when not given [s, -].
+        solref: Time constant and damping ratio of its contacts, see `fit_contact`; MuJoCo's, shared with the touching
+            geom, when not given [s, -].
         solimp: Impedance of its contacts, as MuJoCo takes it, given with `solref` [-, -, m, -, -].
     """
 
@@ -61,24 +64,31 @@ class Plate:
             raise ValueError(f"height must be positive, not {self.height} m")
         if self.margin < 0 or self.margin != int(self.margin):
             raise ValueError(f"margin must be a whole number of pitches from 0 on, not {self.margin}")
-        if not 0 <= self.contact_bit <= 30:  # noqa: PLR2004 -- MuJoCo's collision masks are signed 32-bit
-            raise ValueError(f"contact_bit must lie in 0..30, not {self.contact_bit}")
+        if not 0 <= self.contact_bit <= _HIGHEST_BIT:
+            raise ValueError(f"contact_bit must lie in 0..{_HIGHEST_BIT}, not {self.contact_bit}")
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
-    def attach(self, body: Any, array: TexelArray, pose: Pose, name: str) -> None:  # noqa: ANN401 -- mjsBody
-        """Add the plate to a body of a spec: one for every flat panel of the array."""
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+        """Add the plate to a body of a spec: one box geom for each flat panel of the array.
+
+        Args:
+            body: The body of a `mujoco.MjSpec`.
+            array: The array, in its own frame.
+            pose: The array's frame in the body's.
+            name: The sensor's name, from which the geoms are named.
+        """
         bit = 1 << self.contact_bit
-        # with priority, what touches has no say in the contact's softness
+        # with priority, the touching geom does not change the softness of the contact
         soft = {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
-        for part, geom in zip(*self.panels(array, name), strict=True):
-            middle = part.origin - 0.5 * self.height * part.axes[:, 2]
+        for panel, geom in zip(*self.divide(array, name), strict=True):
+            middle = panel.origin - 0.5 * self.height * panel.axes[:, 2]
             body.add_geom(
                 name=geom,
                 type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=[*part.half, self.height / 2],
+                size=[*panel.half, self.height / 2],
                 pos=pose.position + rotate(pose.quaternion, middle[None])[0],
-                quat=multiply(pose.quaternion, quaternions(part.axes[None])[0]),
+                quat=multiply(pose.quaternion, quaternions(panel.axes[None])[0]),
                 mass=0.0,
                 contype=bit,
                 conaffinity=0x7FFFFFFF & ~bit,
@@ -86,11 +96,11 @@ class Plate:
                 **soft,
             )
 
-    def panels(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:
-        """The array's flat panels, and the names of their geoms."""
-        parts = panels(array, self.margin)
-        one = len(parts) == 1
-        return parts, [plate_name(name) if one else f"{plate_name(name)}{k}" for k in range(len(parts))]
+    def divide(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:
+        """Divide an array into flat panels: the panels, and the names of their geoms."""
+        panels = divide_into_panels(array, self.margin)
+        one = len(panels) == 1
+        return panels, [plate_name(name) if one else f"{plate_name(name)}{k}" for k in range(len(panels))]
 
 
 def plate_name(name: str) -> str:
@@ -99,40 +109,47 @@ def plate_name(name: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Touching:
-    """Bodies that press on the plate: their ids, loads, and where they stand."""
+class PlateContact:
+    """The bodies that press on the plate.
+
+    Attributes:
+        bodies: Their ids.
+        loads: Their loads.
+        poses: Their shapes and poses in the array's frame.
+    """
 
     bodies: tuple[int, ...]
     loads: tuple[Load, ...]
-    standing: tuple[Standing, ...]
+    poses: tuple[PosedBody, ...]
 
-    @property
-    def force(self) -> float:
-        """All force together [N]."""
-        return sum(load.force for load in self.loads)
+    def equals(self, other: PlateContact, tolerance: float, length: float) -> bool:
+        """Whether the same bodies press alike at the same place, up to a tolerance.
 
-    def only(self, kept: Sequence[int]) -> Touching:
-        """Some of the bodies."""
-        return Touching(
+        Args:
+            other: The other contact.
+            tolerance: Largest difference of forces, over the force; of positions, over `length`; of rotations [-].
+            length: The length [m].
+        """
+        return (
+            self.bodies == other.bodies
+            and all(a.equals(b, tolerance, length) for a, b in zip(self.poses, other.poses, strict=True))
+            and all(a.equals(b, tolerance, length) for a, b in zip(self.loads, other.loads, strict=True))
+        )
+
+    def select(self, kept: Sequence[int]) -> PlateContact:
+        """The contact of some of the bodies, given by their place in the list."""
+        return PlateContact(
             bodies=tuple(self.bodies[k] for k in kept),
             loads=tuple(self.loads[k] for k in kept),
-            standing=tuple(self.standing[k] for k in kept),
+            poses=tuple(self.poses[k] for k in kept),
         )
 
 
 class PlateReader:
-    """Finds in one step's data what presses on the plate."""
+    """Finds the bodies that press on the plate, and samples the gap under them."""
 
     def __init__(
-        self,
-        plate: Plate,
-        model: Any,  # noqa: ANN401 -- MjModel
-        array: TexelArray,
-        name: str,
-        *,
-        grid: CellGrid,
-        edge: float,
-        native: bool | None = None,
+        self, plate: Plate, model: mujoco.MjModel, array: TexelArray, name: str, *, grid: CellGrid, edge: float
     ) -> None:
         """Find the plate in the compiled model.
 
@@ -142,62 +159,72 @@ class PlateReader:
             array: The array that was attached.
             name: The sensor's name.
             grid: The cells.
-            edge: Distance by which sharp edges stand out [m].
-            native: True for the numba kernel, False for numpy, None for whichever is there.
+            edge: Distance by which solids with sharp edges are enlarged [m].
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        parts, names = plate.panels(array, name)
-        self._geoms = np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names])
+        panels, names = plate.divide(array, name)
+        self._geoms = np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names], np.int64)
         if self._geoms.min() < 0:
             raise LifeCycleError(
                 f"geom {names[int(self._geoms.argmin())]!r} is not in this model; bind a model compiled from the spec "
                 f"that sensor {name!r} was attached to"
             )
         self._geom = int(self._geoms[0])
-        self._model, self._edge, self._name, self._grid, self._native = model, edge, names[0], grid, native
-        self._turn = parts[0].axes.T
-        self._middle = parts[0].origin - 0.5 * plate.height * parts[0].axes[:, 2]
+        self._model, self._edge, self._name, self._grid = model, edge, names[0], grid
+        self._turn = panels[0].axes.T
+        self._middle = panels[0].origin - 0.5 * plate.height * panels[0].axes[:, 2]
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
-        self._group = model.body_weldid[model.geom_bodyid].astype(np.int64)
-        self._shapes: dict[int, tuple[IntArray, Shape]] = {}
+        # bodies that no joint separates move and press as one
+        self._body_of_geom = model.body_weldid[model.geom_bodyid].astype(np.int64)
+        self._shapes: dict[int, tuple[IntArray, BodyShape]] = {}
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
-        self._press = choose_kernel(plate_loops, plate_numpy, native=native)
-        self._poses = choose_kernel(poses_loops, poses_numpy, native=native)
+        self._sum_forces, self._transform_poses = compile_kernel(sum_forces), compile_kernel(transform_poses)
 
-    def touching(self, data: Any) -> Touching | None:  # noqa: ANN401 -- MjData
-        """What presses on the plate now; None where nothing does."""
+    def find_contact(self, data: mujoco.MjData) -> PlateContact | None:
+        """Find the bodies that press on the plate now; None if there are none.
+
+        Raises:
+            StateError: If a contact force is not finite.
+        """
         if not data.nefc:
             return None
-        # dot: between products this small, @ costs twice as much
+        # dot: for arrays this small, @ costs twice as much
         axes = data.geom_xmat[self._geom].reshape(3, 3).dot(self._turn)
         origin = data.geom_xpos[self._geom] - axes.dot(self._middle)
-        pressing = self._loads(data, axes, origin)
+        pressing = self._find_loads(data, axes, origin)
         if not pressing:
             return None
         for _, load in pressing:
             if not math.isfinite(load.force):
                 raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
         bodies, loads = zip(*pressing, strict=True)
-        standing = tuple([self._stand(data, body, axes, origin) for body in bodies])
-        return Touching(bodies=bodies, loads=loads, standing=standing)
+        return PlateContact(
+            bodies=bodies, loads=loads, poses=tuple(self._find_pose(data, body, axes, origin) for body in bodies)
+        )
 
-    def look(self, touching: Touching, reach: Sequence[float]) -> Samples:
-        """Look at every body from below.
+    def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
+        """Sample the gap under every body.
 
         Args:
-            touching: The bodies.
-            reach: Height over each body's lowest point up to which it is looked at [m].
+            contact: The bodies.
+            reach: For each body, height over its lowest cell up to which cells are kept [m].
         """
-        return sample(self._grid, touching.standing, reach, native=self._native)
+        return sample_gap(self._grid, contact.poses, reach)
 
-    def _loads(self, data: Any, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:  # noqa: ANN401
-        """Bodies that press, and their loads; not finite where the state is not."""
+    def compile_kernels(self, data: mujoco.MjData) -> None:
+        """Call the kernels once, on a state without contacts."""
+        axes, origin = np.eye(3), np.zeros(3)
+        self._find_loads(data, axes, origin)
+        self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
+
+    def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
+        """Bodies that press, and their loads; the force is nan if a force or moment is not finite."""
         contact = data.contact
         geom = contact.geom
         bodies, sums = np.empty(len(geom), np.int64), np.empty((len(geom), 3))
-        count = self._press(
+        count = self._sum_forces(
             geom,
             contact.efc_address,
             contact.dim,
@@ -207,7 +234,7 @@ class PlateReader:
             data.efc_force,
             self._pyramidal,
             self._geom,
-            self._group,
+            self._body_of_geom,
             axes,
             origin,
             bodies,
@@ -215,26 +242,113 @@ class PlateReader:
         )
         pressing = []
         for body, (force, x, y) in zip(bodies[:count].tolist(), sums[:count].tolist(), strict=True):
-            if not force <= 0:  # what is no number is told by who asked, moments included
-                tilts = self._joints.tilts(data, body, axes[:, 2])
+            if not force <= 0:  # true for nan as well, which `find_contact` reports
+                tilts = self._joints.let_tilt(data, body, axes[:, 2])
                 pressing.append((body, Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts)))
         return pressing
 
-    def _stand(self, data: Any, body: int, axes: FloatArray, origin: FloatArray) -> Standing:  # noqa: ANN401
+    def _find_pose(self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray) -> PosedBody:
         """A body's solids in the array's frame."""
-        geoms, shape = self._shape(body)
-        rotation, position = self._poses(geoms, data.geom_xmat, data.geom_xpos, axes, origin)
-        return Standing(shape=shape, rotation=rotation, position=position)
-
-    def _shape(self, body: int) -> tuple[IntArray, Shape]:
-        """Geoms of a body that can touch the plate, and their solids."""
         if body not in self._shapes:
-            model, plate = self._model, self._geom
-            types, affinities = model.geom_contype, model.geom_conaffinity
-            touches = (types & affinities[plate]) | (affinities & types[plate])
-            geoms = ((self._group == body) & (touches != 0) & ~np.isin(np.arange(model.ngeom), self._geoms)).nonzero()[
-                0
-            ]
-            solids = tuple(solid(model, int(geom), self._edge) for geom in geoms)
-            self._shapes[body] = (geoms, Shape(solids=solids, edge=self._edge))
-        return self._shapes[body]
+            self._shapes[body] = self._find_shape(body)
+        geoms, shape = self._shapes[body]
+        rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, axes, origin)
+        return PosedBody(shape=shape, rotation=rotation, position=position)
+
+    def _find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
+        """Geoms of a body that can touch the plate, and their solids."""
+        model, plate = self._model, self._geom
+        types, affinities = model.geom_contype, model.geom_conaffinity
+        collides = ((types & affinities[plate]) | (affinities & types[plate])) != 0
+        collides[self._geoms] = False
+        geoms = ((self._body_of_geom == body) & collides).nonzero()[0]
+        solids = tuple(describe_solid(model, int(geom), self._edge) for geom in geoms)
+        return geoms, BodyShape(solids=solids, edge=self._edge)
+
+
+def sum_forces(  # noqa: PLR0917 -- a kernel takes its arrays by position
+    geom: IntArray,
+    address: IntArray,
+    dim: IntArray,
+    frame: FloatArray,
+    friction: FloatArray,
+    pos: FloatArray,
+    efc_force: FloatArray,
+    pyramidal: bool,
+    plate: int,
+    body_of_geom: IntArray,
+    axes: FloatArray,
+    origin: FloatArray,
+    bodies: IntArray,
+    sums: FloatArray,
+) -> int:
+    """Kernel: sum contact forces against the plate's normal, and their moments, body by body.
+
+    Args:
+        geom: Both geoms of each contact, shape (k, 2).
+        address: First row of each contact in `efc_force`, -1 for none, shape (k,).
+        dim: Dimension of each contact, shape (k,).
+        frame: Axes of each contact as rows, normal first, shape (k, 9) [-].
+        friction: Friction coefficients, shape (k, 5) [-].
+        pos: Place of each contact in the world, shape (k, 3) [m].
+        efc_force: Constraint forces [N].
+        pyramidal: Whether friction cones are pyramidal.
+        plate: The plate's geom.
+        body_of_geom: Body that each geom moves with, shape (geoms,).
+        axes: Axes of the array in the world, as columns, shape (3, 3) [-].
+        origin: Origin of the array in the world, shape (3,) [m].
+        bodies: Where to put the ids of the bodies, shape (k,).
+        sums: Where to put force [N] and force times x and times y [N m] of each, shape (k, 3).
+
+    Returns:
+        The number of bodies.
+    """
+    count = 0
+    local = np.zeros(3)
+    for k in range(geom.shape[0]):
+        if address[k] < 0 or (geom[k, 0] != plate and geom[k, 1] != plate):
+            continue
+        decode_force(k, address, dim, friction, efc_force, pyramidal, local)
+        force, x, y = 0.0, 0.0, 0.0
+        for i in range(3):
+            for axis in range(3):
+                force += local[axis] * frame[k, 3 * axis + i] * axes[i, 2]
+            x += (pos[k, i] - origin[i]) * axes[i, 0]
+            y += (pos[k, i] - origin[i]) * axes[i, 1]
+        other = geom[k, 1]
+        if geom[k, 1] == plate:
+            force, other = -force, geom[k, 0]
+        body, slot = body_of_geom[other], 0
+        while slot < count and bodies[slot] != body:
+            slot += 1
+        if slot == count:
+            bodies[slot] = body
+            sums[slot] = 0.0
+            count += 1
+        sums[slot, 0] += force
+        sums[slot, 1] += force * x
+        sums[slot, 2] += force * y
+    return count
+
+
+def transform_poses(
+    geoms: IntArray, xmat: FloatArray, xpos: FloatArray, axes: FloatArray, origin: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Kernel: axes (p, 3, 3) [-] and origins (p, 3) [m] of some geoms (p,) in the array's frame.
+
+    Args:
+        geoms: Their ids.
+        xmat: Axes of all geoms in the world, shape (geoms, 9) [-].
+        xpos: Origins of all geoms in the world, shape (geoms, 3) [m].
+        axes: Axes of the array in the world, as columns, shape (3, 3) [-].
+        origin: Origin of the array in the world, shape (3,) [m].
+    """
+    rotation, position = np.zeros((len(geoms), 3, 3)), np.zeros((len(geoms), 3))
+    for p in range(len(geoms)):
+        g = geoms[p]
+        for i in range(3):
+            for j in range(3):
+                position[p, i] += axes[j, i] * (xpos[g, j] - origin[j])
+                for k in range(3):
+                    rotation[p, i, k] += axes[j, i] * xmat[g, 3 * j + k]
+    return rotation, position

@@ -1,18 +1,16 @@
-"""The cells that divide the pitches of an array and of a margin around it."""
+"""The cells that divide a flat array, and sums of forces on cells over texels: at the cover's top and at its base."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.pressure.cover_kernels import CoverCells
 from meshes import TexelArray
-
-if TYPE_CHECKING:
-    from fastmodel.pressure.gap_sampling import Samples
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -20,7 +18,7 @@ IntArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CellGrid:
-    """Cells that divide the pitches of a flat grid and of a margin around it.
+    """Cells that divide the pitches of a flat array and of a margin around it.
 
     Attributes:
         per_texel: Cells along each edge of a pitch [-].
@@ -42,7 +40,7 @@ class CellGrid:
 
     @classmethod
     def over(cls, array: TexelArray, per_texel: int, margin: int) -> CellGrid:
-        """Cells over a planar grid and `margin` pitches around it."""
+        """Divide a flat array and `margin` pitches around it."""
         edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
         beyond = margin * per_texel
         half_pitch = np.array(array.pitch) / 2
@@ -61,32 +59,141 @@ class CellGrid:
         """Number of texels [-]."""
         return (self.rows - 2 * self.margin) * (self.columns - 2 * self.margin) // self.per_texel**2
 
-    def on_texels(self, samples: Samples, forces: FloatArray) -> FloatArray:
-        """Sums of cell forces (m,) over texels, those in the margin left out, shape (n,) [N]."""
-        felt = self._felt.take(samples.row * self.columns + samples.column)
-        return np.bincount(felt, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
+    @cached_property
+    def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Columns and rows [-], lowest corner [m] and edges of a cell [m], each of shape (2,), for kernels."""
+        return np.array([self.columns, self.rows]), self.low, np.array(self.edge)
 
-    def window_on_texels(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
-        """The same for forces on a window of cells (rows, columns), which may reach beyond the grid where it is zero.
+    def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
+        """Sum forces on cells over the texels they belong to; cells in the margin belong to none.
 
         Args:
-            forces: On the window's cells [N].
-            origin: Row and column of its first cell in the grid.
+            row: Row of each cell, shape (m,).
+            column: Column of each cell, shape (m,).
+            forces: Force on each cell, shape (m,) [N].
+
+        Returns:
+            Force on each texel, shape (n,) [N].
         """
-        top, left = max(0, -origin[0]), max(0, -origin[1])
-        inside = forces[top : max(0, self.rows - origin[0]), left : max(0, self.columns - origin[1])]
-        row, column = origin[0] + top, origin[1] + left
-        felt = self._felt.reshape(self.rows, self.columns)
-        felt = felt[row : row + inside.shape[0], column : column + inside.shape[1]]
-        return np.bincount(felt.ravel(), inside.ravel(), self.texels + 1)[1:].astype(np.float64, copy=False)
+        slot = self._slots.take(row * self.columns + column)
+        return np.bincount(slot, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
 
     @cached_property
-    def _felt(self) -> IntArray:
+    def _slots(self) -> IntArray:
         """One more than the texel of each cell, 0 in the margin, shape (rows * columns,)."""
-        return self.texel(*np.divmod(np.arange(self.rows * self.columns), self.columns)) + 1
+        return self.find_texel(*np.divmod(np.arange(self.rows * self.columns), self.columns)) + 1
 
-    def texel(self, row: IntArray, column: IntArray) -> IntArray:
+    def find_texel(self, row: IntArray, column: IntArray) -> IntArray:
         """Texel of each cell, -1 in the margin, same shape."""
         i, j = row - self.margin, column - self.margin
         inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin) & (j < self.columns - 2 * self.margin)
         return np.asarray(np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1))
+
+
+class _Window(NamedTuple):
+    """The factors of the influence for one window of cells.
+
+    Attributes:
+        inside: Rows and columns of the window that lie within the grid.
+        first: Row and column in the grid of the first of these.
+        texels: Rows and columns of texels that forces on the window reach.
+        along: Factors from rows of cells to rows of texels, shape (texel rows * terms, rows) [-].
+        across: Factors from columns of cells to columns of texels, shape (terms * columns, texel columns) [-].
+    """
+
+    inside: tuple[slice, slice]
+    first: tuple[int, int]
+    texels: tuple[slice, slice]
+    along: FloatArray
+    across: FloatArray
+
+
+class BaseForces:
+    """Forces on texels at the base of the cover under forces on cells at its top.
+
+    The influence of a cell on a texel depends on their distance along rows and along columns.  It is factorised into a
+    sum of products of both, so that each window of cells takes two matrix products.  A cover with free side edges has
+    no such form; its table of all cells and texels is used as it is.
+    """
+
+    def __init__(self, cells: CoverCells, grid: CellGrid, array: TexelArray) -> None:
+        """Lay the factors of the influence out over the whole grid."""
+        self._cells, self._grid, self._array = cells, grid, array
+        along, across = cells.influence_factors
+        self._masked = None if array.active.all() else ~array.active
+        self._rows = _lay_out_factor(along, array.rows, grid.rows, cells, grid.margin)
+        self._columns = _lay_out_factor(across, array.columns, grid.columns, cells, grid.margin)
+        self._window: tuple[tuple[tuple[int, int], tuple[int, ...]], _Window] | None = None
+
+    def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """Force on each texel, zero on masked ones, shape (n,) [N].
+
+        Args:
+            forces: Forces on a window of cells, shape (rows, columns).  The window may extend beyond the grid; forces
+                there must be zero [N].
+            origin: Row and column of the window's first cell in the grid.
+        """
+        if self._window is None or self._window[0] != (origin, forces.shape):
+            self._window = ((origin, forces.shape), self._build_window(origin, forces.shape))
+        window = self._window[1]
+        forces = forces[window.inside]
+        if self._cells.table is not None:
+            return self._apply_table(self._cells.table, forces, window.first)
+        texels = np.zeros((self._array.rows, self._array.columns))
+        if window.along.size and window.across.size:
+            terms = len(self._rows)
+            products = window.along.dot(forces).reshape(-1, terms * forces.shape[1])
+            texels[window.texels] = products.dot(window.across)
+        return self._mask(texels.ravel())
+
+    def from_texels(self, contact_forces: FloatArray) -> FloatArray:
+        """Force on each texel under forces spread uniformly over each texel's cells, shape (n,) to (n,) [N]."""
+        s = self._cells.per_texel
+        image = contact_forces.reshape(self._array.rows, self._array.columns)
+        uniform = np.kron(image, np.full((s, s), 1 / s**2))
+        return self.from_window(uniform, (self._grid.margin, self._grid.margin))
+
+    def _build_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Window:
+        row, rows, near_rows = self._clip(origin[0], shape[0], self._grid.rows, self._array.rows)
+        column, columns, near_columns = self._clip(origin[1], shape[1], self._grid.columns, self._array.columns)
+        height, width = rows.stop - rows.start, columns.stop - columns.start
+        along = self._rows[:, near_rows, row : row + height].transpose(1, 0, 2).reshape(-1, height)
+        across = self._columns[:, near_columns, column : column + width].transpose(0, 2, 1)
+        return _Window(
+            inside=(rows, columns),
+            first=(row, column),
+            texels=(near_rows, near_columns),
+            along=along,
+            across=across.reshape(-1, across.shape[2]),
+        )
+
+    def _clip(self, start: int, length: int, cells: int, texels: int) -> tuple[int, slice, slice]:
+        """Along one axis: first cell of a window within the grid, its part there, and the texels that it reaches."""
+        skipped = max(0, -start)
+        inside = slice(skipped, max(skipped, min(length, cells - start)))
+        start, length = start + skipped, inside.stop - skipped
+        s, reach, margin = self._cells.per_texel, self._cells.reach, self._grid.margin
+        first = max(0, (start - margin - reach - s) // s + 1)
+        last = min(texels, (start + length - 1 - margin + reach) // s + 1)
+        return start, inside, slice(first, max(first, last))
+
+    def _apply_table(self, table: FloatArray, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """Apply the table to the part of a window that lies on the array; the table has no cells beyond."""
+        row, column = (start - self._grid.margin for start in origin)
+        top, left = max(0, -row), max(0, -column)
+        forces = forces[top : max(0, table.shape[1] - row), left : max(0, table.shape[2] - column)]
+        row, column = row + top, column + left
+        part = table[:, row : row + forces.shape[0], column : column + forces.shape[1]]
+        return self._mask(np.tensordot(part, forces, 2))
+
+    def _mask(self, texel_forces: FloatArray) -> FloatArray:
+        if self._masked is not None:
+            texel_forces[self._masked] = 0.0
+        return texel_forces
+
+
+def _lay_out_factor(factor: FloatArray, texels: int, cells: int, data: CoverCells, margin: int) -> FloatArray:
+    """A factor of the influence along one axis between each texel and each cell, shape (terms, texels, cells) [-]."""
+    index = np.arange(cells) - margin - data.per_texel * np.arange(texels)[:, None] + data.reach
+    inside = (index >= 0) & (index < factor.shape[1])
+    return np.where(inside, factor[:, np.clip(index, 0, factor.shape[1] - 1)], 0.0)

@@ -167,22 +167,6 @@ def test_a_held_start_is_at_rest():
     assert image.sum() + sensor.outside() == pytest.approx(1)
 
 
-def test_a_contact_is_solved_anew_only_after_it_has_slid_by_a_cell():
-    sensor, model, data = scene(np.array([1.0, 0, 0, 0]))
-    run(sensor, model, data, 600)
-    reader = sensor._running._reader
-    first = reader._held
-    run(sensor, model, data, 30)
-    assert reader._held is first
-    cell = PARAMETERS.cells.cell[0]
-    for way, same in ((0.9, True), (0.2, False)):
-        data.qvel[0] = way * cell / 30e-3
-        run(sensor, model, data, 30)
-        data.qvel[0] = 0
-        run(sensor, model, data, 3)
-        assert (reader._held is first) is same
-
-
 def test_costly_methods_read_as_rarely_as_frames_and_filter_allow():
     for cutoff, every in ((10.0, 3), (100.0, 2), (200.0, 1)):
         changed = dataclasses.replace(PARAMETERS, filter=Butterworth(cutoff_hz=cutoff))

@@ -9,7 +9,7 @@ import pytest
 
 import fastmodel
 from fastmodel import OptionWarning, Placement, ShapeError, indent, indent_together
-from fastmodel.contact.panel_layout import ScatteredBase, lay_out, panels
+from fastmodel.contact.panel_layout import ScatteredBaseForces, divide_into_panels, lay_out
 from fastmodel.pose import about_z, multiply, rotate
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
@@ -64,7 +64,7 @@ def test_a_curved_array_carries_the_load_as_a_vector(array, method):
 def test_a_flat_array_cut_in_two_answers_as_before(shape, method):
     lift = np.where(np.arange(WTS.count) < WTS.count // 2, 0.0, 4e-6)
     cut = dataclasses.replace(WTS, centres=WTS.centres + lift[:, None] * [0, 0, 1])
-    assert (len(panels(WTS, 0)), len(panels(cut, 0))) == (1, 2)
+    assert (len(divide_into_panels(WTS, 0)), len(divide_into_panels(cut, 0))) == (1, 2)
     # the seam lies under the shape; boxes put whole contact points on either side of it
     whole, halves = (
         indent(parameters(array, cells=SOFT), shape, load=2.0, at=(0.9e-3, 1.3e-3), method=method)
@@ -79,7 +79,7 @@ def test_a_cut_without_a_step_changes_nothing(method, monkeypatch):
     up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), cells=CELLS)
     shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
     whole = indent(up, shape, load=2.0, at=at, method=method)
-    monkeypatch.setattr("fastmodel.contact.panel_layout._blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
+    monkeypatch.setattr("fastmodel.contact.panel_layout._find_blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
     halves = indent(up, shape, load=2.0, at=at, method=method)
     assert 0 < np.abs(halves.texel_forces - whole.texel_forces).max() < 2e-6
 
@@ -109,14 +109,14 @@ def test_texels_off_the_lattice_feel_what_the_cover_carries_there():
 
     places = np.array([[0, 0, 0], [4.1e-3, 0.29e-3, 0], [-1.3e-3, 3.7e-3, 0]])
     array = dataclasses.replace(WTS, centres=places, normals=WTS.normals[:3], active=WTS.active[:3], rows=1, columns=3)
-    layout = lay_out(array, panels(array, 1), CELLS.per_texel, 1)
-    base, window = ScatteredBase(CELLS, layout, layout.grid, array), np.ones((1, 1))
-    grid, panel = layout.facets[0].grid, layout.facets[0].panel
+    layout = lay_out(array, divide_into_panels(array, 1), CELLS.per_texel, 1)
+    base, window = ScatteredBaseForces(CELLS, layout, layout.grid, array), np.ones((1, 1))
+    grid, panel = layout.panels[0].grid, layout.panels[0].panel
     for row, column in ((9, 11), (7, 6)):
         cell = panel.origin[:2] + grid.low + (np.array([column, row]) + 0.5) * grid.edge
         ends = (places[:, None, :2] - cell + np.array([[-0.5], [0.5]]) * PITCH) / (np.sqrt(2) * 0.5 * CELLS.thickness)
         exact = (0.5 * np.diff(erf(ends), axis=1)[:, 0]).prod(axis=1)
-        np.testing.assert_allclose(base.of_window(window, (row, column)), exact, atol=3e-3)
+        np.testing.assert_allclose(base.from_window(window, (row, column)), exact, atol=3e-3)
 
 
 @pytest.mark.parametrize("radius", [12e-3, 40e-3])

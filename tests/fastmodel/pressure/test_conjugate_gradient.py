@@ -1,54 +1,54 @@
+import dataclasses
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from fastmodel import ShapeError
-from fastmodel.pressure.base_forces import BaseForces
-from fastmodel.pressure.conjugate_gradient import CoverSolver, Settings
-from fastmodel.pressure.gap_sampling import Load, sample
-from fastmodel.pressure.winkler import foundation_forces
-from meshes import Box, Cylinder, LetterH, Nut, Sphere, TexelArray
-from tests.support.cover_data import WTS, cells
-from tests.support.gap_samples import GRID, standing
+from fastmodel.pressure.conjugate_gradient import CoverSolver, Load
+from fastmodel.pressure.conjugate_gradient_kernels import find_start, minimise_energy, place_cells
+from fastmodel.pressure.gap_sampling import sample_gap
+from meshes import Box, Cylinder, LetterH, Nut, Sphere
+from tests.support.cover_data import cells
+from tests.support.posed_bodies import GRID, pose_body
 
 CELLS = cells()
 SHAPES = [Box(size=(12e-3, 7e-3, 5e-3)), Nut(across=13e-3, bore=8e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)]
 SHAPES += [Sphere(radius=5e-3), Cylinder(radius=0.3e-3)]
 
 
-def dense(samples, solver):
-    """The compliance as a matrix, column by column."""
-    from fastmodel.pressure.conjugate_gradient import _Operator
+def press_guided(force):
+    return Load(force=force, moment=np.zeros(2), tilts=False)
 
-    operator = _Operator(solver, samples)
-    first, second = operator.matrices
-    n, m = first.shape[1], second.shape[1]
-    matrix = np.zeros((samples.count, samples.count))
-    for k in range(samples.count):
-        unit = np.zeros(samples.count)
-        unit[k] = 1
-        window = operator.on_cells(unit)
-        flat = sum(
-            a @ window @ b for a, b in zip(first.reshape(-1, n, n), second.reshape(-1, m, m), strict=True)
-        ).ravel()
-        matrix[:, k] = (operator.weight * flat[operator.target]).sum(axis=0) + operator.soft * unit
+
+def build_matrix(samples, solver):
+    """The compliance between sampled cells as a dense matrix [m/N], from the weights and the kernel of the cover."""
+    data = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
+    _, _, corner, weight, own = place_cells(data, GRID.arrays, solver._near, solver._square)
+    rows = corner[0] + np.array([[0], [0], [1], [1]])
+    columns = corner[1] + np.array([[0], [1], [0], [1]])
+    kernel = np.zeros((100, 100))
+    size = CELLS.compliance.shape
+    kernel[: size[0], : size[1]] = CELLS.compliance / (CELLS.cell[0] * CELLS.cell[1])
+    matrix = np.diag(own)
+    for a, b in np.ndindex(4, 4):
+        apart = np.abs(np.subtract.outer(rows[a], rows[b])), np.abs(np.subtract.outer(columns[a], columns[b]))
+        matrix += weight[a][:, None] * kernel[apart] * weight[b]
     return matrix
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
 @pytest.mark.parametrize("tilts", [False, True], ids=["guided", "free"])
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__name__)
-def test_pressure_where_it_touches_and_no_overlap_elsewhere(shape, tilts, native):
-    """The conditions of the minimum, each one: balance, no pull, one plane under the contact, a gap beside it."""
-    if native:
-        pytest.importorskip("numba")
-    samples = sample(GRID, [standing(shape, yaw=0.3)], [2e-3])
+def test_solution_meets_the_conditions_of_the_minimum(shape, tilts):
+    """Balance; no tension; one plane under the contact; a gap beside it."""
+    samples = sample_gap(GRID, [pose_body(shape, yaw=0.3)], [2e-3])
     moment = 3.0 * np.array([0.7e-3, -1.1e-3]) + (3.0 * 0.3e-3 if samples.count > 9 else 0.0)
-    solver = CoverSolver(CELLS, GRID, Settings(tolerance=1e-10, steps=2000), native=native)
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-10, steps=2000)
     found = solver.solve(samples, [Load(force=3.0, moment=moment, tilts=tilts)])
     assert found.converged
     assert found.forces.min() >= 0
     assert found.forces.sum() == pytest.approx(3.0, rel=1e-8)
-    matrix = dense(samples, solver)
+    matrix = build_matrix(samples, solver)
     np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * matrix.max())
     overlap = matrix @ found.forces + samples.gap
     columns = np.column_stack([np.ones(samples.count), samples.x, samples.y])[:, : 3 if tilts else 1]
@@ -56,107 +56,142 @@ def test_pressure_where_it_touches_and_no_overlap_elsewhere(shape, tilts, native
     motion = np.linalg.lstsq(columns[active], overlap[active], rcond=None)[0]
     apart = overlap - columns @ motion
     scale = np.abs(matrix @ found.forces).max()
-    assert np.abs(apart[active]).max() < 1e-5 * scale
-    assert apart[~active].min(initial=0) > -1e-5 * scale
-    if tilts and samples.count > 9:  # a point can be tilted about nothing
+    # the convolution of the solver leaves out small singular values of the kernel
+    assert np.abs(apart[active]).max() < 3e-4 * scale
+    assert apart[~active].min(initial=0) > -3e-4 * scale
+    if tilts and samples.count > 9:  # a point has no moment
         np.testing.assert_allclose([found.forces @ samples.x, found.forces @ samples.y], moment, atol=1e-9)
 
 
+def test_compiled_kernels_and_plain_python_agree():
+    samples = sample_gap(GRID, [pose_body(Box(size=(3e-3, 4e-3, 5e-3)), yaw=0.4)], [1e-3])
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-8, steps=50)
+    load = Load(force=2.0, moment=2.0 * np.array([0.8e-3, -1.0e-3]), tilts=True)
+    data = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
+    _, shape, *shares = place_cells(data, GRID.arrays, solver._near, solver._square)
+    nothing = (np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))
+    start = find_start(nothing, (*data[:3], samples.body), np.array([2.0]), np.zeros((GRID.rows, GRID.columns)))
+    columns, target = load.build_constraints(samples, slice(None))
+    cover = (*shares, *CELLS.convolution.matrices(*shape))
+    forces, window, *_ = minimise_energy(cover, samples.gap, columns, target, start, 2e-8, 50)
+    found = solver.solve(samples, [load])
+    np.testing.assert_allclose(found.forces, forces, atol=1e-9)
+    np.testing.assert_allclose(found.window, window, atol=1e-9)
+
+
 def test_a_warm_start_changes_nothing_but_the_steps():
-    solver = CoverSolver(CELLS, GRID, Settings(tolerance=1e-8, steps=2000))
-    before = sample(GRID, [standing(SHAPES[1])], [2e-3])
-    after = sample(GRID, [standing(SHAPES[1], at=(0.8e-3, -1.1e-3))], [2e-3])
-    load = [Load(force=3.0, moment=np.zeros(2), tilts=False)]
-    solver.solve(before, load)
-    warm = solver.solve(after, load)
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-8, steps=2000)
+    before = sample_gap(GRID, [pose_body(SHAPES[1])], [2e-3])
+    after = sample_gap(GRID, [pose_body(SHAPES[1], at=(0.8e-3, -1.1e-3))], [2e-3])
+    solver.solve(before, [press_guided(3.0)])
+    warm = solver.solve(after, [press_guided(3.0)])
     solver.reset()
-    cold = solver.solve(after, load)
+    cold = solver.solve(after, [press_guided(3.0)])
     np.testing.assert_allclose(warm.forces, cold.forces, atol=1e-6)
     assert warm.steps < cold.steps
 
 
-def test_moments_that_no_pressure_can_carry_are_let_go():
-    samples = sample(GRID, [standing(SHAPES[0])], [2e-3])
-    found = CoverSolver(CELLS, GRID, Settings()).solve(
-        samples, [Load(force=1.0, moment=np.array([0.1, 0]), tilts=True)]
-    )
+def test_moments_that_no_pressure_can_have_are_given_up():
+    samples = sample_gap(GRID, [pose_body(SHAPES[0])], [2e-3])
+    load = Load(force=1.0, moment=np.array([0.1, 0]), tilts=True)
+    found = CoverSolver(CELLS, GRID).solve(samples, [load])
     assert found.converged
     assert found.forces.sum() == pytest.approx(1.0)
 
 
-def test_two_bodies_sink_by_their_own_weights_and_feel_one_another():
-    bodies = [standing(SHAPES[0], at=(0, -3.6e-3)), standing(SHAPES[0], at=(0, 3.6e-3))]
-    samples = sample(GRID, bodies, [1e-3, 1e-3])
-    loads = [Load(force=force, moment=np.zeros(2), tilts=False) for force in (4.0, 1.0)]
-    solver = CoverSolver(CELLS, GRID, Settings(tolerance=1e-7))
+def test_two_bodies_sink_by_their_own_weights_and_by_that_of_the_other():
+    bodies = [pose_body(SHAPES[0], at=(0, -3.6e-3)), pose_body(SHAPES[0], at=(0, 3.6e-3))]
+    loads = [press_guided(4.0), press_guided(1.0)]
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-7)
+    samples = sample_gap(GRID, bodies, [1e-3, 1e-3])
     found = solver.solve(samples, loads)
-    sums = np.bincount(samples.body, found.forces)
-    np.testing.assert_allclose(sums, [4, 1], rtol=1e-6)
-    alone = solver.solve(sample(GRID, bodies[1:], [1e-3]), loads[1:])
+    np.testing.assert_allclose(np.bincount(samples.body, found.forces), [4, 1], rtol=1e-6)
+    alone = solver.solve(sample_gap(GRID, bodies[1:], [1e-3]), loads[1:])
     assert found.approach[1] > 1.02 * alone.approach[0]
 
 
-def test_force_at_the_base_is_the_influence_of_every_cell():
-    base = BaseForces(CELLS, GRID, WTS)
-    rng = np.random.default_rng(0)
-    window, origin = rng.uniform(0, 1, (9, 11)), (13, 5)
-    found = WTS.image(base.of_window(window, origin))
-    expected = np.zeros((14, 6))
-    for i, j in np.ndindex(window.shape):
-        for r, c in np.ndindex(expected.shape):
-            a = origin[0] + i - GRID.margin - 4 * r + CELLS.reach
-            b = origin[1] + j - GRID.margin - 4 * c + CELLS.reach
-            if 0 <= a < len(CELLS.influence) and 0 <= b < len(CELLS.influence):
-                expected[r, c] += window[i, j] * CELLS.influence[a, b]
-    np.testing.assert_allclose(found, expected, atol=1e-5 * expected.max())
-
-
-def test_even_forces_on_texels_go_the_same_way():
-    base = BaseForces(CELLS, GRID, WTS)
-    forces = np.zeros(84)
-    forces[40] = 2.0
-    s = CELLS.per_texel
-    window = np.full((s, s), 2.0 / s**2)
-    there = base.of_window(window, (GRID.margin + s * (40 // 6), GRID.margin + s * (40 % 6)))
-    np.testing.assert_allclose(base.of_texels(forces), there, atol=1e-12)
-
-
-def test_springs_carry_force_and_moments_too():
-    samples = sample(GRID, [standing(Sphere(radius=5e-3), at=(1e-3, 2e-3))], [2e-3])
-    for tilts in (False, True):
-        moment = 2.0 * np.array([1.1e-3, 2.05e-3])
-        forces, levels = foundation_forces(
-            samples, [Load(force=2.0, moment=moment, tilts=tilts)], 2e9 * 0.85e-3**2 * samples.coverage
-        )
-        assert forces.min() >= 0
-        assert forces.sum() == pytest.approx(2.0)
-        np.testing.assert_array_equal(forces > 0, levels > samples.gap)
-        if tilts:
-            np.testing.assert_allclose([forces @ samples.x, forces @ samples.y], moment, atol=1e-8)
-
-
-def test_modulus_is_that_of_the_patch():
-    """A foundation with it yields to even pressure on the patch by the mean of what the cells yield."""
-    n = 9  # 4 thicknesses of 2 mm in cells of 0.85 mm
-    rows, columns = np.divmod(np.arange(n * n), n)
-    matrix = CELLS.compliance[np.abs(np.subtract.outer(rows, rows)), np.abs(np.subtract.outer(columns, columns))]
-    assert CELLS.foundation_modulus() == pytest.approx(1 / matrix.sum(axis=1).mean(), rel=1e-12)
-
-
-def test_cells_that_do_not_divide_the_pitch_are_refused():
-    with pytest.raises(ShapeError, match="pitch"):
-        CELLS.check(TexelArray.grid(4, 4, 3.0e-3))
-
-
-def test_whatever_goes_wrong_inside_the_loads_stay_carried():
-    """Cut off after no step at all, and fed with a start that is no number."""
-    samples = sample(GRID, [standing(SHAPES[3], at=(-0.00795, 0.01658))], [2e-3])
-    load = [Load(force=0.2, moment=np.zeros(2), tilts=False)]
+def test_loads_stay_balanced_when_the_iteration_is_cut_off_or_diverges():
+    samples = sample_gap(GRID, [pose_body(SHAPES[3], at=(-0.00795, 0.01658))], [2e-3])
+    load = [press_guided(0.2)]
     for steps in (0, 1, 2):
-        found = CoverSolver(CELLS, GRID, Settings(tolerance=1e-12, steps=steps)).solve(samples, load)
+        found = CoverSolver(CELLS, GRID, tolerance=1e-12, steps=steps).solve(samples, load)
         assert not found.converged
         assert found.forces.sum() == pytest.approx(0.2, rel=1e-6)
         assert found.forces.min() >= 0
-    solver = CoverSolver(CELLS, GRID, Settings())
-    solver._start = lambda *_: np.full(samples.count, np.nan)
+    solver = CoverSolver(CELLS, GRID)
+    solver._last = (samples.row, samples.column, np.full(samples.count, np.nan))
     assert solver.solve(samples, load).forces.sum() == pytest.approx(0.2, rel=1e-6)
+
+
+POSES = {
+    "x": st.floats(-2e-3, 2e-3),
+    "y": st.floats(-8e-3, 8e-3),
+    "yaw": st.floats(0.05, 1.5),
+    "shape": st.sampled_from([Box(size=(7e-3, 4e-3, 5e-3)), Sphere(radius=4e-3), Cylinder(radius=3e-3)]),
+}
+
+
+@settings(max_examples=20, deadline=None)
+@given(force=st.floats(0.01, 20.0), dx=st.floats(-1e-3, 1e-3), dy=st.floats(-1e-3, 1e-3), **POSES)
+def test_pressures_balance_force_and_moments(*, force, dx, dy, x, y, yaw, shape):
+    samples = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [2e-3])
+    moment = force * np.array([x + dx, y + dy])
+    found = CoverSolver(CELLS, GRID).solve(samples, [Load(force=force, moment=moment, tilts=True)])
+    assert found.forces.min() >= 0
+    assert found.forces.sum() == pytest.approx(force, rel=1e-8)
+    assert found.window.sum() == pytest.approx(force, rel=1e-8)
+    if found.converged:
+        np.testing.assert_allclose([found.forces @ samples.x, found.forces @ samples.y], moment, atol=1e-9 * force)
+
+
+@settings(max_examples=15, deadline=None)
+@given(force=st.floats(0.1, 5.0), **POSES)
+def test_pressure_and_gap_are_complementary(*, force, x, y, yaw, shape):
+    samples = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [2e-3])
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-9, steps=2000)
+    found = solver.solve(samples, [press_guided(force)])
+    moved = build_matrix(samples, solver) @ found.forces
+    apart = samples.gap - samples.lowest[0] + moved - found.approach[0]
+    assert np.abs(found.forces * apart).max() < 3e-4 * moved.max() * force
+    assert apart.min() > -3e-4 * moved.max()
+
+
+@settings(max_examples=15, deadline=None)
+@given(force=st.floats(0.1, 5.0), **POSES)
+def test_mirrored_bodies_have_mirrored_pressure(*, force, x, y, yaw, shape):
+    right, left = (
+        CoverSolver(CELLS, GRID, tolerance=1e-8, steps=2000).solve(
+            sample_gap(GRID, [pose_body(shape, at=(side * x, y), yaw=side * yaw)], [2e-3]), [press_guided(force)]
+        )
+        for side in (1, -1)
+    )
+    assert left.approach[0] == pytest.approx(right.approach[0], rel=1e-3)
+    np.testing.assert_allclose(left.forces.max(), right.forces.max(), rtol=2e-2)
+
+
+@settings(max_examples=15, deadline=None)
+@given(rows=st.integers(-6, 6), columns=st.integers(-3, 3), **POSES)
+def test_translation_by_whole_cells_translates_the_pressure(*, rows, columns, x, y, yaw, shape):
+    samples = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [2e-3])
+    moved = dataclasses.replace(
+        samples,
+        row=samples.row + rows,
+        column=samples.column + columns,
+        x=samples.x + columns * GRID.edge[0],
+        y=samples.y + rows * GRID.edge[1],
+    )
+    here = CoverSolver(CELLS, GRID).solve(samples, [press_guided(1.0)])
+    there = CoverSolver(CELLS, GRID).solve(moved, [press_guided(1.0)])
+    np.testing.assert_allclose(there.forces, here.forces, atol=1e-7)
+    assert there.origin == (here.origin[0] + rows, here.origin[1] + columns)
+
+
+@settings(max_examples=15, deadline=None)
+@given(force=st.floats(0.1, 3.0), more=st.floats(1.1, 3.0), **POSES)
+def test_bodies_sink_deeper_under_greater_loads(*, force, more, x, y, yaw, shape):
+    samples = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [2e-3])
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-7, steps=1000)
+    less, greater = (solver.solve(samples, [press_guided(each)]) for each in (force, more * force))
+    assert greater.approach[0] > less.approach[0]
+    # the contact area never shrinks
+    assert np.count_nonzero(greater.forces) >= np.count_nonzero(less.forces)

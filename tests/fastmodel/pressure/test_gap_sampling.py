@@ -1,64 +1,12 @@
-import mujoco
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from fastmodel import FastModelError
-from fastmodel.pressure.gap import solid
-from fastmodel.pressure.gap_sampling import sample
-from meshes import Box, Cylinder, LetterH, Nut
-from tests.support.gap_samples import GRID, standing
-
-KINDS = {
-    "sphere": (mujoco.mjtGeom.mjGEOM_SPHERE, [4e-3, 0, 0]),
-    "ellipsoid": (mujoco.mjtGeom.mjGEOM_ELLIPSOID, [3e-3, 5e-3, 7e-3]),
-    "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, [2e-3, 4e-3, 0]),
-    "cylinder": (mujoco.mjtGeom.mjGEOM_CYLINDER, [3e-3, 5e-3, 0]),
-    "box": (mujoco.mjtGeom.mjGEOM_BOX, [3e-3, 5e-3, 2e-3]),
-    "mesh": (mujoco.mjtGeom.mjGEOM_MESH, [0, 0, 0]),
-}
-
-
-def model_of(kind, quaternion, rng):
-    spec = mujoco.MjSpec()
-    geom, size = KINDS[kind]
-    if kind == "mesh":
-        spec.add_mesh(name="hull", uservert=(rng.normal(size=(20, 3)) * 3e-3).ravel().tolist())
-    spec.worldbody.add_geom(
-        type=geom, size=size, pos=[1e-3, -2e-3, 8e-3], quat=quaternion, meshname="hull" if kind == "mesh" else ""
-    )
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return model, data
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_undersides_are_where_rays_from_below_hit(kind):
-    rng = np.random.default_rng(4)
-    for turn in ([1.0, 0, 0, 0], [np.sqrt(0.5), 0, np.sqrt(0.5), 0], *rng.normal(size=(4, 4))):
-        model, data = model_of(kind, turn, rng)
-        x, y = rng.uniform(-9e-3, 9e-3, (2, 150))
-        found = solid(model, 0).lower(x, y, data.geom_xmat[0].reshape(3, 3), data.geom_xpos[0])
-        hit = np.zeros(1, dtype=np.int32)
-        rays = np.array(
-            [
-                mujoco.mj_ray(model, data, np.array([a, b, -1.0]), np.array([0, 0, 1.0]), None, 1, -1, hit, None)
-                for a, b in zip(x, y, strict=True)
-            ]
-        )
-        struck = rays >= 0
-        assert struck.sum() > 5
-        np.testing.assert_array_equal(np.isfinite(found), struck)
-        np.testing.assert_allclose(found[struck], rays[struck] - 1, atol=1e-7)
-
-
-def test_height_fields_are_refused_by_name():
-    spec = mujoco.MjSpec()
-    spec.add_hfield(name="ground", nrow=3, ncol=3, size=[1, 1, 1, 1], userdata=[0.0] * 9)
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="ground", name="hills")
-    with pytest.raises(FastModelError, match=r"'hills' is of type mjGEOM_HFIELD; .* take planes, spheres"):
-        solid(spec.compile(), 0)
-
+from fastmodel.pressure.gap_kernels import sample_body
+from fastmodel.pressure.gap_sampling import sample_gap
+from meshes import Box, Cylinder, LetterH, Nut, Sphere
+from tests.support.posed_bodies import GRID, pose_body
 
 AREAS = {
     "box": (Box(size=(12e-3, 6e-3, 5e-3)), 72e-6),
@@ -67,35 +15,79 @@ AREAS = {
     "h": (LetterH(size=(12e-3, 16e-3), bar=4e-3), 144e-6),
     "blade": (Box(size=(0.3e-3, 15e-3, 5e-3)), 4.5e-6),
 }
+FIELDS = ("row", "column", "coverage", "x", "y", "gap")
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["numpy", "numba"])
 @pytest.mark.parametrize("name", AREAS)
-def test_covered_area_is_the_faces_own(name, native):
+def test_covered_area_is_that_of_the_face(name):
     """Parts that share an edge over one cell count once; a thin blade is not missed."""
-    if native:
-        pytest.importorskip("numba")
     indenter, area = AREAS[name]
     for yaw in (0.0, 0.3, np.pi / 4):
-        found = sample(GRID, [standing(indenter, yaw=yaw)], [1e-3], native=native)
+        found = sample_gap(GRID, [pose_body(indenter, yaw=yaw)], [1e-3])
         tolerance = 0.45 if name == "blade" else 0.03  # a blade is 1.4 points wide
         assert found.coverage.sum() * GRID.edge[0] * GRID.edge[1] == pytest.approx(area, rel=tolerance)
         assert len(set(zip(found.row.tolist(), found.column.tolist(), strict=True))) == found.count
 
 
-@pytest.mark.parametrize("name", AREAS)
-def test_the_compiled_loop_sees_the_same(name):
-    pytest.importorskip("numba")
-    for yaw in (0.0, 0.7):
-        body = standing(AREAS[name][0], yaw=yaw, edge=1e-4)
-        plain, fast = (sample(GRID, [body], [1e-3], native=native) for native in (False, True))
-        order = np.lexsort((plain.column, plain.row)), np.lexsort((fast.column, fast.row))
-        assert plain.count == fast.count
-        for field in ("row", "column", "coverage", "x", "y", "gap"):
-            np.testing.assert_allclose(getattr(plain, field)[order[0]], getattr(fast, field)[order[1]], atol=1e-9)
+def test_compiled_kernel_and_plain_python_agree():
+    body = pose_body(Cylinder(radius=2e-3), yaw=0.7, edge=1e-4)
+    plain = sample_body(body.shape.arrays, body.shape.edge, body.rotation, body.position, GRID.arrays, 1e-3)
+    found = sample_gap(GRID, [body], [1e-3])
+    for field, expected in zip(FIELDS, plain, strict=True):
+        np.testing.assert_allclose(getattr(found, field), expected, atol=1e-12)
 
 
-def test_the_middle_of_a_covered_part_is_the_faces_middle():
-    found = sample(GRID, [standing(Box(size=(7e-3, 5e-3, 5e-3)), yaw=0.5)], [1e-3])
+def test_centroid_of_covered_parts_is_that_of_the_face():
+    found = sample_gap(GRID, [pose_body(Box(size=(7e-3, 5e-3, 5e-3)), yaw=0.5)], [1e-3])
     assert np.average(found.x, weights=found.coverage) == pytest.approx(0.7e-3, abs=2e-5)
     assert np.average(found.y, weights=found.coverage) == pytest.approx(-1.1e-3, abs=2e-5)
+
+
+def test_gap_under_a_sphere_is_its_height_averaged_over_each_cell():
+    radius, at = 5e-3, (0.3e-3, -0.4e-3)
+    found = sample_gap(GRID, [pose_body(Sphere(radius=radius), at=at)], [1e-3])
+    whole = found.coverage == 1
+    square = (found.x - at[0]) ** 2 + (found.y - at[1]) ** 2
+    mean = radius - np.sqrt(radius**2 - square - GRID.edge[0] ** 2 / 6)  # mean square distance within a cell
+    np.testing.assert_allclose(found.gap[whole], mean[whole], atol=3e-6)
+
+
+def test_bodies_beside_the_cells_have_none():
+    bodies = [pose_body(Sphere(radius=2e-3), at=(0.1, 0.0)), pose_body(Sphere(radius=2e-3))]
+    found = sample_gap(GRID, bodies, [1e-3, 1e-3])
+    assert found.bodies_found == [1]
+    assert sample_gap(GRID, bodies[:1], [1e-3]).bodies_found == []
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    rows=st.integers(-8, 8),
+    columns=st.integers(-4, 4),
+    yaw=st.floats(0.0, 3.0),
+    name=st.sampled_from(["box", "circle", "nut"]),
+)
+def test_translation_by_whole_cells_translates_the_samples(rows, columns, yaw, name):
+    shift = np.array([columns * GRID.edge[0], rows * GRID.edge[1]])
+    here = sample_gap(GRID, [pose_body(AREAS[name][0], at=(3e-5, 4e-5), yaw=yaw)], [1e-3])
+    there = sample_gap(GRID, [pose_body(AREAS[name][0], at=np.add((3e-5, 4e-5), shift), yaw=yaw)], [1e-3])
+    # a point within rounding of an outline may fall on either side of it
+    assert abs(there.count - here.count) <= 1
+    assert there.coverage.sum() == pytest.approx(here.coverage.sum(), abs=2 / 16)
+    if there.count == here.count and (there.coverage == here.coverage).all():
+        np.testing.assert_array_equal(there.row, here.row + rows)
+        np.testing.assert_array_equal(there.column, here.column + columns)
+        np.testing.assert_allclose(there.gap, here.gap, atol=1e-12)
+
+
+@settings(max_examples=15, deadline=None)
+@given(x=st.floats(-6e-3, 6e-3), y=st.floats(-1e-2, 1e-2), yaw=st.floats(0.01, 1.5))
+def test_mirrored_bodies_have_mirrored_samples(x, y, yaw):
+    shape = Box(size=(7e-3, 4e-3, 5e-3))
+    right = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [1e-3])
+    left = sample_gap(GRID, [pose_body(shape, at=(-x, y), yaw=-yaw)], [1e-3])
+    area = np.zeros((GRID.rows, GRID.columns))
+    mirrored = area.copy()
+    area[right.row, right.column] = right.coverage
+    mirrored[left.row, GRID.columns - 1 - left.column] = left.coverage
+    assert np.count_nonzero(np.abs(area - mirrored) > 1e-12) <= 2  # points within rounding of an outline
+    assert np.abs(area - mirrored).max() <= 1 / 16 + 1e-12

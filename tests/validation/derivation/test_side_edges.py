@@ -10,8 +10,7 @@ import pytest
 import fastmodel
 from fastmodel import ShapeError, Tabulated
 from fastmodel.contact.methods import choose_method
-from fastmodel.pressure.base_forces import BaseForces
-from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from meshes import Sphere, TexelArray
 from validation.cli import main
 from validation.derivation.derive import derive
@@ -90,11 +89,11 @@ def test_forces_on_cells_go_through_the_table_and_nothing_is_felt_beyond_the_arr
     edge = grid.margin
     inner = forces[edge : grid.rows - edge, edge : grid.columns - edge]
     expected = np.einsum("nrc,rc->n", cells.table, inner)
-    assert base.of_window(forces, (0, 0)) == pytest.approx(expected)
-    part = base.of_window(forces[1:4, 2:7], (1, 2))
+    assert base.from_window(forces, (0, 0)) == pytest.approx(expected)
+    part = base.from_window(forces[1:4, 2:7], (1, 2))
     alone = np.zeros_like(forces)
     alone[1:4, 2:7] = forces[1:4, 2:7]
-    assert part == pytest.approx(base.of_window(alone, (0, 0)), abs=1e-12)
+    assert part == pytest.approx(base.from_window(alone, (0, 0)), abs=1e-12)
 
 
 def test_table_of_another_array_is_refused(derivation):

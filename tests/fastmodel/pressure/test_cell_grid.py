@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from fastmodel.pressure.cell_grid import BaseForces
+from meshes.catalogue import ARRAYS
+from tests.support.cover_data import WTS, cells
+from tests.support.posed_bodies import GRID
+
+CELLS = cells()
+BASE = BaseForces(CELLS, GRID, WTS)
+WINDOWS = arrays(np.float64, (5, 7), elements=st.floats(0, 1))
+
+
+def test_cells_belong_to_the_texel_over_them():
+    row, column = np.divmod(np.arange(GRID.rows * GRID.columns), GRID.columns)
+    texel = GRID.find_texel(row, column)
+    x, y = GRID.low[0] + (column + 0.5) * GRID.edge[0], GRID.low[1] + (row + 0.5) * GRID.edge[1]
+    apart = np.abs(np.column_stack([x, y])[:, None] - WTS.centres[:, :2])
+    expected = (apart < 1.7e-3).all(axis=2)
+    np.testing.assert_array_equal(texel >= 0, expected.any(axis=1))
+    np.testing.assert_array_equal(texel[texel >= 0], expected.argmax(axis=1)[texel >= 0])
+
+
+def test_force_at_the_base_is_the_sum_of_the_influence_of_every_cell():
+    rng = np.random.default_rng(0)
+    window, origin = rng.uniform(0, 1, (9, 11)), (13, 5)
+    found = WTS.image(BASE.from_window(window, origin))
+    expected = np.zeros((14, 6))
+    for i, j in np.ndindex(window.shape):
+        for r, c in np.ndindex(expected.shape):
+            a = origin[0] + i - GRID.margin - 4 * r + CELLS.reach
+            b = origin[1] + j - GRID.margin - 4 * c + CELLS.reach
+            if 0 <= a < len(CELLS.influence) and 0 <= b < len(CELLS.influence):
+                expected[r, c] += window[i, j] * CELLS.influence[a, b]
+    np.testing.assert_allclose(found, expected, atol=1e-5 * expected.max())
+
+
+def test_uniform_forces_on_texels_arrive_as_forces_on_their_cells():
+    forces = np.zeros(84)
+    forces[40] = 2.0
+    s = CELLS.per_texel
+    window = np.full((s, s), 2.0 / s**2)
+    there = BASE.from_window(window, (GRID.margin + s * (40 // 6), GRID.margin + s * (40 % 6)))
+    np.testing.assert_allclose(BASE.from_texels(forces), there, atol=1e-12)
+
+
+def test_masked_texels_read_zero():
+    array = ARRAYS["sdh2-distal"]
+    data = cells(array)
+    from fastmodel.pressure.cell_grid import CellGrid
+
+    grid = CellGrid.over(array, data.per_texel, 1)
+    found = BaseForces(data, grid, array).from_texels(np.ones(array.count))
+    assert (found[~array.active] == 0).all()
+    assert (found[array.active] > 0).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(a=WINDOWS, b=WINDOWS, factor=st.floats(-3, 3), row=st.integers(-6, 60), column=st.integers(-8, 30))
+def test_forces_at_the_base_are_linear_in_the_forces_at_the_top(a, b, factor, row, column):
+    origin = (row, column)
+    for window in (a, b):
+        rows, columns = np.arange(5) + row, np.arange(7) + column
+        inside = np.outer((rows >= 0) & (rows < GRID.rows), (columns >= 0) & (columns < GRID.columns))
+        window[~inside] = 0.0
+    together = BASE.from_window(a + factor * b, origin)
+    separately = BASE.from_window(a, origin) + factor * BASE.from_window(b, origin)
+    np.testing.assert_allclose(together, separately, atol=1e-12 * (1 + abs(factor)) * 35)
+
+
+@settings(max_examples=25, deadline=None)
+@given(window=WINDOWS, row=st.integers(8, 50), column=st.integers(8, 16))
+def test_forces_on_texels_add_up_to_those_on_cells_over_them(window, row, column):
+    rows, columns = (index.ravel() for index in np.mgrid[row : row + 5, column : column + 7])
+    sums = GRID.sum_on_texels(rows, columns, window.ravel())
+    inside = GRID.find_texel(rows, columns) >= 0
+    assert sums.sum() == pytest.approx(window.ravel()[inside].sum(), abs=1e-12)
