@@ -15,36 +15,36 @@ H_CORNERS = tuple((1e-3 * x, 1e-3 * y) for x, y in [*_HALF_H, *((-x, -y) for x, 
 HEXAGONS = (tuple(make_hexagon(13e-3)), tuple(make_hexagon(match_hexagon(8e-3))))
 
 
-def _extruded(*loops):
-    section = manifold3d.CrossSection([np.array(loop) * 1e3 for loop in loops], manifold3d.FillRule.EvenOdd)
-    return _body(manifold3d.Manifold.extrude(section, 8))
+def _extrude(*polygons):
+    section = manifold3d.CrossSection([np.array(polygon) * 1e3 for polygon in polygons], manifold3d.FillRule.EvenOdd)
+    return _make_mesh(manifold3d.Manifold.extrude(section, 8))
 
 
-def _body(solid):
+def _make_mesh(solid):
     mesh = solid.to_mesh()
     return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts)
 
 
-def _two_balls():
+def _make_two_balls():
     ball = manifold3d.Manifold.sphere(3, 20)
-    return _body(ball.translate([-2, 0, 0]) + ball.translate([2, 0.5, 0.3]))
+    return _make_mesh(ball.translate([-2, 0, 0]) + ball.translate([2, 0.5, 0.3]))
 
 
-def _cup():
-    return _body(
+def _make_cup():
+    return _make_mesh(
         manifold3d.Manifold.cylinder(5, 6, 6, 24) - manifold3d.Manifold.cylinder(5, 4, 4, 24).translate([0, 0, -2])
     )
 
 
-#: Bodies in mm.
+#: Bodies by name, as meshes in mm.
 BODIES = {
     "sphere": lambda: trimesh.creation.icosphere(3, 5.0),
     "box": lambda: trimesh.creation.box((10, 6, 5)),
     "cylinder": lambda: trimesh.creation.cylinder(4, 8, sections=96),
-    "nut": lambda: _extruded(*HEXAGONS),
-    "h": lambda: _extruded(H_CORNERS),
-    "two-balls": _two_balls,
-    "cup": _cup,
+    "nut": lambda: _extrude(*HEXAGONS),
+    "h": lambda: _extrude(H_CORNERS),
+    "two-balls": _make_two_balls,
+    "cup": _make_cup,
     "pyramid": lambda: trimesh.convex.convex_hull(
         np.array([[0, 0, 0], [5, 5, 4], [-5, 5, 4], [-5, -5, 4], [5, -5, 4.0]])
     ),
@@ -69,12 +69,12 @@ def write_stl(tmp_path, body):
 
     def write(name, file_type="stl"):
         path = tmp_path / f"{name}.stl"
-        path.write_bytes(_bytes(body(name), file_type))
+        path.write_bytes(_export(body(name), file_type))
         return path
 
     return write
 
 
-def _bytes(mesh, file_type):
+def _export(mesh, file_type):
     content = mesh.export(file_type=file_type)
     return content.encode() if isinstance(content, str) else content

@@ -5,7 +5,6 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,9 +19,9 @@ from meshes import (
     Roller,
     RoundedTip,
     Sphere,
-    TriangleMesh,
     read_stl,
 )
+from tests.support.sampled_shapes import is_flat_where_sampled, is_symmetric_where_sampled
 
 NUT, LETTER = Nut(across=13e-3, bore=8e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)
 CONE = Cone(angle=np.radians(120), radius=4e-3)
@@ -116,45 +115,10 @@ def test_the_lowest_point_is_on_the_axis_and_the_footprint_contains_the_shape(in
     assert np.abs(grid[1][finite]).max() <= indenter.footprint[1] + 1e-12
 
 
-def is_flat_where_sampled(indenter):
-    """Whether the gap is zero or infinite at the points of a grid over the footprint."""
-    x, y = np.meshgrid(*(np.linspace(-half, half, 41) for half in indenter.footprint))
-    gap = indenter.gap(x, y)
-    return bool((gap[np.isfinite(gap)] == 0).all())
-
-
-def is_symmetric_where_sampled(indenter):
-    """Whether the gap equals its mirror images at random points, but for a few beside outlines, where it jumps."""
-    x, y = (np.random.default_rng(7).uniform(-1, 1, (4000, 2)) * indenter.footprint).T
-    gap = np.nan_to_num(indenter.gap(x, y), posinf=-1.0)
-    images = (np.nan_to_num(indenter.gap(s * x, -s * y), posinf=-1.0) for s in (-1, 1))
-    return tuple(bool(np.mean(np.abs(gap - image) > 1e-7) < 2e-3) for image in images)
-
-
 @pytest.mark.parametrize("indenter", SHAPES, ids=NAMES)
 def test_flatness_and_mirror_symmetry_of_a_shape_hold_for_its_gap(indenter):
     assert indenter.is_flat == is_flat_where_sampled(indenter)
     assert indenter.mirror_symmetry == is_symmetric_where_sampled(indenter)
-
-
-@pytest.mark.parametrize(
-    ("name", "symmetric"), [("sphere", False), ("two-balls", False), ("pyramid", True), ("cup", True)]
-)
-def test_flatness_and_mirror_symmetry_of_a_body_from_a_file_hold_for_its_gap(write_stl, name, symmetric):
-    """Rounding in the file moves the edge of the sphere, so that its symmetry is not claimed."""
-    body = read_stl(write_stl(name))
-    assert isinstance(body, TriangleMesh)
-    assert body.is_flat == is_flat_where_sampled(body)
-    assert body.mirror_symmetry == (symmetric, symmetric)
-    assert not symmetric or is_symmetric_where_sampled(body) == (True, True)
-
-
-def test_triangles_on_a_plane_are_flat_and_a_raised_corner_is_not():
-    corners = trimesh.creation.box((4e-3, 6e-3, 2e-3)).triangles + np.array([0, 0, 1e-3])
-    assert TriangleMesh(triangles=corners).is_flat
-    on_one_edge = (corners[..., 2] == 0) & (corners[..., 0] > 0)
-    corners[on_one_edge] += [0, 0, 1e-6]
-    assert not TriangleMesh(triangles=corners).is_flat
 
 
 def test_rotation_leaves_the_gap_of_axisymmetric_shapes_unchanged():

@@ -1,4 +1,4 @@
-"""Bodies from STL files."""
+"""Reading STL files."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import trimesh
 
 from fem_reference import result_store
 from meshes import Box, Cylinder, LetterH, Nut, Prism, Sphere, TriangleMesh, read_stl
-from meshes.surfaces import convex_hulls, stl
-from meshes.surfaces.gap import select_facing_down
+from meshes.surfaces import stl
 
 SAME = {
     "box": Box(size=(10e-3, 6e-3, 5e-3)),
@@ -18,36 +17,36 @@ SAME = {
 }
 
 
-def points(shape, count, seed=1, reach=1.2):
+def draw_points(shape, count, seed=1, reach=1.2):
     return (np.random.default_rng(seed).uniform(-reach, reach, (count, 2)) * shape.footprint).T
 
 
-def key(shape):
+def make_key(shape):
     return result_store.make_key("test", result_store.describe({"indenter": shape}))
 
 
 @pytest.mark.parametrize("name", SAME)
-def test_a_body_on_a_flat_face_is_that_prism(write_stl, name):
+def test_a_body_on_a_flat_face_becomes_the_prism_on_that_face(write_stl, name):
     read = read_stl(write_stl(name))
     assert isinstance(read, Prism)
     np.testing.assert_allclose(read.footprint, SAME[name].footprint, rtol=1e-6)
-    x, y = points(SAME[name], 4000)
+    x, y = draw_points(SAME[name], 4000)
     np.testing.assert_allclose(read.signed_distance(x, y), SAME[name].signed_distance(x, y), atol=1e-8)
     assert len(read.primitives()) == {"box": 1, "nut": 6, "h": 3}[name]
 
 
-def test_a_cylinder_of_many_sides_is_nearly_round(write_stl):
+def test_a_cylinder_of_many_sides_lies_within_their_sagitta_of_the_cylinder(write_stl):
     read = read_stl(write_stl("cylinder"))
-    x, y = points(read, 4000)
+    x, y = draw_points(read, 4000)
     sagitta = 4e-3 * (1 - np.cos(np.pi / 96))
     assert np.abs(read.signed_distance(x, y) - Cylinder(radius=4e-3).signed_distance(x, y)).max() <= 1.01 * sagitta
     assert len(read.primitives()) == 1
 
 
-def test_a_ball_of_facets_lies_within_their_sagitta_of_the_ball(write_stl):
+def test_a_sphere_of_facets_lies_within_their_sagitta_of_the_sphere(write_stl):
     read = read_stl(write_stl("sphere"))
     assert isinstance(read, TriangleMesh)
-    x, y = points(read, 20000, reach=0.6)
+    x, y = draw_points(read, 20000, reach=0.6)
     above = read.gap(x, y) - Sphere(radius=5e-3).gap(x, y)
     edge = np.linalg.norm(np.diff(read.triangles, axis=1), axis=-1).max()
     sagitta = edge**2 / 3 / (2 * 5e-3)
@@ -56,62 +55,7 @@ def test_a_ball_of_facets_lies_within_their_sagitta_of_the_ball(write_stl):
     assert len(read.primitives()) == 1
 
 
-@pytest.mark.parametrize("name", ["sphere", "two-balls", "pyramid"])
-def test_the_gap_is_the_lowest_triangle(write_stl, name):
-    """Every triangle by itself, without index, by barycentric coordinates."""
-    read = read_stl(write_stl(name))
-    x, y = points(read, 300)
-    lowest = np.full(300, np.inf)
-    for a, b, c in read.triangles:
-        matrix = np.column_stack([b - a, c - a])[:2]
-        if abs(np.linalg.det(matrix)) > 1e-15:
-            u, v = np.linalg.solve(matrix, np.stack([x, y]) - a[:2, None])
-            inside = (u >= 0) & (v >= 0) & (u + v <= 1)
-            lowest = np.where(inside, np.minimum(lowest, a[2] + u * (b - a)[2] + v * (c - a)[2]), lowest)
-    np.testing.assert_allclose(read.gap(x, y), lowest, atol=1e-12)
-
-
-def test_no_point_slips_between_two_triangles(write_stl):
-    """On corners and edges too, there is always one of them."""
-    read = read_stl(write_stl("sphere"))
-    low = select_facing_down(read.triangles)
-    low = low[low[..., 2].max(axis=1) < 4e-3]
-    share = np.random.default_rng(4).dirichlet([1, 1], 60)
-    for place in (low.reshape(-1, 3), np.einsum("nki,sk->nsi", low[:, :2], share).reshape(-1, 3)):
-        np.testing.assert_allclose(read.gap(place[:, 0], place[:, 1]), place[:, 2], atol=1e-9)
-
-
-def test_many_points_on_many_triangles_are_quick(write_stl):
-    import time
-
-    read = read_stl(write_stl("sphere"))
-    x, y = points(read, 100_000)
-    started = time.process_time()
-    read.gap(x, y)
-    assert time.process_time() - started < 2
-
-
-def test_hulls_make_up_two_balls(write_stl):
-    read = read_stl(write_stl("two-balls"))
-    assert 2 <= len(read.primitives()) <= 20
-    assert read.primitives() is read.primitives()
-
-
-def test_hulls_that_do_not_come_close_are_told(write_stl, monkeypatch, caplog):
-    monkeypatch.setattr(convex_hulls, "MOST_HULLS", 2)
-    assert len(read_stl(write_stl("cup")).primitives()) == 2
-    assert "2 hulls of the body from a file fill up to" in caplog.text
-    caplog.clear()
-    read_stl(write_stl("pyramid")).primitives()
-    assert not caplog.text
-
-
-def test_a_planted_convex_answer_is_seen(write_stl, monkeypatch):
-    monkeypatch.setattr(convex_hulls, "TOLERANCE", 1.0)
-    assert len(read_stl(write_stl("two-balls")).primitives()) == 1
-
-
-def test_what_a_file_holds_counts_not_where_or_how(write_stl, tmp_path, body):
+def test_bodies_from_equal_files_are_equal_and_have_the_same_store_key(write_stl, tmp_path, body):
     binary, text = read_stl(write_stl("sphere")), read_stl(write_stl("sphere", "stl_ascii"))
     np.testing.assert_allclose(binary.triangles, text.triangles, atol=2e-9)
     moved = tmp_path / "elsewhere.stl"
@@ -119,28 +63,28 @@ def test_what_a_file_holds_counts_not_where_or_how(write_stl, tmp_path, body):
     again = read_stl(moved)
     assert again == binary
     assert hash(again) == hash(binary)
-    assert key(again) == key(binary)
+    assert make_key(again) == make_key(binary)
     other = TriangleMesh(triangles=binary.triangles * 1.001)
     assert other != binary
-    assert key(other) != key(binary)
+    assert make_key(other) != make_key(binary)
 
 
-def test_inside_out_as_a_whole_is_the_same_body(tmp_path, body):
+def test_a_body_whose_triangles_all_face_inwards_is_turned_round(tmp_path, body):
     mesh = body("two-balls")
     mesh.invert()
     mesh.export(tmp_path / "out.stl")
     mesh.invert()
     mesh.export(tmp_path / "in.stl")
     out, right = read_stl(tmp_path / "out.stl"), read_stl(tmp_path / "in.stl")
-    x, y = points(right, 2000)
+    x, y = draw_points(right, 2000)
     np.testing.assert_allclose(out.gap(x, y), right.gap(x, y), atol=1e-15)
 
 
-def test_unit_and_axis(write_stl):
+def test_the_unit_scales_and_the_axis_shifts_the_body(write_stl):
     path = write_stl("sphere")
     np.testing.assert_allclose(read_stl(path, unit=25.4e-3).triangles, 25.4 * read_stl(path).triangles, atol=1e-12)
     shifted = read_stl(path, axis=(32e-3, -15e-3))
-    x, y = points(shifted, 500)
+    x, y = draw_points(shifted, 500)
     np.testing.assert_allclose(shifted.gap(x, y), read_stl(path).gap(x + 1e-3, y + 2e-3), atol=1e-9)
     with pytest.raises(ValueError, match=r"sphere.stl: the axis, at .* must stand within"):
         read_stl(path, axis=(0.0, 0.0))
@@ -149,12 +93,12 @@ def test_unit_and_axis(write_stl):
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-6])
-def test_a_wrong_unit_is_told(write_stl, unit):
+def test_a_body_of_unlikely_size_is_refused_with_advice_on_the_unit(write_stl, unit):
     with pytest.raises(ValueError, match=r"sphere.stl would be .* mm long, no size for an indenter .* unit=mm"):
         read_stl(write_stl("sphere"), unit=unit)
 
 
-def test_only_a_face_out_of_reach_of_the_rest_is_flat(tmp_path):
+def test_a_face_becomes_a_prism_only_where_the_rest_is_out_of_reach(tmp_path):
     for height, kind in ((4.0, TriangleMesh), (6.0, Prism)):
         foot = trimesh.creation.box((4, 4, height), transform=trimesh.transformations.translation_matrix([0, 0, -1]))
         plate = trimesh.creation.box(
@@ -174,7 +118,7 @@ def test_an_open_surface_is_refused_with_its_number_of_edges(tmp_path, body):
         read_stl(tmp_path / "open.stl")
 
 
-def test_a_triangle_too_many_is_refused(tmp_path, body):
+def test_a_surplus_triangle_is_refused(tmp_path, body):
     mesh = body("box")
     faces = np.vstack([mesh.faces, [*mesh.faces[0, :2], len(mesh.vertices)]])
     more = trimesh.Trimesh(np.vstack([mesh.vertices, [0, 0, 0]]), faces, process=False)
@@ -203,7 +147,7 @@ def test_a_sheet_is_refused(tmp_path):
         read_stl(tmp_path / "sheet.stl")
 
 
-def damaged(content, kind):
+def damage(content, kind):
     header = content[:84]
     match kind:
         case "empty":
@@ -223,7 +167,7 @@ def damaged(content, kind):
 @pytest.mark.parametrize("kind", ["empty", "short", "none", "text", "noise", "nan"])
 def test_damaged_files_are_refused_in_one_line(tmp_path, write_stl, kind):
     path = tmp_path / f"{kind}.stl"
-    path.write_bytes(damaged(write_stl("sphere").read_bytes(), kind))
+    path.write_bytes(damage(write_stl("sphere").read_bytes(), kind))
     with pytest.raises(ValueError, match=f"{kind}.stl (is not a whole STL file|is damaged|is not closed)") as caught:
         read_stl(path)
     assert "\n" not in str(caught.value)
@@ -251,7 +195,7 @@ def test_missing_files_folders_and_huge_files_are_refused(tmp_path, write_stl, m
         read_stl(path)
 
 
-def fault_of(path):
+def read_error(path):
     """What is wrong with a file; nothing where it holds a body."""
     try:
         read_stl(path).gap(np.zeros(1), np.zeros(1))
@@ -262,7 +206,7 @@ def fault_of(path):
 
 @pytest.mark.parametrize("file_type", ["stl", "stl_ascii"])
 @pytest.mark.parametrize("count", [60, pytest.param(3000, marks=pytest.mark.slow)])
-def test_flipped_bytes_give_a_body_or_one_line(tmp_path, write_stl, file_type, count):
+def test_files_with_random_bytes_changed_give_a_body_or_a_one_line_error(tmp_path, write_stl, file_type, count):
     rng = np.random.default_rng(count)
     whole = np.frombuffer(write_stl("h", file_type).read_bytes(), dtype=np.uint8)
     path, refused = tmp_path / "flipped.stl", 0
@@ -270,37 +214,7 @@ def test_flipped_bytes_give_a_body_or_one_line(tmp_path, write_stl, file_type, c
         content = whole.copy()
         content[rng.integers(0, len(content), rng.integers(1, 6))] = rng.integers(0, 256)
         path.write_bytes(content[: rng.integers(1, len(content) + 1) if rng.random() < 0.2 else None].tobytes())
-        fault = fault_of(path)
+        fault = read_error(path)
         refused += bool(fault)
         assert "\n" not in fault
     assert count / 4 < refused <= count
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda t: t[:, :2], "shape"),
-        (lambda t: t * np.nan, "finite"),
-        (lambda t: t[:, ::-1], "face inwards"),
-        (lambda t: t + np.array([0, 0, 1e-3]), "stand at z = 0"),
-        (lambda t: t + np.array([1, 0, 0]), "axis"),
-    ],
-)
-def test_triangles_given_by_hand_are_checked(write_stl, change, message):
-    triangles = read_stl(write_stl("pyramid")).triangles
-    with pytest.raises(ValueError, match=message):
-        TriangleMesh(triangles=change(triangles))
-
-
-def test_hulls_of_very_many_corners_are_thinned(write_stl, monkeypatch):
-    """The lowest corner stays, and elsewhere what is lost falls as their number."""
-    monkeypatch.setattr(convex_hulls, "MOST_CORNERS", 200)
-    (hull,) = read_stl(write_stl("sphere")).primitives()
-    corners = np.array(hull.vertices)
-    assert 150 < len(corners) <= 200
-    assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
-    directions = np.random.default_rng(0).normal(size=(500, 3)) * [1, 1, -1]
-    directions = directions[directions[:, 2] < 0]
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    reach = ((corners - [0, 0, 5e-3]) @ directions.T).max(axis=0)
-    assert 5e-3 - reach.min() < 0.02 * 5e-3

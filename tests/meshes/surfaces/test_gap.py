@@ -1,0 +1,94 @@
+"""Height of the lowest of many triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshes import read_stl
+from meshes.surfaces.gap import TriangleGap, select_facing_down
+
+
+@st.composite
+def soups(draw):
+    """Triangles that face down, at random places and heights; they may overlap."""
+    rng = np.random.default_rng(draw(st.integers(0, 10_000)))
+    count = draw(st.integers(1, 40))
+    size = draw(st.floats(0.05, 1.5))
+    triangles = rng.uniform(-1, 1, (count, 1, 3)) + size * rng.uniform(-1, 1, (count, 3, 3))
+    flat = triangles[:, 1:, :2] - triangles[:, :1, :2]
+    upward = np.linalg.det(flat) > 0
+    triangles[upward] = triangles[upward, ::-1]
+    return triangles[np.abs(np.linalg.det(flat)) > 1e-3 * size**2]
+
+
+SOUPS = soups().filter(len)
+POINTS = np.random.default_rng(5).uniform(-1.5, 1.5, (2, 200))
+
+
+def find_lowest_one_by_one(triangles, x, y):
+    """Height of the lowest triangle, without a grid, by barycentric coordinates."""
+    lowest = np.full(x.shape, np.inf)
+    for a, b, c in triangles:
+        matrix = np.column_stack([b - a, c - a])[:2]
+        if abs(np.linalg.det(matrix)) > 1e-15:
+            u, v = np.linalg.solve(matrix, np.stack([x, y]) - a[:2, None])
+            inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+            lowest = np.where(inside, np.minimum(lowest, a[2] + u * (b - a)[2] + v * (c - a)[2]), lowest)
+    return lowest
+
+
+@given(triangles=SOUPS)
+def test_the_gap_is_the_height_of_the_lowest_of_any_triangles(triangles):
+    expected = find_lowest_one_by_one(triangles, *POINTS)
+    np.testing.assert_allclose(TriangleGap(triangles).evaluate(*POINTS), expected, atol=1e-9)
+
+
+@given(triangles=SOUPS, height=st.floats(-5, 5), seed=st.integers(0, 100))
+def test_the_gap_moves_with_the_triangles_and_does_not_depend_on_their_order(triangles, height, seed):
+    before = TriangleGap(triangles).evaluate(*POINTS)
+    shuffled = np.random.default_rng(seed).permutation(triangles)
+    np.testing.assert_allclose(TriangleGap(shuffled).evaluate(*POINTS), before, atol=1e-12)
+    raised = TriangleGap(triangles + np.array([0, 0, height])).evaluate(*POINTS)
+    np.testing.assert_allclose(raised, before + height, atol=1e-9)
+
+
+@given(one=SOUPS, other=SOUPS)
+def test_the_gap_of_two_surfaces_is_the_smaller_of_their_gaps(one, other):
+    both = TriangleGap(np.concatenate([one, other])).evaluate(*POINTS)
+    each = np.minimum(TriangleGap(one).evaluate(*POINTS), TriangleGap(other).evaluate(*POINTS))
+    np.testing.assert_allclose(both, each, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["sphere", "two-balls", "pyramid"])
+def test_the_gap_of_a_body_is_that_of_all_its_triangles(write_stl, name):
+    body = read_stl(write_stl(name))
+    x, y = (np.random.default_rng(1).uniform(-1.2, 1.2, (300, 2)) * body.footprint).T
+    np.testing.assert_allclose(body.gap(x, y), find_lowest_one_by_one(body.triangles, x, y), atol=1e-12)
+
+
+def test_corners_and_edges_belong_to_the_surface(write_stl):
+    lower = select_facing_down(read_stl(write_stl("sphere")).triangles)
+    gap = TriangleGap(lower)
+    lower = lower[lower[..., 2].max(axis=1) < 4e-3]
+    share = np.random.default_rng(4).dirichlet([1, 1], 60)
+    for points in (lower.reshape(-1, 3), np.einsum("nki,sk->nsi", lower[:, :2], share).reshape(-1, 3)):
+        np.testing.assert_allclose(gap.evaluate(points[:, 0], points[:, 1]), points[:, 2], atol=1e-9)
+
+
+def test_a_point_is_compared_with_few_of_many_triangles(write_stl, monkeypatch):
+    lower = select_facing_down(read_stl(write_stl("sphere")).triangles)
+    compared = []
+    find_lowest = TriangleGap._find_lowest
+
+    def count(self, points, start, members):
+        compared.append(members.sum())
+        return find_lowest(self, points, start, members)
+
+    monkeypatch.setattr(TriangleGap, "_find_lowest", count)
+    x, y = np.random.default_rng(1).uniform(-5e-3, 5e-3, (2, 100_000))
+    TriangleGap(lower).evaluate(x, y)
+    assert len(lower) > 500
+    assert sum(compared) < 10 * len(x)
