@@ -20,6 +20,8 @@ FloatArray = npt.NDArray[np.float64]
 _UNIT = 100.0
 #: Standard deviation of the prior on ln(gain): a gain this far from one costs as much as `_UNIT` counts [-].
 _GAIN_SPREAD = 0.5
+#: Gains closer to one than this belong to texels that no fitted image determines [-].
+_UNFITTED_GAIN = 1e-6
 #: Step of the finite differences in logarithms [-].
 _STEP = 1e-5
 
@@ -59,7 +61,8 @@ class StampFit:
             "saturation_band_counts": self.load_curve.saturation_band,
         }
         if self.gains is not None:
-            described["gain_sd"] = float(self.gains[self.gains != 1].std()) if (self.gains != 1).any() else 0.0
+            fitted = self.gains[np.abs(self.gains - 1) > _UNFITTED_GAIN]
+            described["gain_sd"] = float(fitted.std()) if fitted.size else 0.0
         return described
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -20,6 +21,8 @@ _Hardness = Annotated[
     str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
 ]
 
+#: Width of text lines [characters].
+_WIDTH = 80
 #: Effect of the elastic constants on the point spread function and on the contact.
 PSF_NOTE = (
     "Young's modulus drops out of the point spread function (of several layers their ratio stays); "
@@ -73,8 +76,8 @@ def _show_all(materials: list[Material]) -> None:
     title = "Materials (E at small strain, ± its spread between sources)"
     print_table(("name", "model", "E", "nu", "from"), rows, title=title, left=2)
     for number, source in enumerate(sources, start=1):
-        show(f"({number}) {source}")
-    show(PSF_NOTE)
+        show(textwrap.fill(f"({number}) {source}", _WIDTH, subsequent_indent="    "))
+    show(textwrap.fill(PSF_NOTE, _WIDTH))
 
 
 def _show_material(material: Material) -> None:

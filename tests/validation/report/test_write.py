@@ -1,3 +1,5 @@
+"""The report folder is complete, offline and labelled."""
+
 import dataclasses
 import json
 import re
@@ -7,12 +9,9 @@ import numpy as np
 import pytest
 
 import fastmodel
-from meshes.catalogue import ARRAYS
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
-from validation.cli.heat_map import draw_force_images
 from validation.report import write_report
-from validation.report.tactile_image import Outline, Scale, tactile_image
 from validation.sensor_file import load
 
 CASES = (
@@ -76,38 +75,3 @@ def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tm
 
 def test_parameters_beside_the_page_load(folder, evaluation):
     assert fastmodel.load(folder).spread == evaluation.derivation.parameters.spread
-
-
-def test_elements_agree_with_the_exact_layer(evaluation):
-    assert evaluation.verification["radial_profile"] < 5e-3
-    assert evaluation.verification["texel_response"] < 5e-3
-
-
-def test_row_0_is_at_the_bottom():
-    array = ARRAYS["wts-0614-34"]
-    values = np.zeros(84)
-    values[0] = 1.0
-    svg = tactile_image(array, values, Scale(peak=1.0))
-    y = {title: int(y) for y, title in re.findall(r'y="(\d+)"[^>]*><title>(\[\d+, \d+\])', svg)}
-    assert y["[0, 0]"] == max(y.values())
-    assert y["[13, 0]"] == 0
-    terminal = draw_force_images(array, [("x", values)]).columns[0]._cells[1].plain.splitlines()
-    assert terminal[13].split()[0] == "1000"
-    assert terminal[0].split()[0] == "0"
-
-
-def test_masked_texels_are_told_apart():
-    array = ARRAYS["sdh2-distal"]
-    assert tactile_image(array, np.zeros(78), Scale(peak=1.0)).count("no texel") == 10
-
-
-def test_outline_lies_where_the_texels_are():
-    array = ARRAYS["wts-0614-34"]
-    centre = Outline(x=array.centres[[0, 5, 83], 0], y=array.centres[[0, 5, 83], 1])
-    svg = tactile_image(array, np.zeros(84), Scale(peak=1.0), outline=centre)
-    assert 'points="7.5,202.5 82.5,202.5 82.5,7.5"' in svg
-
-
-@pytest.mark.parametrize(("value", "expected"), [(0.0, "#ffffff"), (1.0, "#97142a"), (-1.0, "#0b4f8a"), (9, "#97142a")])
-def test_colours_of_differences(value, expected):
-    assert Scale(peak=1.0, difference=True).colour(value) == expected

@@ -1,0 +1,95 @@
+"""Faults of a sensor file: one line each, with place and accepted values."""
+
+import pytest
+
+from tests.support.sensor_text import GOOD
+
+
+def test_every_fault_is_listed_once_with_its_path(sensor, faults):
+    path = sensor(
+        """
+[array]
+rows = 14
+colums = 6
+pitch = 3.4
+
+[[cover.layer]]
+thickness = "-2 mm"
+material = { model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio = 0.51 }
+
+[[cover.layer]]
+thickness = "2 N"
+material = "dragonskin-30"
+
+[electronic]
+rate = "271 Hz"
+
+[electronics]
+rate = "271"
+sensitivity = "2665.7 1/N"
+
+[contact]
+friction = 0.3
+"""
+    )
+    listed = dict(fault.split(": ", 1) for fault in faults(path))
+    assert listed.keys() == {
+        "array.columns",
+        "array.colums",
+        "array.pitch",
+        "cover.layer[0].thickness",
+        "cover.layer[0].material.poisson_ratio",
+        "cover.layer[1].thickness",
+        "cover.layer[1].material",
+        "electronic",
+        "electronics.rate",
+        "contact.friction",
+    }
+    assert "did you mean 'columns'" in listed["array.colums"]
+    assert "3.4 has no unit; write for example '2 mm'" in listed["array.pitch"]
+    assert "must be positive" in listed["cover.layer[0].thickness"]
+    assert "must lie in 0..0.5" in listed["cover.layer[0].material.poisson_ratio"]
+    assert "is not a unit of length" in listed["cover.layer[1].thickness"]
+    assert "did you mean 'dragon-skin-30'" in listed["cover.layer[1].material"]
+    assert "did you mean 'electronics'" in listed["electronic"]
+    assert "has no unit" in listed["electronics.rate"]
+    assert "friction is not yet supported" in listed["contact.friction"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('thickness = "2 mm"', 'thickness = "2"', "cover.layer[0].thickness: '2' has no unit"),
+        ("poisson_ratio = 0.49", "nu = 0.49", "did you mean 'poisson_ratio'?"),
+        ('model = "linear-elastic"', 'model = "lineer"', "did you mean 'linear-elastic'?"),
+        ('youngs_modulus = "1 MPa"', 'shear_modulus = "1 MPa"', "linear-elastic takes youngs_modulus [Pa]"),
+        ("rows = 3", "rows = -1", "array.rows: must lie in 1.."),
+        ("rows = 3", 'rows = "3"', "array.rows: "),
+        ("rows = 3", "rows = 3\nmask = ['01']", "array.mask: must have 3 rows of 2 entries"),
+        ("rows = 3", "rows = 3\npositions = 'no.csv'", "array.positions: no such file"),
+        ("rows = 3", "rows = 3\ntexel_size = '9 mm'", "array: texels 0 and 1 overlap"),
+        ("rows = 3", "rows = 5001", "are too many; at most 10000 texels"),
+        ('sensitivity = "2665.7 1/N"', "", "give either sensitivity"),
+        ('rate = "271 Hz"', 'rate = "271 Hz"\noutput_max = 5000', "does not fit 12 bits; accepted: 1..4095"),
+        ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
+        ('rate = "271 Hz"', 'rate = "271 Hz"\nnoise = 3', "electronics.noise: 3 has no unit"),
+        ("[electronics]", "[cover]\nsize = ['6.7 mm', '30 mm']\n[electronics]", "leaves 6 texels uncovered in part"),
+        ("[electronics]", "[cover]\nsize = ['30 mm', '5 mm']\n[electronics]", "the texels need 6.8 mm x 10.2 mm"),
+        ("[electronics]", "[cover]\nsize = '30'\n[electronics]", "cover.size: '30' has no unit"),
+        ("[electronics]", "[cover]\nsize = ['1 mm']\n[electronics]", "cover.size: must be one length or [x, y]"),
+        ("[electronics]", "[cover]\nsize = '0 mm'\n[electronics]", "cover.size: must be positive"),
+        ("[electronics]", "[cover]\nsize = '24 km'\n[electronics]", "cover.size: must be at most 1 m, not '24 km'"),
+        ("[electronics]", "[cover]\nfree_edges = true\n[electronics]", "a cover with a size has free side edges"),
+        (
+            "[electronics]",
+            "[spread]\nsigma_x=1.0\nsigma_y=1.0\nksize_x=4\nksize_y=3\n[electronics]",
+            "must be odd, not 4",
+        ),
+        ("[array]", "[array", "not a TOML file"),
+    ],
+)
+def test_fault_says_what_is_wrong(sensor, old, new, expected, faults):
+    assert old in GOOD
+    (only, *more) = faults(sensor(GOOD.replace(old, new)))
+    assert expected in " ".join([only, *more])
+    assert all("\n" not in fault for fault in (only, *more))
