@@ -76,7 +76,7 @@ def test_press_by_the_fast_model(run):
 
 
 def test_list_of_the_store(run, tmp_path):
-    assert run("softcover", "store", "list").stdout.strip() == f"0 entries, 0 B in {tmp_path / 'store'}"
+    assert run("softcover", "store", "list").stdout.strip() == f"0 entries, 0 bytes in {tmp_path / 'store'}"
 
 
 def test_materials_init_and_doctor(run, tmp_path):

@@ -1,4 +1,4 @@
-"""Output folders and files that appear whole or not at all."""
+"""Output folders and files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pathlib import Path
 from meshes import atomic_file
 from validation.errors import InputError
 
-#: Marks a folder that this program wrote and may therefore replace.
+#: Name of an empty file in each folder that this program wrote.  Only such a folder may be replaced.
 _MARKER = ".softcover-output"
-#: Unfinished folders older than this belong to no living run [s].
-_STALE = 24 * 3600.0
+#: An unfinished folder older than this is left from a killed run: no run lasts a day [s].
+_STALE_AGE = 24 * 3600.0
 
 
 @contextlib.contextmanager
 def new_folder(target: Path) -> Iterator[Path]:
-    """Give a temporary folder beside `target` that takes its place when the block ends without an error.
+    """Provide a temporary folder beside `target`, and rename it to `target` if the block ends without an error.
 
-    The folder is made at once, so that an unwritable place is found before any long work.
+    The temporary folder is made at once, so that an unwritable place is reported before any long computation.
 
     Args:
-        target: Where the results shall be; an earlier result of this program is replaced.
+        target: The folder of the results; an earlier result of this program is replaced.
 
     Yields:
         The folder to write to.
@@ -38,7 +38,7 @@ def new_folder(target: Path) -> Iterator[Path]:
     target = target.absolute()
     _check_replaceable(target)
     with contextlib.ExitStack() as cleanup:
-        work = _work_folder(target)
+        work = _make_work_folder(target)
         cleanup.callback(shutil.rmtree, work, ignore_errors=True)
         fresh = work / target.name
         fresh.mkdir()
@@ -52,25 +52,25 @@ def new_folder(target: Path) -> Iterator[Path]:
         atomic_file.flush(target.parent)
 
 
-def _work_folder(target: Path) -> Path:
+def _make_work_folder(target: Path) -> Path:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(target)
+        _remove_leftovers(target)
         return Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
     except OSError as error:
         raise OSError(error.errno, f"cannot be written: {error.strerror}", str(target)) from None
 
 
-def _sweep(target: Path) -> None:
-    """Remove what a killed run left beside `target`; younger leftovers may belong to a run that still goes on."""
-    for left in target.parent.glob(f".{glob.escape(target.name)}-*"):
-        ours = (left / target.name / _MARKER).is_file() or (left / "before" / _MARKER).is_file()
-        if ours and time.time() - left.stat().st_mtime > _STALE:
-            shutil.rmtree(left, ignore_errors=True)
+def _remove_leftovers(target: Path) -> None:
+    """Remove what killed runs left beside `target`.  Younger folders may belong to a run that is still going on."""
+    for folder in target.parent.glob(f".{glob.escape(target.name)}-*"):
+        is_ours = (folder / target.name / _MARKER).is_file() or (folder / "before" / _MARKER).is_file()
+        if is_ours and time.time() - folder.stat().st_mtime > _STALE_AGE:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file at once: never half of it.
+    """Write a text file completely or not at all.
 
     Raises:
         OSError: If the place cannot be written.

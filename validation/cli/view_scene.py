@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 import fastmodel
 from fastmodel import Parameters
+from fastmodel.bench import add_indenter
 from fastmodel.contact.interface import TexelContact
 from meshes import Indenter
 from meshes.constants import STANDARD_GRAVITY
@@ -62,7 +63,7 @@ class Scene:
         spec.add_texture(name="sky", **sky, rgb1=[0.9, 0.93, 0.96], rgb2=[0.6, 0.65, 0.7], width=64, height=64)
         self.sensor = fastmodel.attach(spec, "world", parameters, contact=method)
         self._radius = RADIUS_FRACTION * float((np.ptp(array.centres[:, :2], axis=0) + array.texel_size).min())
-        _add_indenter(spec, indenter, load, height=float(array.centres[:, 2].max()) + GAP)
+        _add_guided_indenter(spec, indenter, load, height=float(array.centres[:, 2].max()) + GAP)
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.sensor.bind(self.model)
@@ -70,7 +71,7 @@ class Scene:
     @property
     def position(self) -> tuple[float, float]:
         """Position of the indenter's axis in the array's frame [m]."""
-        return float(self.data.qpos[0]), float(self.data.qpos[1])
+        return float(self.data.qpos[1]), float(self.data.qpos[2])
 
     @property
     def texel_forces(self) -> npt.NDArray[np.float64]:
@@ -86,8 +87,8 @@ class Scene:
         while self.data.time < seconds:
             # The guide prescribes position and velocity in x and y; only the height follows from the forces.
             here, next_ = self._guide(self.data.time), self._guide(self.data.time + TIMESTEP)
-            self.data.qpos[:2] = here
-            self.data.qvel[:2] = (next_ - here) / TIMESTEP
+            self.data.qpos[1:] = here
+            self.data.qvel[1:] = (next_ - here) / TIMESTEP
             mujoco.mj_step(self.model, self.data)
             if self.sensor.step(self.data):
                 yield self.sensor.frame().time
@@ -106,17 +107,14 @@ class Scene:
         return radius * np.array([math.cos(angle), math.sin(angle)])
 
 
-def _add_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float, *, height: float) -> None:
-    """Add an indenter of weight `load` [N] at `height` [m] over the array, free to move in x, y and z."""
-    body = spec.worldbody.add_body(name="indenter", pos=[0, 0, height])
-    for axis in np.eye(3):
-        joint = body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    # Damp the vertical slide, which is the last one.
+def _add_guided_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float, *, height: float) -> None:
+    """Add an indenter of weight `load` [N] at `height` [m] over the array.  Its joints are slides along z, x and y."""
+    body = add_indenter(spec, indenter, load, height=height)
+    (vertical,) = body.joints
     # Newer versions of MuJoCo take the coefficients of a polynomial here, older ones a single number.
-    joint.damping = [load / FALLING_SPEED, 0.0, 0.0] if np.ndim(joint.damping) else load / FALLING_SPEED
-    mass = load / STANDARD_GRAVITY
-    body.mass, body.inertia, body.explicitinertial = mass, [1e-6 * mass] * 3, True
-    fastmodel.add_geoms(spec, body, indenter)
+    vertical.damping = [load / FALLING_SPEED, 0.0, 0.0] if np.ndim(vertical.damping) else load / FALLING_SPEED
+    for axis in ((1, 0, 0), (0, 1, 0)):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     for geom in body.geoms:
         geom.condim = 1
         geom.rgba = COLOUR

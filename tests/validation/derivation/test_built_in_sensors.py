@@ -7,8 +7,8 @@ import fastmodel
 from validation.derivation.derive import derive
 from validation.sensor_file import BUILT_IN
 
-#: Largest difference over the largest entry [-].  Other versions of the linear algebra round differently; a change of the
-#: model or of a grid changes the tables by more.
+#: Largest difference over the largest entry [-].  Other versions of the linear algebra round differently; a change of
+#: the model or of a grid changes the tables by more.
 TOLERANCE = 1e-6
 
 
@@ -16,7 +16,8 @@ def get_tables(parameters):
     """Every array that the fast model reads, by name."""
     cells = parameters.cells
     tables = {"operator": parameters.spread.operator(parameters.array), **parameters.tables}
-    return tables | {"compliance": cells.compliance, "influence": cells.influence, "top": np.array(cells.top_compliance)}
+    cell_tables = {"compliance": cells.compliance, "influence": cells.influence, "top": np.array(cells.top_compliance)}
+    return tables | cell_tables
 
 
 @pytest.mark.slow

@@ -215,10 +215,13 @@ def _print_removed(removed: list[Entry], *, kept: int, swept: int, dry_run: bool
 
 def _print_lines(found: Iterable[Entry]) -> None:
     """Print one line per entry.  Its description comes last, because it may be long."""
+    from rich.filesize import decimal
+
     for entry in found:
         what = f"{_KINDS.get(entry.kind, entry.kind)}: {_describe_inputs(entry.inputs)}"
-        size, age = _format_bytes(entry.size), _format_age(entry.created)
-        show(f"{entry.key[:12]}  {size:>7}  {age:>6}  {_describe_state(entry):10}  {what}")
+        state = "damaged" if entry.problem else "" if _is_usable(entry) else "other code"
+        size, age = decimal(entry.size), _format_age(entry.created)
+        show(f"{entry.key[:12]}  {size:>9}  {age:>6}  {state:10}  {what}")
 
 
 def _list_entry(entry: Entry) -> dict[str, Any]:
@@ -238,12 +241,6 @@ def _is_usable(entry: Entry) -> bool:
     from fem_reference import result_store
 
     return not entry.problem and entry.code == result_store.code_version()
-
-
-def _describe_state(entry: Entry) -> str:
-    if entry.problem:
-        return "damaged"
-    return "" if _is_usable(entry) else "other code"
 
 
 def _describe_inputs(inputs: Mapping[str, Any]) -> str:
@@ -279,18 +276,10 @@ def _format_length(name: str, size: object) -> str:
 
 
 def _summarise(found: list[Entry]) -> str:
+    from rich.filesize import decimal
+
     noun = "entry" if len(found) == 1 else "entries"
-    return f"{len(found)} {noun}, {_format_bytes(sum(entry.size for entry in found))}"
-
-
-def _format_bytes(count: int) -> str:
-    """Format a number of bytes with a unit."""
-    value = float(count)
-    for unit in ("B", "kB", "MB", "GB"):
-        if value < 1000:  # noqa: PLR2004 -- the next unit
-            return f"{value:.3g} {unit}"
-        value /= 1000
-    return f"{value:.3g} TB"
+    return f"{len(found)} {noun}, {decimal(sum(entry.size for entry in found))}"
 
 
 def _format_age(created: float) -> str:

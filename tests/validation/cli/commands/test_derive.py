@@ -25,7 +25,7 @@ def test_derive_prints_one_json_object_and_writes_its_files(softcover, sensor):
     assert Path("derived/psf.svg").stat().st_size > 1000
 
 
-def test_derive_with_another_cover(softcover):
+def test_derive_uses_the_material_and_thickness_of_the_options(softcover):
     _, out, _ = softcover("derive", "wts-0614-34", "--material", "dragon-skin-30", "--thickness", "3mm", "--json")
     cover = json.loads(out)["cover"]
     assert cover["assumed"] is False

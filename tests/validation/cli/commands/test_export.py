@@ -35,7 +35,7 @@ def exported(softcover):
     return run
 
 
-def test_exported_texels_are_where_the_array_has_them(exported):
+def test_exported_texels_have_the_positions_of_the_array(exported):
     _, model, parameters = exported("sdh2-distal", "--method", "area")
     centres = parameters.array.centres
     assert model.ngeom == len(centres)
@@ -44,7 +44,7 @@ def test_exported_texels_are_where_the_array_has_them(exported):
 
 
 @pytest.mark.parametrize("method", ["default", "boxes"])
-def test_exported_model_is_the_one_that_the_method_reads(exported, method):
+def test_only_the_method_of_an_exported_model_can_read_it(exported, method):
     printed, model, parameters = exported("wts-0614-34", "--method", method)
     assert printed == {
         "sensor": "wts-0614-34",
@@ -62,7 +62,7 @@ def test_exported_model_is_the_one_that_the_method_reads(exported, method):
         fastmodel.METHODS["boxes" if plate else "cover"].bind(model, **bound)
 
 
-def test_the_plugin_block_takes_no_contact_method(softcover, tmp_path):
+def test_the_plugin_block_refuses_a_contact_method(softcover, tmp_path):
     status, out, err = softcover("export", "wts-0614-3", "--format", "gazebo", "--method", "boxes")
     assert (status, out) == (2, "")
     assert [line.split(": ")[1] for line in err.splitlines()] == ["--method", "wts-0614-3"]

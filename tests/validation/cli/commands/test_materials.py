@@ -5,7 +5,7 @@ import pytest
 from meshes.catalogue import MATERIALS
 
 
-def test_materials(softcover):
+def test_materials_are_listed_as_a_table_and_as_json(softcover):
     status, out, _ = softcover("materials", "--json")
     assert status == 0
     assert json.loads(out)["materials"]["dragon-skin-30"]["youngs_modulus"] == pytest.approx(669e3)

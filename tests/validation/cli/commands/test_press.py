@@ -3,6 +3,8 @@ import json
 import numpy as np
 import pytest
 
+import fastmodel
+
 
 def test_press_prints_the_keys_that_others_rely_on(softcover):
     status, out, _ = softcover(
@@ -32,7 +34,7 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
     }
 
 
-def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
+def test_boxes_misplace_more_force_than_the_cover_method(softcover):
     touch = ("press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--json")
     cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
     assert boxes["models"]["fast"]["depth"] is None
@@ -40,7 +42,7 @@ def test_the_reports_boxes_can_be_asked_for_and_misplace_more(softcover):
 
 
 @pytest.mark.slow
-def test_fast_model_takes_the_load_that_the_reference_has_at_a_depth(softcover):
+def test_at_a_depth_the_fast_model_takes_the_load_of_the_reference(softcover):
     _, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "0.3mm", "--json")
     models = json.loads(out)["models"]
     assert models["fem"]["depth"] == pytest.approx(0.3e-3, rel=1e-6)
@@ -55,7 +57,7 @@ def test_press_draws_both_models(softcover):
     assert "fast model, mN" in out
 
 
-def test_press_with_the_fast_model_alone(softcover):
+def test_press_by_the_fast_model_alone_needs_no_finite_elements(softcover, without_reference):
     _, out, _ = softcover(
         "press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "2N", "--model", "fast", "--json"
     )
@@ -64,7 +66,24 @@ def test_press_with_the_fast_model_alone(softcover):
     assert result["scores"] is None
 
 
-def test_every_fault_of_every_option_at_once(softcover):
+def test_press_takes_the_fast_model_from_a_derived_folder(softcover, without_reference):
+    fastmodel.load("wts-0614-34").save("derived")
+    touch = ("--indenter", "sphere:radius=5mm", "--load", "2N", "--model", "fast", "--json")
+    built_in, folder = (json.loads(softcover("press", name, *touch)[1]) for name in ("wts-0614-34", "derived"))
+    assert folder["models"]["fast"]["texel_forces"] == built_in["models"]["fast"]["texel_forces"]
+    assert built_in["cover"]["assumed"] is True
+    assert folder["cover"] is None
+
+
+@pytest.mark.parametrize("options", [["--load", "2N"], ["--depth", "0.1mm", "--model", "fast"]])
+def test_the_finite_elements_need_more_than_a_derived_folder(softcover, without_reference, options):
+    fastmodel.load("wts-0614-34").save("derived")
+    status, out, err = softcover("press", "derived", "--indenter", "sphere:radius=5mm", *options)
+    assert (status, out) == (2, "")
+    assert "no description of the cover" in err
+
+
+def test_the_faults_of_all_options_are_reported_at_once(softcover):
     words = ("no.toml", "--indenter", "spher:x=1", "--load", "3", "--at=1mm", "--yaw=x", "--model", "fen")
     status, _, err = softcover("press", *words)
     assert status == 2

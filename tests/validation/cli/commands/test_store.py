@@ -46,13 +46,13 @@ def damage(number):
     return path
 
 
-def test_list_of_an_empty_store(empty):
-    assert empty("store", "list")[:2] == (0, f"0 entries, 0 B in {result_store.folder()}\n")
+def test_the_list_of_an_empty_store_names_its_folder(empty):
+    assert empty("store", "list")[:2] == (0, f"0 entries, 0 bytes in {result_store.folder()}\n")
     result = json.loads(empty("store", "list", "--json")[1])
     assert (result["entries"], result["bytes"]) == ([], 0)
 
 
-def test_list_shows_what_lies_there_for_people(filled):
+def test_the_list_has_a_line_per_entry_newest_first(filled):
     status, out, err = filled("store", "list")
     lines = out.splitlines()
     assert status == 0
@@ -66,15 +66,15 @@ def test_list_shows_what_lies_there_for_people(filled):
     assert "2 of them cannot be used" in err
 
 
-def test_list_for_programs(filled):
+def test_the_list_as_json_tells_which_entries_are_usable(filled):
     result = json.loads(filled("store", "list", "--json")[1])
     assert numbers(result["entries"]) == [0, 1, 2, 3, 4]
     assert [entry["usable"] for entry in result["entries"]] == [code is None for code in CODES]
     assert result["bytes"] == sum(path.stat().st_size for path in result_store.folder().iterdir())
 
 
-def test_a_real_indentation_is_told_in_the_words_of_the_command_line(softcover):
-    """In the store that all tests share, so that the touch is solved once for all of them."""
+def test_an_indentation_is_described_in_the_words_of_the_command_line(softcover):
+    """Uses the store that all tests share, so that the indentation is solved once for all of them."""
     press = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g", "--model", "fem", "--json")
     assert softcover(*press)[0] == 0
     balls = [line for line in softcover("store", "list")[1].splitlines() if "sphere:radius=5mm" in line]
@@ -82,12 +82,12 @@ def test_a_real_indentation_is_told_in_the_words_of_the_command_line(softcover):
     assert softcover("store", "verify")[0] == 0
 
 
-def test_verify_of_a_whole_store(filled):
+def test_verify_of_an_undamaged_store_finds_nothing(filled):
     assert filled("store", "verify")[0] == 0
     assert json.loads(filled("store", "verify", "--json")[1])["damaged"] == []
 
 
-def test_verify_says_which_entry_is_damaged(filled):
+def test_verify_names_the_damaged_entry(filled):
     path = damage(3)
     status, out, _ = filled("store", "verify")
     assert status == 1
@@ -125,7 +125,7 @@ def test_prune_removes_what_the_options_choose_and_says_so(filled, options, left
     assert f"{len(left)} kept" in out.splitlines()[-1]
 
 
-def test_prune_takes_damaged_entries_and_leftovers_always(filled):
+def test_prune_always_removes_damaged_entries_and_unfinished_files(filled):
     damage(0)
     (result_store.folder() / ".softcover-partial-left").touch()
     (result_store.folder() / "notes.txt").write_text("mine")

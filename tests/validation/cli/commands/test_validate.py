@@ -12,7 +12,7 @@ RECORDINGS = None if FOUND is None else FOUND.absolute()
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
-def test_recordings_of_another_array(softcover):
+def test_recordings_of_another_array_are_refused(softcover):
     status, _, err = softcover("validate", "wts-0614-34", "--recordings", RECORDINGS)
     assert status == 2
     assert "is not wts-0614-34" in err
@@ -20,7 +20,7 @@ def test_recordings_of_another_array(softcover):
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
-def test_truncated_recording(softcover, tmp_path):
+def test_a_truncated_recording_is_named(softcover, tmp_path):
     shutil.copytree(next(RECORDINGS.rglob("room")), tmp_path / "data" / "room")
     for path in tmp_path.rglob("*"):
         path.chmod(0o755)
@@ -33,7 +33,7 @@ def test_truncated_recording(softcover, tmp_path):
 
 
 @pytest.mark.slow
-def test_demo_goes_the_whole_way(softcover, tmp_path):
+def test_demo_writes_report_scores_and_parameters(softcover, tmp_path):
     recordings = [] if RECORDINGS is None else ["--recordings", RECORDINGS]
     status, out, err = softcover("demo", "--json", *recordings)
     assert status == 0
