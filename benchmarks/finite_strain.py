@@ -69,7 +69,7 @@ def body(task: Task) -> Callable[[], Any]:
     from fem_reference.finite_strain.hyperelastic import Solid
     from meshes import Cover, Layer, Material
 
-    assert task["tolerance"] == bonded_disk._TIGHT  # noqa: SLF001 -- both sides stop at the same residual
+    assert task["tolerance"] == bonded_disk.TOLERANCE  # both sides stop at the same residual
     ratio = (3 * task["bulk"] - 2) / (2 * (3 * task["bulk"] + 1))
     rubber = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 1.0}, poisson_ratio=ratio)
 
@@ -80,10 +80,12 @@ def body(task: Task) -> Callable[[], Any]:
         top = np.flatnonzero(elements.nodes[:, 2] > 1 - 1e-9)
         sides = [3 * np.flatnonzero(place < 1e-9) + i for i, place in enumerate(elements.nodes.T)]
         held = np.unique(np.concatenate([*sides, *(3 * top + i for i in range(3))]))
-        return bonded_disk.Disk(solid=Solid.of_cover(elements, cover, Units.of(cover)), held=held, plate=3 * top + 2)
+        return bonded_disk.Disk(
+            solid=Solid.from_cover(elements, cover, Units.of(cover)), constrained=held, plate=3 * top + 2
+        )
 
     if task["shape"] == "disk":
-        return partial(bonded_disk.Disk.of, rubber, task["radius"], task["through"])
+        return partial(bonded_disk.Disk.mesh, rubber, task["radius"], task["through"])
     return block if task["shape"] == "block" else partial(Pressed, task, rubber)
 
 
@@ -93,31 +95,30 @@ class Pressed:
     def __init__(self, task: Task, rubber: Any) -> None:  # noqa: ANN401 -- imported where it is used
         from fem_reference.elements.scaling import Units
         from fem_reference.elements.taylor_hood import prepare_elements
-        from fem_reference.finite_strain import newton
+        from fem_reference.finite_strain import contact_problem
         from fem_reference.finite_strain.contact import SurfaceContact
         from fem_reference.finite_strain.hyperelastic import Solid
-        from fem_reference.finite_strain.indenter_surface import Obstacle
+        from fem_reference.finite_strain.indenter_surface import IndenterSurface
         from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
         from meshes import Cover, Layer, Sphere
 
-        newton._LOOSE = newton._TIGHT = task["tolerance"]  # noqa: SLF001
-        newton._AUGMENTATIONS = 0  # noqa: SLF001
+        contact_problem._STEP_TOLERANCE = contact_problem._TARGET_TOLERANCE = task["tolerance"]  # noqa: SLF001
+        contact_problem._AUGMENTATIONS = 0  # noqa: SLF001
         cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
         mesh, _ = mesh_cover(cover, task["through"], np.array(task["radii"]))
         elements = prepare_elements(mesh, axisymmetric=True)
-        obstacle = Obstacle(indenter=Sphere(radius=task["ball"]), fillet=0.05)
-        self.solid = Solid.of_cover(elements, cover, Units.of(cover))
-        self._problem = newton.Problem(
+        surface = IndenterSurface(indenter=Sphere(radius=task["ball"]), fillet=0.05)
+        self.solid = Solid.from_cover(elements, cover, Units.of(cover))
+        self._problem = contact_problem.ContactProblem(
             solid=self.solid,
-            contact=SurfaceContact(elements, 1.0, obstacle, penalty=task["penalty"]),
-            fixed=find_constrained(cover, *elements.nodes.T, task["radii"][-1]),
+            contact=SurfaceContact(elements, 1.0, surface, penalty=task["penalty"]),
+            constrained=find_constrained(cover, *elements.nodes.T, task["radii"][-1]),
             units=Units.of(cover),
         )
 
-    def squeeze(self, depths: list[float]) -> list[tuple[Any, float]]:
-        """State and force at every depth."""
-        path = self._problem.follow(depths, control="depth", first=depths[0])
-        return [(reached.state, reached.load) for reached in path]
+    def compress(self, depths: list[float]) -> list[Any]:
+        """Equilibrium at every depth."""
+        return list(self._problem.follow(depths, control="depth", first=depths[0]))
 
 
 def worker(task: Task) -> None:
@@ -125,7 +126,7 @@ def worker(task: Task) -> None:
     make = body(task)
     started, clock = time.process_time(), time.perf_counter()
     made = make()
-    forces = [force for _, force in made.squeeze(task["travels"])]
+    forces = [reached.load for reached in made.compress(task["travels"])]
     cost = {"cpu": time.process_time() - started, "wall": time.perf_counter() - clock}
     unknowns = made.solid.elements.displacements + made.solid.elements.pressures
     print(json.dumps({**cost, "unknowns": unknowns, "forces": forces}))
@@ -135,7 +136,7 @@ def profile(task: Task) -> None:
     """Where our side spends its time."""
     make = body(task)
     with cProfile.Profile() as seen:
-        make().squeeze(task["travels"])
+        make().compress(task["travels"])
     pstats.Stats(seen).sort_stats("tottime").print_stats(16)
 
 

@@ -1,7 +1,9 @@
 """Residual and tangent of mixed finite-strain elements.
 
-Total Lagrangian: for each point W = isochoric(F) - p (J - 1) - p^2 / 2 K with displacement u and mean pressure p as
-unknowns; stress P = dW/dF.  At rest the tangent is exactly the matrix of linear elasticity.
+Total Lagrangian formulation with displacement u and mean pressure p as unknowns.  The energy per reference volume is
+W = W_iso(F) - p (J - 1) - p^2 / (2 K), with the deformation gradient F, J = det F, the isochoric energy W_iso and the
+bulk modulus K; the stress is P = dW/dF.  In the undeformed state the tangent is
+exactly the matrix of linear elasticity.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import scipy.sparse as sp
 
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, Pattern
+from fem_reference.errors import ConvergenceError
 from fem_reference.materials import Energy, create_finite_strain_energy
 from fem_reference.materials.energy import Response, Scaled
 from fem_reference.materials.invariants import Invariant, volume_ratio
@@ -25,8 +28,12 @@ from meshes import Cover
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Quadrature points treated at once: few enough that their tensors stay in the cache.
+#: Quadrature points that are evaluated together: few enough that their tensors stay in the processor's cache.
 _POINTS = 1152
+
+
+class InvertedElementError(ConvergenceError):
+    """A deformation has a negative volume: the step was too long."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +43,7 @@ class Solid:
     Attributes:
         elements: Prepared elements.
         energies: Isochoric energy of each region.
-        bulk_compliance: 1 / K of each region; 0 when incompressible [1/Pa].
+        bulk_compliance: 1 / K of each region; 0 for incompressible materials [1/Pa].
         pattern: Sparsity of the tangent, computed once.
     """
 
@@ -46,8 +53,14 @@ class Solid:
     pattern: Pattern
 
     @classmethod
-    def of_cover(cls, elements: MixedElements, cover: Cover, units: Units) -> Solid:
-        """The cover's materials on elements whose regions are its layers, bottom first, in the given units."""
+    def from_cover(cls, elements: MixedElements, cover: Cover, units: Units) -> Solid:
+        """Put a cover's materials on elements.
+
+        Args:
+            elements: Elements whose regions are the layers of the cover, bottom first.
+            cover: The cover; a small-strain material becomes neo-Hookean with the same moduli.
+            units: Units that the elements and the result are in.
+        """
         materials = [layer.material for layer in cover.layers]
         return cls(
             elements=elements,
@@ -57,22 +70,22 @@ class Solid:
         )
 
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
-        """Residual and tangent.
+        """Return residual and tangent.
 
         Args:
-            state: Displacements, then mean pressures, shape (n,) [m], [Pa].
+            state: Displacements [m], then mean pressures [Pa], shape (n,).
 
         Returns:
-            Internal forces [N] and volume residuals [m3], shape (n,), and the symmetric tangent.
+            Internal forces [N], then volume residuals [m3], shape (n,), and the symmetric tangent, shape (n, n).
 
         Raises:
-            InvertedError: If an element is turned inside out.
+            InvertedElementError: If an element is turned inside out.
         """
         e = self.elements
         found = tuple(np.empty(shape) for shape in self._block_shapes)
         size = max(1, _POINTS // e.weight.shape[1])
         parts = [slice(start, start + size) for start in range(0, len(e.cells), size)]
-        with ThreadPoolExecutor(min(_threads(), len(parts))) as pool:
+        with ThreadPoolExecutor(min(_count_threads(), len(parts))) as pool:
             list(pool.map(partial(self._fill, state, found), parts))
         forces, volumes, stiff, couple, squeeze = found
         residual = np.bincount(e.unknowns.ravel(), forces.ravel(), minlength=len(state)).astype(np.float64)
@@ -81,10 +94,17 @@ class Solid:
         return residual, self.pattern.assemble(stiff, couple, squeeze)
 
     def _fill(self, state: FloatArray, found: tuple[FloatArray, ...], part: slice) -> None:
-        """Forces, volumes and the three blocks of the matrices of some elements, written into the arrays of all."""
+        """Evaluate some elements.
+
+        Args:
+            state: As for `linearise`.
+            found: Arrays over all elements that the results are written into: forces, volumes, and the stiffness,
+                coupling and pressure blocks of the element matrices.
+            part: Which elements.
+        """
         e, (forces, volumes, stiff, couple, squeeze) = self.elements, found
-        F, J, p = self._fields(state, part)
-        response = self._response(F, J, part)
+        F, J, p = self._evaluate_fields(state, part)
+        response = self._evaluate_isochoric(F, J, part)
         w, shape = e.weight[part], e.pressure_shape[part]
         inverse = self.bulk_compliance[e.region[part], None]
         stress = (response.stress - p[..., None] * J.first) * w[..., None]
@@ -95,27 +115,31 @@ class Solid:
         couple[part] = -e.integrate_coupling(J.first * w[..., None], part)
         squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
 
-    @property
-    def at_rest(self) -> SmallStrainSolid:
-        """The same solid where strain is small."""
-        nothing = np.zeros(self.elements.displacements + self.elements.pressures)
-        return SmallStrainSolid(elements=self.elements, stiffness=self.linearise(nothing)[1])
+    def linearise_at_rest(self) -> SmallStrainSolid:
+        """Return the same solid with the tangent of the undeformed state, for small strain."""
+        undeformed = np.zeros(self.elements.displacements + self.elements.pressures)
+        return SmallStrainSolid(elements=self.elements, stiffness=self.linearise(undeformed)[1])
 
     def energy(self, state: FloatArray) -> float:
-        """Total stored energy with the pressure as a Lagrange multiplier [J]."""
+        """Return the integral of W, which is the stored energy in equilibrium [J].
+
+        Args:
+            state: As for `linearise`.
+        """
         whole = slice(None)
-        F, J, p = self._fields(state, whole)
+        F, J, p = self._evaluate_fields(state, whole)
         inverse = self.bulk_compliance[self.elements.region][:, None]
-        density = self._response(F, J, whole).energy - p * (J.value - 1) - p**2 * inverse / 2
+        density = self._evaluate_isochoric(F, J, whole).energy - p * (J.value - 1) - p**2 * inverse / 2
         return float((density * self.elements.weight).sum())
 
     @property
     def _block_shapes(self) -> list[tuple[int, ...]]:
-        """Of element forces and volumes, and of the three blocks of element matrices."""
+        """Shapes of element forces and volumes, and of stiffness, coupling and pressure blocks."""
         (e, i), b = self.elements.unknowns.shape, self.elements.pressure_cells.shape[1]
         return [(e, i), (e, b), (e, i, i), (e, i, b), (e, b, b)]
 
-    def _fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
+    def _evaluate_fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
+        """Return deformation gradient, its determinant and mean pressure at the quadrature points of some elements."""
         e = self.elements
         flat = e.compute_gradient(state, part)
         F = np.zeros((*flat.shape[:2], 3, 3))
@@ -123,11 +147,12 @@ class Solid:
             F[..., i, j] = flat[..., g] + (i == j)
         J = volume_ratio(F, e.places)
         if not (J.value > 0).all():
-            raise InvertedError("an element is turned inside out")
+            raise InvertedElementError("an element is turned inside out")
         p = np.einsum("eqb,eb->eq", e.pressure_shape[part], state[e.pressure_cells[part] + e.displacements])
         return F, J, p
 
-    def _response(self, F: FloatArray, J: Invariant, part: slice) -> Response:
+    def _evaluate_isochoric(self, F: FloatArray, J: Invariant, part: slice) -> Response:
+        """Return isochoric energy, stress and tangent at the quadrature points of some elements."""
         region = self.elements.region[part]
         if (region == region[0]).all():
             return self.energies[int(region[0])].isochoric(F, J)
@@ -142,7 +167,7 @@ class Solid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallStrainSolid:
-    """Elements of linear elasticity: one stiffness for every state.
+    """Elements of linear elasticity, whose stiffness is the same in every state.
 
     Attributes:
         elements: Prepared elements.
@@ -153,17 +178,13 @@ class SmallStrainSolid:
     stiffness: sp.csr_matrix
 
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
-        """Residual and tangent, as `Solid.linearise`."""
+        """Return residual and tangent, as `Solid.linearise`."""
         return np.asarray(self.stiffness @ state), self.stiffness
 
 
-def _threads() -> int:
-    """Threads that assemble: as many as the linear algebra is allowed, else one for each core this process may use."""
+def _count_threads() -> int:
+    """Return the number of threads for assembly: that of linear algebra if set, else one per usable core."""
     allowed = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if allowed.isdecimal() and int(allowed):
         return int(allowed)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class InvertedError(ArithmeticError):
-    """A deformation has a negative volume: the step was too long."""

@@ -1,120 +1,147 @@
-"""A rigid indenter as a smooth obstacle over the cover: height, slope and curvature at any point.
+"""The lower surface of a rigid indenter for contact at finite strain: height, slope and curvature at any point.
 
-Sharp edges get a small fillet (a printed or machined edge has one, and a finite-strain solution under a perfectly sharp
-edge has no limit); the fillet's radius belongs to the result.  Curved shapes without an axis are smoothed over the same
-length, see `relief`.  Where a surface turns steeper than `STEEPEST` it goes on as a plane, so that the height stays
-finite everywhere.
+Sharp edges are rounded by a small fillet: a printed or machined edge has one, and a finite-strain solution under a
+perfectly sharp edge has no limit.  Results state the fillet's radius.  Curved shapes without an axis of revolution are
+smoothed over the same length, see `SmoothedHeightmap`.  A surface that becomes steeper than `STEEPEST` continues as a
+plane or cone of that slope, so that the height is finite everywhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.finite_strain.smoothed_heightmap import Relief
+from fem_reference.finite_strain.smoothed_heightmap import SmoothedHeightmap
 from meshes import FlatPunch, Indenter
+from meshes.pose import PlanarPose
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Slope at which a fillet or a ball goes on as a plane (60 degrees): a cover that leaves an edge is less steep [-].
+#: Largest slope of the surface, that of 60 degrees: a cover that separates at an edge leaves it less steeply [-].
 STEEPEST = float(np.tan(np.radians(60)))
+#: A sphere has the slope `STEEPEST` at this fraction of its radius [-].
+_RIM = float(np.sin(np.arctan(STEEPEST)))
+#: Height above which a smoothed surface is cut off, in units of length: a pressed cover, one unit thick, never reaches
+#: it [-].
+_HIGHEST = 2.0
+#: Step of the difference quotients over the fillet [-].
+_STEP = 1 / 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Height:
-    """Height of the obstacle over its lowest point.
+class SurfacePoints:
+    """The surface at some points, in units of length.
 
     Attributes:
-        value: Shape (...) [m].
-        slope: Shape (..., 2) [-].
-        curvature: Shape (..., 2, 2) [1/m].
+        height: Height over the lowest point, shape (...).
+        slope: Derivatives by x and y, shape (..., 2) [-].
+        curvature: Second derivatives, shape (..., 2, 2).
     """
 
-    value: FloatArray
+    height: FloatArray
     slope: FloatArray
     curvature: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class Obstacle:
-    """An indenter, standing with its axis at the origin.
+class IndenterSurface:
+    """The rounded lower surface of an indenter.
 
     Attributes:
         indenter: The shape.
-        fillet: Radius of the rounding of sharp edges, in `unit`.
-        unit: Length that positions and heights are counted in [m].
-        load_scale: Factor on all heights.  Small-strain contact is homogeneous: a thousandth of the heights under a
-            thousandth of the load gives the small-strain solution for the whole of both, divided by a thousand [-].
+        fillet: Radius of rounded edges, in units of length.
+        unit: Unit of length of positions and heights [m].
+        load_scale: Factor on all heights, see `LoadingPath` [-].
+        pose: PlanarPose of the indenter in the frame of the positions [m].
     """
 
     indenter: Indenter
     fillet: float
     unit: float = 1.0
     load_scale: float = 1.0
+    pose: PlanarPose = field(default_factory=PlanarPose)
 
-    def with_load_scale(self, load_scale: float) -> Obstacle:
-        """The same shape with that factor on all heights [-]."""
+    def with_load_scale(self, load_scale: float) -> IndenterSurface:
+        """Return the same surface with another factor on all heights [-]."""
         return replace(self, load_scale=load_scale)
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height over the lowest point, any shape [m]."""
-        if isinstance(self.indenter, FlatPunch):
-            x, y = x * self.unit, y * self.unit
-            beyond = self.indenter.distance_from_inset(self.fillet * self.unit, x, y) / self.unit
-            return self.load_scale * _rounded_edge(beyond, self.fillet)
-        return self.load_scale * (self._extended(x, y) if self.indenter.axisymmetric else self._relief.height(x, y))
-
-    def at(self, x: FloatArray, y: FloatArray) -> Height:
-        """Height with its derivatives, by central differences over a hundredth of the fillet.
+        """Return the height over the lowest point.
 
         Args:
-            x: Positions [m].
-            y: Positions of the same shape [m].
+            x: Positions, any shape, in units of length.
+            y: Positions of the same shape.
         """
-        h = self.fillet / 100
-        value = self.height(x, y)
-        east, west = self.height(x + h, y), self.height(x - h, y)
-        north, south = self.height(x, y + h), self.height(x, y - h)
-        twist = self.height(x + h, y + h) - self.height(x + h, y - h)
-        twist = (twist - self.height(x - h, y + h) + self.height(x - h, y - h)) / (4 * h**2)
+        return self._local_height(*self._to_local(x, y))
+
+    def evaluate(self, x: FloatArray, y: FloatArray) -> SurfacePoints:
+        """Return the height and its derivatives, by central differences over a hundredth of the fillet.
+
+        Args:
+            x: Positions, any shape, in units of length.
+            y: Positions of the same shape.
+        """
+        x, y = self._to_local(x, y)
+        h = self.fillet * _STEP
+        height = self._local_height(x, y)
+        east, west = self._local_height(x + h, y), self._local_height(x - h, y)
+        north, south = self._local_height(x, y + h), self._local_height(x, y - h)
+        mixed = self._local_height(x + h, y + h) - self._local_height(x + h, y - h)
+        mixed = (mixed - self._local_height(x - h, y + h) + self._local_height(x - h, y - h)) / (4 * h**2)
         slope = np.stack([east - west, north - south], axis=-1) / (2 * h)
         rows = [
-            np.stack([(east - 2 * value + west) / h**2, twist], axis=-1),
-            np.stack([twist, (north - 2 * value + south) / h**2], axis=-1),
+            np.stack([(east - 2 * height + west) / h**2, mixed], axis=-1),
+            np.stack([mixed, (north - 2 * height + south) / h**2], axis=-1),
         ]
-        return Height(value=value, slope=slope, curvature=np.stack(rows, axis=-2))
+        c, s = self.pose.direction
+        turn = np.array([[c, -s], [s, c]])
+        curvature = np.einsum("ik,...kl,jl->...ij", turn, np.stack(rows, axis=-2), turn)
+        return SurfacePoints(height=height, slope=slope @ turn.T, curvature=curvature)
 
-    @property
-    def _footprint(self) -> FloatArray:
-        return np.array(self.indenter.footprint) / self.unit
+    def _to_local(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions in the indenter's frame, in units of length."""
+        at_x, at_y = self.pose.at
+        return replace(self.pose, at=(at_x / self.unit, at_y / self.unit)).to_indenter(x, y)
+
+    def _local_height(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the height at positions in the indenter's frame."""
+        if isinstance(self.indenter, FlatPunch):
+            beyond = (
+                self.indenter.distance_from_inset(self.fillet * self.unit, x * self.unit, y * self.unit) / self.unit
+            )
+            return self.load_scale * _round_edge(beyond, self.fillet)
+        if self.indenter.axisymmetric:
+            return self.load_scale * self._extend_round_shape(x, y)
+        return self.load_scale * self._heightmap.height(x, y)
 
     @cached_property
-    def _relief(self) -> Relief:
-        return Relief(self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit)
+    def _heightmap(self) -> SmoothedHeightmap:
+        return SmoothedHeightmap(
+            self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit
+        )
 
-    def _extended(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """A curved shape with an axis, continued outside its footprint by a steep cone."""
-        shrink = 1 / np.maximum(1.0, np.hypot(x, y) / self._footprint[0] / _RIM)
+    def _extend_round_shape(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the height of a curved shape of revolution, continued outside its footprint by a steep cone."""
+        radius = self.indenter.footprint[0] / self.unit
+        shrink = 1 / np.maximum(1.0, np.hypot(x, y) / radius / _RIM)
         beyond = np.hypot(x - x * shrink, y - y * shrink)
         return np.asarray(
             self.indenter.gap(x * shrink * self.unit, y * shrink * self.unit) / self.unit + STEEPEST * beyond
         )
 
 
-#: Height that a pressed cover never reaches, in units of its thickness [-].
-_HIGHEST = 2.0
-#: A ball is that steep at this fraction of its radius.
-_RIM = float(np.sin(np.arctan(STEEPEST)))
+def _round_edge(beyond: FloatArray, radius: float) -> FloatArray:
+    """Return the height of a face with a rounded edge.
 
+    The curvature grows from zero to 1 / radius over half a radius and is constant beyond that.  If it jumped, points
+    that move from one side of the jump to the other would make Newton's method cycle.
 
-def _rounded_edge(beyond: FloatArray, radius: float) -> FloatArray:
-    """Height of a face with a rounded edge, from the distance outside its flat part.
-
-    The curvature grows from zero to 1 / radius over half a radius and stays there: where it jumps, points that come to
-    lie on one side and the other make Newton's method cycle.
+    Args:
+        beyond: Distance outside the flat part of the face.
+        radius: Radius of the edge.
     """
     ramp = radius / 2
     steep = ramp / 2 + STEEPEST * radius

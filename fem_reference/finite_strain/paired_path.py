@@ -1,4 +1,8 @@
-"""One loading path in three dimensions, solved together with its frictionless twin at small strain."""
+"""A loading path on a block, solved together with its baseline: the same path at small strain without friction.
+
+The difference between the two solutions is the effect of finite strain and friction, and nearly free of the error of
+the grid (a control variate).
+"""
 
 from __future__ import annotations
 
@@ -9,151 +13,162 @@ import numpy as np
 
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements
-from fem_reference.finite_strain.axisymmetric_path import PENALTY
-from fem_reference.finite_strain.block_path import Block, SolidState, held, meshed, solid_state
-from fem_reference.finite_strain.contact import Rigid, SurfaceContact
+from fem_reference.finite_strain.axisymmetric_path import FIRST_DEPTH, PENALTY
+from fem_reference.finite_strain.block_path import Block, BlockState, describe_state, find_constrained, mesh_block
+from fem_reference.finite_strain.contact import SurfaceContact
+from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, Guess
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.mesh_transfer import transferred
-from fem_reference.finite_strain.newton import Equilibrium, Guess, Problem, first_solved
+from fem_reference.finite_strain.mesh_transfer import transfer_state
 
-#: Overlap over the depth that may stay on both paths; it mostly cancels in what they differ by.  With friction, which
-#: only one of them has, less cancels [-].
-_OVERLAP, _OVERLAP_ALONG = 2e-3, 5e-4
-#: Gap over the depth that counts as none [-].
-_SHUT = 0.01
-#: A node this close to the top lies on it, in thicknesses [-].
-_TOUCH = 1e-9
+#: Mean penetration over depth below which augmentation stops on both paths.  Most of its effect cancels in their
+#: difference.  With friction, which only one of the two has, less of it cancels [-].
+_OVERLAP, _FRICTION_OVERLAP = 2e-3, 5e-4
+#: Gap over depth below which a point counts as in contact [-].
+_CLOSED = 0.01
+#: Distance from the top below which a node lies on it, in thicknesses [-].
+_ON_TOP = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pair:
-    """One loading path twice on one grid.
+class PairedPath:
+    """A loading path and its baseline on one grid.
 
     Attributes:
         elements: The grid.
-        rest: The targets without friction at small strain.
-        deep: The targets as asked for.
-        ratio: Steepness of the second over that of the first [-].
+        baseline: The targets at small strain without friction.
+        full: The targets as asked for.
+        ratio: Load scale of the full path over that of the baseline [-].
     """
 
     elements: MixedElements
-    rest: list[Equilibrium]
-    deep: list[Equilibrium]
+    baseline: Sequence[ContactEquilibrium]
+    full: Sequence[ContactEquilibrium]
     ratio: float
 
-    def changes(self, target: MixedElements) -> list[Guess]:
-        """What the second adds to the first, scaled alike, on another grid."""
+    def transfer_changes(self, target: MixedElements) -> list[Guess]:
+        """Return the difference of the full path from the scaled baseline at every target, on another grid."""
         out = []
-        for rest, deep in zip(map(first_solved, self.rest), map(first_solved, self.deep), strict=True):
-            change = deep.state - self.ratio * rest.state
-            state = transferred(self.elements, target, change)
-            out.append(Guess(state=state, depth=deep.depth - self.ratio * rest.depth))
+        for small, large in zip(self.baseline, self.full, strict=True):
+            baseline, full = small.penalty_solution, large.penalty_solution
+            change = transfer_state(self.elements, target, full.state - self.ratio * baseline.state)
+            out.append(Guess(state=change, depth=full.depth - self.ratio * baseline.depth))
         return out
 
 
-def press_pair(
+def press_paired(
     path: LoadingPath,
     block: Block,
     approaches: Sequence[float],
     *,
     elements_per_thickness: int,
-    before: Pair | None = None,
+    coarser: PairedPath | None = None,
     progress: Callable[[str], None] | None = None,
-) -> tuple[list[SolidState], list[SolidState], Pair]:
-    """Follow one loading path on one grid, and the same path without friction at small strain.
+) -> tuple[list[BlockState], list[BlockState], PairedPath]:
+    """Follow one loading path and its baseline on one grid.
 
-    The small-strain path starts at each target from the depth that is known, the other from the small-strain solution
-    and what a coarser grid added to it; steps are walked only where that fails, or where friction asks for them.
+    The baseline starts at each target from the known depth.  The full path starts from the baseline plus the change
+    that a coarser grid found.  Steps are taken only where that fails, or with friction, where slip depends on the
+    loading history.
 
     Args:
         path: What is pressed how far.
         block: What is meshed.
         approaches: Small-strain depth at each target [m].
         elements_per_thickness: Elements through the cover [-].
-        before: The pair on a coarser grid.
+        coarser: The paths on a coarser grid.
         progress: Called with a line of text after each step.
 
     Returns:
-        The states at small strain, those asked for, and the pair for a finer grid to start from.
+        The states of the baseline, those of the full path, and both paths for a finer grid to start from.
 
     Raises:
-        PathError: If the path stops early.
+        PathConvergenceError: If a path stops before its last target.
     """
     units = Units.of(path.cover)
-    elements = meshed(block, units.scale_cover(path.cover), elements_per_thickness)
-    solid = Solid.of_cover(elements, path.cover, units)
-    at_rest = path.baseline
+    elements = mesh_block(block, units.scale_cover(path.cover), elements_per_thickness)
+    solid = Solid.from_cover(elements, path.cover, units)
+    small_strain_solid = solid.linearise_at_rest()
+    # Baseline.
+    scale = path.baseline.load_scale
     undeformed = np.zeros(elements.displacements + elements.pressures)
-    guesses = [Guess(state=undeformed, depth=at_rest.load_scale * depth / units.length) for depth in approaches]
-    linear = solid.at_rest
+    guesses = [Guess(state=undeformed, depth=scale * depth / units.length) for depth in approaches]
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
-    rest = _followed(at_rest, block, linear, guesses=guesses, progress=tell)
-    small = path.load_scale == at_rest.load_scale
-    starts = [] if path.friction else _starts(path, block, rest, elements, before)  # slip depends on the way
-    deep = _followed(path, block, linear if small else solid, guesses=starts, progress=progress)
-    states = [[solid_state(elements, units, each, block) for each in reached] for reached in (rest, deep)]
-    return states[0], states[1], Pair(elements=elements, rest=rest, deep=deep, ratio=_ratio(path))
+    baseline = _follow(path.baseline, block, small_strain_solid, guesses, tell)
+    # Full path.
+    ratio = path.load_scale / scale
+    guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
+    full = _follow(path, block, small_strain_solid if path.load_scale == scale else solid, guesses, progress)
+    states = [[describe_state(elements, units, each, block) for each in reached] for reached in (baseline, full)]
+    return states[0], states[1], PairedPath(elements=elements, baseline=baseline, full=full, ratio=ratio)
 
 
-def _ratio(path: LoadingPath) -> float:
-    """A path's load_scale over that of its small-strain twin [-]."""
-    return path.load_scale / path.baseline.load_scale
-
-
-def _starts(
-    path: LoadingPath, block: Block, rest: Sequence[Equilibrium], elements: MixedElements, before: Pair | None
+def _guess_full(
+    path: LoadingPath,
+    block: Block,
+    baseline: Sequence[ContactEquilibrium],
+    elements: MixedElements,
+    coarser: PairedPath | None,
 ) -> list[Guess]:
-    """The small-strain targets, scaled, with what the coarser grid added to its own."""
-    ratio = _ratio(path)
-    scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in map(first_solved, rest)]
-    nothing = Guess(state=np.zeros_like(rest[0].state), depth=0.0)
-    changes = [nothing] * len(rest) if before is None else before.changes(elements)
-    obstacle = block.obstacle.with_load_scale(path.load_scale)
-    return [_changed(*each, elements, obstacle) for each in zip(scaled, changes, strict=True)]
+    """Return a guess for every target of the full path: the scaled baseline plus the change on the coarser grid."""
+    ratio = path.load_scale / path.baseline.load_scale
+    solutions = [each.penalty_solution for each in baseline]
+    scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]
+    no_change = Guess(state=np.zeros_like(solutions[0].state), depth=0.0)
+    changes = [no_change] * len(scaled) if coarser is None else coarser.transfer_changes(elements)
+    surface = block.surface.with_load_scale(path.load_scale)
+    return [add_change(*each, elements, surface) for each in zip(scaled, changes, strict=True)]
 
 
-def _changed(still: Guess, change: Guess, elements: MixedElements, obstacle: Rigid) -> Guess:
-    """A change added to a solution whose points touched the obstacle where they were before they moved sideways.
+def add_change(baseline: Guess, change: Guess, elements: MixedElements, surface: IndenterSurface) -> Guess:
+    """Add a change to a baseline and keep the gaps of the points in contact.
 
-    Points that touched lie on it again where they have moved to: under a penalty a false overlap is a large force.
+    At small strain the gap of a point is measured above its undeformed position, at finite strain above its moved
+    position.  Points in contact are moved vertically so that the latter gap equals the former: under a penalty, a false
+    penetration would be a large force.
+
+    Args:
+        baseline: Solution at small strain, scaled to the load of the full path.
+        change: What is added.
+        elements: Elements of both.
+        surface: Surface of the indenter at the full heights.
     """
-    state, depth = still.state + change.state, still.depth + change.depth
-    top = np.flatnonzero(elements.nodes[:, 2] > 1 - _TOUCH)
+    state, depth = baseline.state + change.state, baseline.depth + change.depth
+    top = np.flatnonzero(elements.nodes[:, 2] > 1 - _ON_TOP)
     x, y, _ = elements.nodes[top].T
-    gap = obstacle.at(x, y).value - still.depth - still.state[3 * top + 2]
-    there = gap < _SHUT * still.depth
-    top, gap = top[there], gap[there]
+    gap = surface.height(x, y) - baseline.depth - baseline.state[3 * top + 2]
+    closed = gap < _CLOSED * baseline.depth
+    top, gap = top[closed], gap[closed]
     moved = elements.nodes[top, :2] + np.column_stack([state[3 * top], state[3 * top + 1]])
-    state[3 * top + 2] = obstacle.at(*moved.T).value - depth - gap
+    state[3 * top + 2] = surface.height(*moved.T) - depth - gap
     return Guess(state=state, depth=depth)
 
 
-def _followed(
+def _follow(
     path: LoadingPath,
     block: Block,
     solid: Solid | SmallStrainSolid,
-    *,
     guesses: Sequence[Guess],
     progress: Callable[[str], None] | None,
-) -> list[Equilibrium]:
-    """The path's targets on a solid that is prepared."""
+) -> list[ContactEquilibrium]:
+    """Follow a path on a prepared solid."""
     units = Units.of(path.cover)
-    contact = SurfaceContact(
-        solid.elements,
-        1.0,
-        block.obstacle.with_load_scale(path.load_scale),
-        penalty=PENALTY / block.size,
-        multiple=block.multiple,
-        friction=path.friction,
-    )
-    problem = Problem(
+    problem = ContactProblem(
         solid=solid,
-        contact=contact,
-        fixed=held(units.scale_cover(path.cover), solid.elements, block),
+        contact=SurfaceContact(
+            solid.elements,
+            1.0,
+            block.surface.with_load_scale(path.load_scale),
+            penalty=PENALTY / block.size,
+            multiple=block.multiple,
+            friction=path.friction,
+        ),
+        constrained=find_constrained(block, solid.elements, bonded=path.cover.base == "bonded"),
         units=units,
         load_scale=path.load_scale,
-        overlap=_OVERLAP_ALONG if path.friction else _OVERLAP,
+        overlap=_FRICTION_OVERLAP if path.friction else _OVERLAP,
     )
-    aims = [units.scale_target(value, path.control) for value in path.scaled_targets]
-    return problem.follow(aims, control=path.control, first=0.02 * path.load_scale, guesses=guesses, progress=progress)
+    targets = [units.scale_target(value, path.control) for value in path.scaled_targets]
+    first = FIRST_DEPTH * path.load_scale
+    return problem.follow(targets, control=path.control, first=first, guesses=guesses, progress=progress)

@@ -15,11 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference import result_store
-from fem_reference.finite_strain.block_path import Block, SolidState
+from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
-from fem_reference.finite_strain.paired_path import press_pair
+from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.indentation.grid_solution import (
-    BasePressure,
     GridSolution,
     TexelForces,
     correct_solution,
@@ -48,9 +47,9 @@ class BlockModel:
     Attributes:
         kind: Kind of entry in the result store.
         inputs: Inputs of the entry besides path and grids.
-        pose: Pose of the indenter in the frame of the mesh.
+        pose: PlanarPose of the indenter in the frame of the mesh.
         lay_out: Returns the block for a number of elements through the cover.
-        read_pressure: Returns the base pressure of a state on a block.
+        recover_pressure: Returns the base pressure of a state.
         integrate: Returns the texel forces due to a base pressure.
     """
 
@@ -58,7 +57,7 @@ class BlockModel:
     inputs: Mapping[str, Any]
     pose: PlanarPose
     lay_out: Callable[[int], Block]
-    read_pressure: Callable[[SolidState, Block], BasePressure]
+    recover_pressure: Callable[[BlockState], BasePressure]
     integrate: Callable[[BasePressure], TexelForces]
 
 
@@ -129,18 +128,18 @@ def solve_block_pair(
         coarser = None
         for count in SOLID_GRIDS:
             block = model.lay_out(count)
-            baseline, full, coarser = press_pair(
+            baseline, full, coarser = press_paired(
                 path,
                 block,
                 approaches,
                 elements_per_thickness=count,
-                before=coarser,
+                coarser=coarser,
                 progress=name_grid(progress, count),
             )
             for name, states in (("baseline", baseline), ("full", full)):
                 for i, state in enumerate(states):
                     key = f"{name}_{count}_{i}"
-                    x, y, pressure = model.read_pressure(state, block)
+                    x, y, pressure = model.recover_pressure(state)
                     out |= {f"x_{key}": x, f"y_{key}": y, f"pressure_{key}": pressure}
                     out[f"scalars_{key}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
         return out

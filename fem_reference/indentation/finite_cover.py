@@ -7,8 +7,7 @@ is meshed.  Each grid corrects the accurate small-strain solution, see `correcti
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
@@ -16,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.elements.grading import fill_by_spacing
-from fem_reference.elements.line import Line, recover_pressure
+from fem_reference.elements.line import Line
 from fem_reference.elements.scaling import Units
-from fem_reference.finite_strain.block_path import Block
-from fem_reference.finite_strain.indenter_surface import Height, Obstacle
+from fem_reference.finite_strain.block_path import BasePressure, Block, recover_nodal_pressure
+from fem_reference.finite_strain.contact_problem import OVERLAP
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.newton import OVERLAP
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
     SOLID_GRIDS,
@@ -29,7 +28,7 @@ from fem_reference.indentation.correction import (
     correct_path,
     solve_block_pair,
 )
-from fem_reference.indentation.grid_solution import BasePressure, GridStudy
+from fem_reference.indentation.grid_solution import GridStudy
 from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import FlatPunch, TexelArray
@@ -42,38 +41,6 @@ FloatArray = npt.NDArray[np.float64]
 _EDGE, _INSIDE = 0.6, 0.5
 #: Increase of the element size per distance from the contact's edge and from the sides [-].
 _GROWTH = 0.4
-
-
-@dataclass(frozen=True, kw_only=True)
-class PosedObstacle:
-    """An obstacle that stands and is turned somewhere else than at the origin.
-
-    Attributes:
-        obstacle: The obstacle in its own frame.
-        pose: Where it stands, in the obstacle's unit of length.
-    """
-
-    obstacle: Obstacle
-    pose: PlanarPose
-
-    def with_load_scale(self, load_scale: float) -> PosedObstacle:
-        """The same with that factor on all heights [-]."""
-        return replace(self, obstacle=self.obstacle.with_load_scale(load_scale))
-
-    def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height over the lowest point, any shape."""
-        return self.obstacle.height(*self.pose.to_indenter(x, y))
-
-    def at(self, x: FloatArray, y: FloatArray) -> Height:
-        """Height with its derivatives along the array's axes."""
-        found = self.obstacle.at(*self.pose.to_indenter(x, y))
-        c, s = self.pose.direction
-        turn = np.array([[c, -s], [s, c]])
-        return Height(
-            value=found.value,
-            slope=found.slope @ turn.T,
-            curvature=np.einsum("ik,...kl,jl->...ij", turn, found.curvature, turn),
-        )
 
 
 def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
@@ -98,7 +65,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         inputs={"pose": pose},
         pose=pose,
         lay_out=lambda count: _lay_out(path, pose, points, count, scale_fillet(fillet, count, SOLID_GRIDS)),
-        read_pressure=lambda state, block: _base_pressure(state.lines, state.forces, block.mirrored),
+        recover_pressure=recover_nodal_pressure,
         integrate=lambda base: partial(integrate_nodal, base),
     )
     return GridStudy(
@@ -134,7 +101,7 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
 
     Args:
         path: What is pressed.
-        pose: Pose of the indenter in the array's frame.
+        pose: PlanarPose of the indenter in the array's frame.
         contact: Points that the contact extends to, in the indenter's frame, shape (m, 2) [m].
         count: Elements through the cover [-].
         fillet: Radius of rounded edges [m].
@@ -149,9 +116,8 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
     fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
     symmetric = find_mirror_planes(indenter, pose)
     sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=symmetric[axis]) for axis in (0, 1)]
-    obstacle = Obstacle(indenter=indenter, fillet=fillet / unit, unit=unit)
-    posed = PosedObstacle(obstacle=obstacle, pose=replace(pose, at=(pose.at[0] / unit, pose.at[1] / unit)))
-    return Block(sides=sides, mirrored=symmetric, size=size, obstacle=posed, free=True)
+    surface = IndenterSurface(indenter=indenter, fillet=fillet / unit, unit=unit, pose=pose)
+    return Block(sides=sides, symmetric=symmetric, size=size, surface=surface, free=True)
 
 
 def _side(span: tuple[float, float], end: float, steps: tuple[float, float], *, mirror: bool) -> FloatArray:
@@ -168,16 +134,3 @@ def _side(span: tuple[float, float], end: float, steps: tuple[float, float], *, 
         most = np.minimum(1.2 * coarse + _GROWTH * inside, 1.5 * coarse + _GROWTH * np.minimum(end - x, end + x))
         parts.append(fill_by_spacing(x, np.minimum(fine + _GROWTH * near, most))[1:])
     return np.concatenate(parts)
-
-
-def _base_pressure(
-    lines: Sequence[FloatArray], forces: FloatArray, even: tuple[bool, bool]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The continuous pressure whose consistent nodal forces the reactions are, mirrored halves included."""
-    nodes = list(lines)
-    value = recover_pressure([Line(edges=each[::2], order=2) for each in nodes], forces)
-    for axis in (0, 1):
-        if even[axis]:
-            nodes[axis] = np.concatenate([-nodes[axis][:0:-1], nodes[axis]])
-            value = np.concatenate([np.flip(value, axis), np.delete(value, 0, axis)], axis)
-    return nodes[0], nodes[1], value

@@ -1,7 +1,7 @@
 """Indentation of a wide cover at finite strain or with friction.
 
 Such a cover is the same everywhere.  The mesh lies in the indenter's frame, and one stored solution serves all poses.
-A smooth shape of revolution is solved directly in the plane of radius and height.  Flat faces and shapes without an
+A smooth shape of revolution is solved directly in the plane of radius and height.  FlatPunch faces and shapes without an
 axis of revolution are solved as corrections of the small-strain solution, see `correction`.
 """
 
@@ -17,9 +17,9 @@ from scipy.interpolate import RectBivariateSpline
 
 from fem_reference import result_store
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
-from fem_reference.finite_strain.block_path import Block, lay_out
+from fem_reference.finite_strain.block_path import BasePressure, Block, lay_out_block, recover_gauss_pressure
+from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
-from fem_reference.finite_strain.newton import OVERLAP
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
     SOLID_GRIDS,
@@ -28,7 +28,7 @@ from fem_reference.indentation.correction import (
     correct_path,
     solve_block_pair,
 )
-from fem_reference.indentation.grid_solution import BasePressure, GridSolution, GridStudy, TexelForces
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy, TexelForces
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length
@@ -91,7 +91,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
     reach = _SOLID_REACH * decay_length(cover)
 
     def lay_out_grid(count: int) -> Block:
-        return lay_out(
+        return lay_out_block(
             path,
             elements_per_thickness=count,
             contact_half=(float(half_x), float(half_y)),
@@ -104,7 +104,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
         inputs={"fillet": fillet},
         pose=PlanarPose(),
         lay_out=lay_out_grid,
-        read_pressure=lambda state, _: (state.x, state.y, state.pressure),
+        recover_pressure=recover_gauss_pressure,
         integrate=lambda base: partial(_integrate_spline, base),
     )
     return solve_block_pair(path, approaches, model, progress)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from fem_reference.finite_strain.block_path import BasePressure
 from fem_reference.grid_convergence import extrapolate, grid_convergence
 from meshes import TexelArray
 from meshes.pose import PlanarPose
@@ -21,8 +22,6 @@ from meshes.pose import PlanarPose
 FloatArray = npt.NDArray[np.float64]
 #: Normal force on each texel, shape (n,) [N], for an array and the indenter's pose over it.
 TexelForces = Callable[[TexelArray, PlanarPose], FloatArray]
-#: Ascending positions along x, shape (m,), and y, shape (n,) [m], and base pressure on their grid, shape (m, n) [Pa].
-BasePressure = tuple[FloatArray, FloatArray, FloatArray]
 
 #: Safety factor on the change between two extrapolations; ASME V&V 20-2009 uses 1.25 for three grids [-].
 _SAFETY = 1.25
@@ -58,7 +57,7 @@ class GridStudy:
         solutions: The three solutions of every target, coarsest grid first.
         sizes: Element sizes of the three grids, coarsest first; only their ratios matter [-].
         least_order: Smallest order of convergence that error estimates assume [-].
-        extrapolate: Whether a result is the limit of the three values, extrapolate with first order, rather than the
+        extrapolate: Whether a result is the limit of the three values, extrapolated with first order, rather than the
             value on the finest grid.  Right where the pressure is singular under a sharp edge: the error of a result
             then falls in proportion to the element size.
         least_overlap: Smallest relative penetration that the solver can resolve; error estimates count at least this
@@ -86,8 +85,8 @@ class GridStudy:
     def estimate_error(self, values: Sequence[float]) -> float:
         """Return the estimated relative error of `combine(values)` [-].
 
-        For an extrapolate result: the change from the extrapolation of the two coarser grids, times a safety factor.
-        Otherwise, and where three values do not change monotonically and nothing was extrapolate: the grid convergence
+        For an extrapolated result: the change from the extrapolation of the two coarser grids, times a safety factor.
+        Otherwise, and where three values do not change monotonically and nothing was extrapolated: the grid convergence
         index.
         """
         result = float(self.combine(values))
@@ -190,7 +189,7 @@ def distribute_force(total_force: float, base: BasePressure, half: tuple[float, 
         total_force: Force on the indenter [N].
         base: Base pressure.
         half: Half widths of the indenter's footprint [m].
-        pose: Pose of the indenter in the frame of the base pressure.
+        pose: PlanarPose of the indenter in the frame of the base pressure.
 
     Returns:
         Columns x, y in the indenter's frame [m] and force [N], shape (k, 3).

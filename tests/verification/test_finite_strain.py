@@ -12,11 +12,12 @@ from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY, press_axisymmetric
 from fem_reference.finite_strain.contact import SurfaceContact
-from fem_reference.finite_strain.hyperelastic import InvertedError, Solid
-from fem_reference.finite_strain.indenter_surface import Obstacle
+from fem_reference.finite_strain.contact_problem import ContactProblem
+from fem_reference.finite_strain.hyperelastic import InvertedElementError, Solid
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.mesh_transfer import transferred
-from fem_reference.finite_strain.newton import PathError, Problem
+from fem_reference.finite_strain.mesh_transfer import transfer_state
+from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere
 
@@ -34,7 +35,7 @@ def solid(kind, nu=0.45):
     ring = skfem.MeshQuad().refined(2).translated((0.5, 0.0))
     mesh = ring if kind == "ring" else skfem.MeshHex().refined(1)
     elements = prepare_elements(mesh, axisymmetric=kind == "ring")
-    return Solid.of_cover(elements, rubber(nu), Units.of(rubber(nu)))
+    return Solid.from_cover(elements, rubber(nu), Units.of(rubber(nu)))
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
@@ -85,7 +86,7 @@ def test_threads_change_no_bit(monkeypatch, threads):
     residual, tangent = body.linearise(state)
     assert (residual == alone[0]).all()
     assert (tangent != alone[1]).nnz == 0
-    with pytest.raises(InvertedError, match="inside out"):
+    with pytest.raises(InvertedElementError, match="inside out"):
         body.linearise(100 * state)
 
 
@@ -93,7 +94,7 @@ def test_a_body_turned_inside_out_is_refused():
     body = solid("block")
     state = np.zeros(body.elements.displacements + body.elements.pressures)
     state[2 : body.elements.displacements : 3] = -3 * body.elements.nodes[:, 2]
-    with pytest.raises(InvertedError):
+    with pytest.raises(InvertedElementError):
         body.linearise(state)
 
 
@@ -105,7 +106,7 @@ def test_transfer_keeps_linear_fields():
         moved = np.stack([2 * elements.nodes[:, 0] + 1, elements.nodes[:, 1] - 3], axis=1).ravel()
         return np.concatenate([moved, np.full(elements.pressures, 7.0)])
 
-    assert transferred(coarse, fine, field(coarse)) == pytest.approx(field(fine), abs=1e-9)
+    assert transfer_state(coarse, fine, field(coarse)) == pytest.approx(field(fine), abs=1e-9)
 
 
 @pytest.mark.slow
@@ -162,18 +163,18 @@ def path_problem(nu=0.45, count=4, penalty=PENALTY):
     units = Units.of(cover)
     mesh, _ = mesh_cover(units.scale_cover(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
     elements = prepare_elements(mesh, axisymmetric=True)
-    obstacle = Obstacle(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
-    return Problem(
-        solid=Solid.of_cover(elements, cover, units),
-        contact=SurfaceContact(elements, 1.0, obstacle, penalty=penalty * count),
-        fixed=find_constrained(units.scale_cover(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
+    surface = IndenterSurface(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
+    return ContactProblem(
+        solid=Solid.from_cover(elements, cover, units),
+        contact=SurfaceContact(elements, 1.0, surface, penalty=penalty * count),
+        constrained=find_constrained(units.scale_cover(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
         units=units,
     )
 
 
 def test_a_path_that_ends_returns_what_it_reached():
     """Nothing can be pressed through its own base."""
-    with pytest.raises(PathError, match="no convergence beyond") as ended:
+    with pytest.raises(PathConvergenceError, match="no convergence beyond") as ended:
         path_problem().follow([1.05], control="depth", first=0.02)
     assert ended.value.reached is not None
     assert 0.3 < ended.value.reached.depth < 1.0
@@ -185,7 +186,7 @@ def test_contact_keeps_the_balance_and_leaves_little_overlap():
     base = problem.solid.elements.nodes[:, 1] < 1e-9
     vertical = reached.reaction[1 : problem.solid.elements.displacements : 2]
     assert vertical[base].sum() == pytest.approx(reached.load, rel=2e-3)
-    assert reached.touch.overlap < 1e-3 * reached.depth
+    assert reached.contact.overlap < 1e-3 * reached.depth
 
 
 @pytest.mark.parametrize("nu", [0.45, 0.5])
@@ -207,7 +208,7 @@ def test_stored_energy_is_the_work_of_the_load(nu):
 def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
     """The two checks above see it: work is lost in the surfaces' overlap."""
     reached = path_problem(penalty=PENALTY / 1e4).follow([0.2], control="depth", first=0.02)[0]
-    assert reached.touch.overlap > 1e-2 * reached.depth
+    assert reached.contact.overlap > 1e-2 * reached.depth
 
 
 @pytest.mark.slow

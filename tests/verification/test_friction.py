@@ -13,11 +13,11 @@ from fem_reference import press
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain import contact as surface_contact
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
-from fem_reference.finite_strain.block_path import lay_out
+from fem_reference.finite_strain.block_path import lay_out_block
 from fem_reference.finite_strain.contact import SurfaceContact
-from fem_reference.finite_strain.indenter_surface import Obstacle
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.paired_path import press_pair
+from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 
@@ -45,14 +45,14 @@ def pressed(indenter, friction, *, nu=0.3, depth=2e-6, elements=4, fillet=None):
         fillet=fillet or min(radius, cover.thickness) / 20,
         reach=12 * decay_length(cover) + 1.5 * radius,
     )
-    return states[-1].load / REST, solved.path[-1].touch
+    return states[-1].load / REST, solved.equilibria[-1].contact
 
 
 def block(friction):
     """The top of a small block under a flat face that is wider than it."""
     elements = prepare_elements(skfem.MeshHex().refined(1))
-    obstacle = Obstacle(indenter=Box(size=(10.0, 10.0, 1.0)), fillet=0.1)
-    return elements, SurfaceContact(elements, 1.0, obstacle, penalty=50.0, friction=friction)
+    surface = IndenterSurface(indenter=Box(size=(10.0, 10.0, 1.0)), fillet=0.1)
+    return elements, SurfaceContact(elements, 1.0, surface, penalty=50.0, friction=friction)
 
 
 @pytest.mark.slow
@@ -70,11 +70,11 @@ def test_without_slip_the_tangent_is_the_derivative_of_the_force():
     size = elements.displacements + elements.pressures
     state, way = 1e-2 * rng.standard_normal(size), rng.standard_normal(size)
     depth, step = 0.2, 1e-6
-    found = contact.at(state, depth)
-    ahead, behind = (contact.at(state + sign * step * way, depth) for sign in (1, -1))
+    found = contact.evaluate(state, depth)
+    ahead, behind = (contact.evaluate(state + sign * step * way, depth) for sign in (1, -1))
     change = (ahead.force - behind.force) / (2 * step)
     assert change == pytest.approx(found.tangent @ way, abs=1e-6 * np.abs(change).max())
-    deeper, higher = (contact.at(state, depth + sign * step) for sign in (1, -1))
+    deeper, higher = (contact.evaluate(state, depth + sign * step) for sign in (1, -1))
     assert (deeper.force - higher.force) / (2 * step) == pytest.approx(
         found.depth_force, abs=1e-6 * np.abs(found.depth_force).max()
     )
@@ -87,13 +87,13 @@ def test_no_traction_leaves_the_cone_and_sliding_points_lie_on_it(friction):
     state = np.zeros(elements.displacements + elements.pressures)
     moved = state[: elements.displacements].reshape(-1, 3)
     moved[:, 0] = 12 * elements.nodes[:, 0]  # stretched along x: points far from x = 0 slide
-    assert contact.renew_cone(contact.at(state, 0.2)) == pytest.approx(1)
-    touch = contact.at(state, 0.2)
-    assert contact.renew_cone(touch) == 0
+    assert contact.update_cone(contact.evaluate(state, 0.2)) == pytest.approx(1)
+    touch = contact.evaluate(state, 0.2)
+    assert contact.update_cone(touch) == 0
     drag, limit = np.linalg.norm(touch.traction, axis=-1), friction * touch.pressure
     assert (drag <= limit * (1 + 1e-12)).all()
-    slid = surface_contact._ALONG * touch.place[..., 0] * 12 / 13 > friction * 0.2
-    assert (slid == ~touch.sticks).all()
+    slid = surface_contact.TANGENTIAL_PENALTY * touch.position[..., 0] * 12 / 13 > friction * 0.2
+    assert (slid == ~touch.sticking).all()
     assert slid.any()
     assert drag[slid] == pytest.approx(limit[slid])
     assert (touch.traction[..., 0] >= 0).all(), "friction must hold back: the residual pulls against the slip"
@@ -104,13 +104,13 @@ def test_a_point_that_sticks_is_pulled_back_to_where_it_stuck():
     elements, contact = block(np.inf)
     state = np.zeros(elements.displacements + elements.pressures)
     state[: elements.displacements].reshape(-1, 3)[:, 0] = 0.1
-    first = contact.at(state, 0.2)
-    contact.settle(first)
-    again = contact.at(state, 0.2)
+    first = contact.evaluate(state, 0.2)
+    contact.record_slip(first)
+    again = contact.evaluate(state, 0.2)
     assert again.traction == pytest.approx(2 * first.traction)  # held where it stuck: pulled back to there
     moved = state[: elements.displacements].reshape(-1, 3)
     moved[:, 0] = 0
-    assert contact.at(state, 0.2).traction == pytest.approx(first.traction)
+    assert contact.evaluate(state, 0.2).traction == pytest.approx(first.traction)
 
 
 def test_more_friction_never_softens_and_none_changes_nothing():
@@ -120,13 +120,13 @@ def test_more_friction_never_softens_and_none_changes_nothing():
 
 
 def test_a_wrong_sign_of_friction_is_seen(monkeypatch):
-    right = SurfaceContact._drag
+    right = SurfaceContact._return_to_cone
 
-    def wrong(self, place, normal, pressure):
-        traction, *rest = right(self, place, normal, pressure)
+    def wrong(self, position, normal, pressure):
+        traction, *rest = right(self, position, normal, pressure)
         return -traction, *rest
 
-    monkeypatch.setattr(SurfaceContact, "_drag", wrong)
+    monkeypatch.setattr(SurfaceContact, "_return_to_cone", wrong)
     with pytest.raises(AssertionError, match="hold back"):
         test_no_traction_leaves_the_cone_and_sliding_points_lie_on_it(0.4)
 
@@ -168,10 +168,10 @@ def test_a_box_and_a_cylinder_without_slip_stiffen_alike():
     half = np.sqrt(np.pi) / 2 * 3e-3
     box = Box(size=(2 * half, 2 * half, 5e-3))
     path = LoadingPath(cover=cover, indenter=box, targets=(20e-6,), control="depth", friction=np.inf)
-    block = lay_out(
+    block = lay_out_block(
         path, elements_per_thickness=3, contact_half=box.footprint, fillet=0.4e-3, reach=7 * decay_length(cover)
     )
-    slides, sticks, _ = press_pair(replace(path, load_scale=REST), block, [20e-6], elements_per_thickness=3)
+    slides, sticks, _ = press_paired(replace(path, load_scale=REST), block, [20e-6], elements_per_thickness=3)
     loads = [slides[0].load, sticks[0].load]
     round_one = [
         pressed(Cylinder(radius=3e-3), f, nu=0.49, depth=20e-6, elements=6, fillet=0.4e-3)[0] for f in (0.0, np.inf)

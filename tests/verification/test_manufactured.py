@@ -15,7 +15,7 @@ import skfem
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import Pattern, assemble_linear, prepare_elements
 from fem_reference.finite_strain.hyperelastic import Solid
-from fem_reference.finite_strain.mesh_transfer import _pressure_places
+from fem_reference.finite_strain.mesh_transfer import locate_pressures
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 
@@ -142,7 +142,7 @@ def solved(case, mesh, spoil=lambda elements: elements):
     values = wanted[held]
     if case.nu == 0.5:  # the mean pressure is free when nothing can change volume
         held = np.append(held, elements.displacements)
-        values = np.append(values, case.pressure(_pressure_places(elements)[:1].T))
+        values = np.append(values, case.pressure(locate_pressures(elements)[:1].T))
     order = np.argsort(held)
     return elements, _balanced(case, elements, load, held[order], values[order])
 
@@ -152,7 +152,7 @@ def _balanced(case, elements, load, held, values):
         matrix = assemble_linear(elements, np.ones(1), np.array([bulk_compliance(case.nu)]))
         return ConstrainedSystem(matrix, held).solve(load, values)
     cover = Cover(layers=(Layer(thickness=1.0, material=rubber(case.nu)),))
-    body = Solid.of_cover(elements, cover, Units.of(cover))
+    body = Solid.from_cover(elements, cover, Units.of(cover))
     state = np.concatenate([case.field(elements.nodes.T).ravel(), np.zeros(elements.pressures)])
     for _ in range(12):
         force, tangent = body.linearise(state)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.finite_strain.indenter_surface import Obstacle
-from fem_reference.indentation.finite_cover import PosedObstacle, _base_pressure, _side, integrate_nodal
+from fem_reference.finite_strain.block_path import BlockState, recover_nodal_pressure
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
+from fem_reference.indentation.finite_cover import _side, integrate_nodal
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
@@ -122,9 +123,9 @@ def test_pose_there_and_back():
 
 def test_posed_obstacle_has_the_derivatives_of_its_height():
     bar = Box(size=(3.0, 1.0, 5.0))
-    posed = PosedObstacle(obstacle=Obstacle(indenter=bar, fillet=0.4), pose=PlanarPose(at=(0.3, -0.2), yaw=0.5))
+    posed = IndenterSurface(indenter=bar, fillet=0.4, pose=PlanarPose(at=(0.3, -0.2), yaw=0.5))
     x, y = np.random.default_rng(1).uniform(-1.5, 1.5, (2, 200))
-    found, h = posed.at(x, y), 1e-4
+    found, h = posed.evaluate(x, y), 1e-4
     slope = [
         (posed.height(x + h, y) - posed.height(x - h, y)) / (2 * h),
         (posed.height(x, y + h) - posed.height(x, y - h)) / (2 * h),
@@ -134,8 +135,8 @@ def test_posed_obstacle_has_the_derivatives_of_its_height():
     assert found.slope[smooth] == pytest.approx(np.stack(slope, axis=-1)[smooth], abs=0.02)
     bend = np.stack(
         [
-            (posed.at(x + h, y).slope - posed.at(x - h, y).slope) / (2 * h),
-            (posed.at(x, y + h).slope - posed.at(x, y - h).slope) / (2 * h),
+            (posed.evaluate(x + h, y).slope - posed.evaluate(x - h, y).slope) / (2 * h),
+            (posed.evaluate(x, y + h).slope - posed.evaluate(x, y - h).slope) / (2 * h),
         ],
         axis=-1,
     )
@@ -148,7 +149,10 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
     half = np.linspace(0, 6e-3, 9)
     whole = np.linspace(-5e-3, 5e-3, 7)
     forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
-    felt = integrate_nodal(_base_pressure([half, whole], forces, (True, False)), array, PlanarPose())
+    state = BlockState(
+        depth=1e-3, load=1.0, area=1e-6, overlap=0.0, lines=(half, whole), forces=forces, symmetric=(True, False)
+    )
+    felt = integrate_nodal(recover_nodal_pressure(state), array, PlanarPose())
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
     assert array.image(felt)[:, ::-1] == pytest.approx(array.image(felt))
 
