@@ -1,7 +1,7 @@
 """Indentation of a wide cover at finite strain or with friction.
 
 Such a cover is the same everywhere.  The mesh lies in the indenter's frame, and one stored solution serves all poses.
-A smooth shape of revolution is solved directly in the plane of radius and height.  FlatPunch faces and shapes without an
+A smooth shape of revolution is solved directly in the plane of radius and height.  Flat faces and shapes without an
 axis of revolution are solved as corrections of the small-strain solution, see `correction`.
 """
 

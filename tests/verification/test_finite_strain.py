@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import skfem
 
 from fem_reference import closed_form, press, press_path
 from fem_reference.elements.grading import grade_outward
 from fem_reference.elements.scaling import Units
-from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
+from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY, press_axisymmetric
 from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.contact_problem import ContactProblem
-from fem_reference.finite_strain.hyperelastic import InvertedElementError, Solid
+from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.mesh_transfer import transfer_state
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere
@@ -28,85 +26,6 @@ def rubber(nu, thickness=2e-3):
         name="rubber", model="neo-hookean", parameters={"shear_modulus": 1e6 / (2 * (1 + nu))}, poisson_ratio=nu
     )
     return Cover(layers=(Layer(thickness=thickness, material=material),))
-
-
-def solid(kind, nu=0.45):
-    """A small block or ring of elements, in units of one."""
-    ring = skfem.MeshQuad().refined(2).translated((0.5, 0.0))
-    mesh = ring if kind == "ring" else skfem.MeshHex().refined(1)
-    elements = prepare_elements(mesh, axisymmetric=kind == "ring")
-    return Solid.from_cover(elements, rubber(nu), Units.of(rubber(nu)))
-
-
-@pytest.mark.parametrize("nu", [0.3, 0.5])
-@pytest.mark.parametrize("kind", ["ring", "block"])
-def test_force_and_tangent_are_derivatives_of_the_energy(kind, nu):
-    body = solid(kind, nu)
-    rng = np.random.default_rng(0)
-    size = body.elements.displacements + body.elements.pressures
-    state, way = 0.02 * rng.standard_normal(size), rng.standard_normal(size)
-    force, tangent = body.linearise(state)
-    step = 1e-6
-    ahead, behind = state + step * way, state - step * way
-    assert (body.energy(ahead) - body.energy(behind)) / (2 * step) == pytest.approx(force @ way, rel=1e-6)
-    change = (body.linearise(ahead)[0] - body.linearise(behind)[0]) / (2 * step)
-    assert change == pytest.approx(tangent @ way, abs=1e-6 * np.abs(change).max())
-    assert abs(tangent - tangent.T).max() < 1e-12 * abs(tangent).max()
-
-
-def test_a_planted_defect_in_the_tangent_is_seen():
-    body = solid("ring")
-    rng = np.random.default_rng(0)
-    size = body.elements.displacements + body.elements.pressures
-    state, way = 0.02 * rng.standard_normal(size), rng.standard_normal(size)
-    frozen = body.linearise(np.zeros(size))[1]  # the tangent at rest in place of the one at the state
-    change = (body.linearise(state + 1e-6 * way)[0] - body.linearise(state - 1e-6 * way)[0]) / 2e-6
-    assert np.abs(change - frozen @ way).max() > 1e-3 * np.abs(change).max()
-
-
-@pytest.mark.parametrize("kind", ["ring", "block"])
-def test_at_rest_it_is_linear_elasticity(kind):
-    body = solid(kind, 0.4)
-    units = Units.of(rubber(0.4))
-    rest, tangent = body.linearise(np.zeros(body.elements.displacements + body.elements.pressures))
-    linear = assemble_linear(body.elements, np.array([1.0]), body.bulk_compliance)
-    assert np.abs(rest).max() == 0
-    assert abs(tangent - linear).max() < 1e-12
-    assert units.force == pytest.approx(units.stress * units.length**2)
-
-
-@pytest.mark.parametrize("threads", ["1", "3", "2,1", "no number"])
-def test_threads_change_no_bit(monkeypatch, threads):
-    body = solid("block")
-    size = body.elements.displacements + body.elements.pressures
-    state = 0.02 * np.random.default_rng(0).standard_normal(size)
-    alone = body.linearise(state)
-    monkeypatch.setattr("fem_reference.finite_strain.hyperelastic._POINTS", 27)
-    monkeypatch.setenv("OMP_NUM_THREADS", threads)
-    residual, tangent = body.linearise(state)
-    assert (residual == alone[0]).all()
-    assert (tangent != alone[1]).nnz == 0
-    with pytest.raises(InvertedElementError, match="inside out"):
-        body.linearise(100 * state)
-
-
-def test_a_body_turned_inside_out_is_refused():
-    body = solid("block")
-    state = np.zeros(body.elements.displacements + body.elements.pressures)
-    state[2 : body.elements.displacements : 3] = -3 * body.elements.nodes[:, 2]
-    with pytest.raises(InvertedElementError):
-        body.linearise(state)
-
-
-def test_transfer_keeps_linear_fields():
-    coarse = prepare_elements(skfem.MeshQuad().refined(1).translated((0.5, 0.0)), axisymmetric=True)
-    fine = prepare_elements(skfem.MeshQuad().refined(3).translated((0.5, 0.0)), axisymmetric=True)
-
-    def field(elements):
-        moved = np.stack([2 * elements.nodes[:, 0] + 1, elements.nodes[:, 1] - 3], axis=1).ravel()
-        return np.concatenate([moved, np.full(elements.pressures, 7.0)])
-
-    assert transfer_state(coarse, fine, field(coarse)) == pytest.approx(field(fine), abs=1e-9)
 
 
 @pytest.mark.slow

@@ -1,0 +1,95 @@
+"""Mixed elements at finite strain: force and tangent as derivatives, the undeformed state, threads, inversion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fem_reference.elements.scaling import Units
+from fem_reference.elements.taylor_hood import assemble_linear
+from fem_reference.finite_strain.hyperelastic import InvertedElementError
+from tests.support.rubber import count_unknowns, draw_state, make_cover, make_solid
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("kind", ["ring", "block"])
+def test_force_and_tangent_are_derivatives_of_the_energy(kind, nu):
+    solid = make_solid(kind, nu)
+    state, direction = draw_state(solid, 0.02), draw_state(solid, 1.0, seed=1)
+    force, tangent = solid.linearise(state)
+    step = 1e-6
+    ahead, behind = state + step * direction, state - step * direction
+    assert (solid.energy(ahead) - solid.energy(behind)) / (2 * step) == pytest.approx(force @ direction, rel=1e-6)
+    change = (solid.linearise(ahead)[0] - solid.linearise(behind)[0]) / (2 * step)
+    assert change == pytest.approx(tangent @ direction, abs=1e-6 * np.abs(change).max())
+    assert abs(tangent - tangent.T).max() < 1e-12 * abs(tangent).max()
+
+
+def test_difference_quotients_detect_a_wrong_tangent():
+    solid = make_solid("ring")
+    state, direction = draw_state(solid, 0.02), draw_state(solid, 1.0, seed=1)
+    wrong = solid.linearise(np.zeros_like(state))[1]  # the tangent of the undeformed state
+    ahead, behind = state + 1e-6 * direction, state - 1e-6 * direction
+    change = (solid.linearise(ahead)[0] - solid.linearise(behind)[0]) / 2e-6
+    assert np.abs(change - wrong @ direction).max() > 1e-3 * np.abs(change).max()
+
+
+@pytest.mark.parametrize("kind", ["ring", "block"])
+def test_undeformed_solid_has_the_matrix_of_linear_elasticity(kind):
+    solid = make_solid(kind, 0.4)
+    units = Units.of(make_cover(0.4))
+    rest, tangent = solid.linearise(np.zeros(count_unknowns(solid)))
+    linear = assemble_linear(solid.elements, np.array([1.0]), solid.bulk_compliance)
+    assert np.abs(rest).max() == 0
+    assert abs(tangent - linear).max() < 1e-12
+    assert units.force == pytest.approx(units.stress * units.length**2)
+
+
+def test_small_strain_solid_is_linear():
+    solid = make_solid("block").linearise_at_rest()
+    one, other = draw_state(make_solid("block"), 1.0), draw_state(make_solid("block"), 1.0, seed=1)
+    both = solid.linearise(2 * one - 3 * other)[0]
+    assert both == pytest.approx(2 * solid.linearise(one)[0] - 3 * solid.linearise(other)[0], abs=1e-12)
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1),
+    angle=st.floats(-np.pi, np.pi),
+    shift=st.tuples(*[st.floats(-1, 1)] * 3),
+)
+def test_rigid_motion_needs_no_force(axis, angle, shift):
+    """Rodrigues' rotation about any axis, and a translation."""
+    solid = make_solid("block")
+    x, y, z = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    state = np.zeros(count_unknowns(solid))
+    moved = solid.elements.nodes @ (rotation - np.eye(3)).T + np.array(shift)
+    state[: solid.elements.displacements] = moved.ravel()
+    assert np.abs(solid.linearise(state)[0]).max() < 1e-12
+    assert abs(solid.energy(state)) < 1e-12
+
+
+@pytest.mark.parametrize("threads", ["1", "3", "2,1", "no number"])
+def test_threads_change_no_bit(monkeypatch, threads):
+    solid = make_solid("block")
+    state = draw_state(solid, 0.02)
+    alone = solid.linearise(state)
+    monkeypatch.setattr("fem_reference.finite_strain.hyperelastic._POINTS", 27)
+    monkeypatch.setenv("OMP_NUM_THREADS", threads)
+    residual, tangent = solid.linearise(state)
+    assert (residual == alone[0]).all()
+    assert (tangent != alone[1]).nnz == 0
+    with pytest.raises(InvertedElementError, match="inside out"):
+        solid.linearise(100 * state)
+
+
+def test_solid_turned_inside_out_is_refused():
+    solid = make_solid("block")
+    state = np.zeros(count_unknowns(solid))
+    state[2 : solid.elements.displacements : 3] = -3 * solid.elements.nodes[:, 2]
+    with pytest.raises(InvertedElementError):
+        solid.linearise(state)
