@@ -71,7 +71,7 @@ def decode_labels(text: str, path: Path) -> Labels:
         )
     except RecordingError:
         raise
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{path}: its labels cannot be read: {error}; expected {FORMAT!r}") from error
 
 

@@ -1,0 +1,57 @@
+"""Labels as JSON: what is written comes back, and anything else is refused."""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support.recordings import LINES, compare_arrays, recorded_arrays, setups
+from validation.recordings import RecordingError, Setup
+from validation.recordings.labels import Labels, decode_labels, encode_labels
+from validation.recordings.recording import make_array
+
+PATH = Path("a.mcap")
+TEXT = encode_labels(Labels(setup=Setup(load=1.5), arrays=(make_array(2, 3),), serial="7", start=5, monotonic=6))
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda children: st.lists(children, max_size=3) | st.dictionaries(st.text(max_size=5), children, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(setups(), st.lists(recorded_arrays(), max_size=3), LINES, st.integers(0, 2**63), st.integers(0, 2**63))
+def test_labels_come_back(setup, arrays, serial, start, monotonic):
+    labels = Labels(setup=setup, arrays=tuple(arrays), serial=serial, start=start, monotonic=monotonic)
+    back = decode_labels(encode_labels(labels), PATH)
+    assert (back.setup, back.serial, back.start, back.monotonic) == (setup, serial, start, monotonic)
+    assert all(all(compare_arrays(*pair).values()) for pair in zip(back.arrays, arrays, strict=True))
+
+
+@given(_JSON)
+def test_any_other_json_is_refused_with_the_name_of_the_file(value):
+    with pytest.raises(RecordingError, match=r"^a\.mcap: its labels"):
+        decode_labels(json.dumps(value), PATH)
+
+
+@pytest.mark.parametrize("clock", [{"start_ns": float("inf"), "monotonic_ns": 0}, {"start_ns": "x"}, {}, []])
+def test_a_clock_that_is_no_number_is_refused(clock):
+    with pytest.raises(RecordingError, match=r"a\.mcap: its labels cannot be read"):
+        decode_labels(json.dumps({**json.loads(TEXT), "clock": clock}), PATH)
+
+
+@pytest.mark.parametrize("key", ["setup", "arrays", "serial", "clock"])
+@given(value=_JSON)
+def test_labels_with_one_entry_replaced_are_refused_or_read(key, value):
+    """A replaced entry never causes an error of another kind."""
+    with suppress(RecordingError):
+        decode_labels(json.dumps({**json.loads(TEXT), key: value}), PATH)
+
+
+def test_another_version_and_text_that_is_no_json_are_refused():
+    with pytest.raises(RecordingError, match=r"'softcover-recording/9'; accepted: 'softcover-recording/1'"):
+        decode_labels(TEXT.replace("recording/1", "recording/9"), PATH)
+    with pytest.raises(RecordingError, match=r"a\.mcap: its labels cannot be read"):
+        decode_labels(TEXT[:-5], PATH)
