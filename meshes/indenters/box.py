@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.indenter import FlatPunch, Primitive, quantity_field, require_positive, require_remainder
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.indenters.indenter import (
+    FlatPunch,
+    FloatArray,
+    Primitive,
+    quantity_field,
+    require_positive,
+    require_remainder,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

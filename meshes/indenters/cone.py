@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.indenter import AxisymmetricIndenter, Primitive, quantity_field
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.indenters.indenter import AxisymmetricIndenter, FloatArray, Primitive, quantity_field
 
 #: Sides of the pyramid that replaces the cone in the fast model: its edges lie on the cone, and the middles of its
 #: faces up to 1 / cos(pi / 96) - 1 = 0.05 % higher [-].

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.polygons import Polygon, cross, list_sides
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.indenters.polygons import FloatArray, Polygon, cross, list_sides
 
 #: Length below which two points coincide, over the size of the outline: rounding in double precision [-].
 _COINCIDENT = 1e-9

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.indenter import AxisymmetricIndenter, FlatPunch, Primitive, require_remainder
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.indenters.indenter import AxisymmetricIndenter, FlatPunch, FloatArray, Primitive, require_remainder
 
 
 @dataclass(frozen=True, kw_only=True)

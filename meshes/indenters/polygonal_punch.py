@@ -6,9 +6,8 @@ from abc import abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.indenter import FlatPunch
+from meshes.indenters.indenter import FlatPunch, FloatArray
 from meshes.indenters.polygons import (
     Polygon,
     compute_distance_from_inset,
@@ -16,8 +15,6 @@ from meshes.indenters.polygons import (
     find_inside,
     list_sides,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Largest distance between an outline and its mirror image for the shape to count as symmetric: what the single
 #: precision of STL files leaves, over the larger half width [-], and rounding in double precision [m].

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from meshes.indenters.convex_parts import split_into_convex_parts
-from meshes.indenters.indenter import Primitive
+from meshes.indenters.indenter import FloatArray, Primitive
 from meshes.indenters.polygonal_punch import PolygonalPunch
 from meshes.indenters.polygons import check_polygon
 
-FloatArray = npt.NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.indenter import Indenter, Primitive, quantity_field, require_positive
+from meshes.indenters.indenter import FloatArray, Indenter, Primitive, quantity_field, require_positive
 from meshes.indenters.sphere import spherical_gap
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

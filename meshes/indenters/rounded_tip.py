@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from meshes.indenters.indenter import AxisymmetricIndenter, Primitive, quantity_field
+from meshes.indenters.indenter import AxisymmetricIndenter, FloatArray, Primitive, quantity_field
 from meshes.indenters.sphere import spherical_gap
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from meshes.indenters.indenter import Indenter, Primitive
+from meshes.indenters.indenter import FloatArray, Indenter, Primitive
 from meshes.indenters.prism import require_axis_inside
 from meshes.surfaces.convex_hulls import split_into_hulls
 from meshes.surfaces.gap import TriangleGap, select_facing_down
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Volume, over the cube of the body's size, and height, over its size, that count as zero [-].
 _ZERO = 1e-9
