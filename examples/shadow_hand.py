@@ -262,7 +262,8 @@ def record(hand: Hand, path: Path, *, note: str) -> Run:
     from validation.recordings.recording import Setup
 
     camera, begun, setup = Camera(hand), time.time_ns(), Setup(note=note, source="simulation")
-    times, forces, moments, seconds = [], [], [], 0.0
+    times, forces, seconds = [], [], 0.0
+    moments: list[Moment] = []
     with RecordingWriter(path, arrays=describe_arrays(hand), setup=setup, start=begun) as file:
         resumed = time.perf_counter()
         for now in hand.run():

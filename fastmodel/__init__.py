@@ -11,7 +11,7 @@ The picture to have in mind is a chain, one vector of n texels long (row-major, 
 `Parameters` holds all of it for one sensor and travels as a folder (`save`, `load`); `fit_gaussian` makes the
 spread from a reference response.  Two ways to run it:
 
-    parameters = fastmodel.load("wts-0614-34.parameters")
+    parameters = fastmodel.load("wts-0614-34")                # or a folder
     sensor = fastmodel.attach(spec, "fingertip", parameters)      # before compiling
     model = spec.compile(); data = mujoco.MjData(model)
     sensor.bind(model)
@@ -55,7 +55,7 @@ from fastmodel.errors import (
 )
 from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
-from fastmodel.parameters import Parameters, load
+from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.sensor import OptionWarning, Sensor, attach, recommend_options
 from fastmodel.signal.butterworth import Butterworth, FilterBank
@@ -108,6 +108,7 @@ __all__ = [
     "fit_gaussian",
     "indent",
     "indent_together",
+    "list_sensors",
     "load",
     "outside_share",
     "recommend_options",

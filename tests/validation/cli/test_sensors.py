@@ -23,7 +23,7 @@ def test_a_derived_folder_stands_for_a_sensor(folder):
 
 
 def test_built_in_sensors_need_no_finite_elements(without_reference):
-    assert tuple(sorted(BUILT_IN)) == fastmodel.parameters.list_sensors()
+    assert tuple(sorted(BUILT_IN)) == fastmodel.list_sensors()
     for name in BUILT_IN:
         assert find_parameters(read_sensor(name), print).array.name == name
 
