@@ -18,7 +18,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-@called_by_kernels()
+@called_by_kernels
 def decode_force(  # noqa: PLR0917 -- numba kernels take positional arguments
     contact: int,
     address: IntArray,

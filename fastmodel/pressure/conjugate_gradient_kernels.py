@@ -7,6 +7,8 @@ functions that this kernel calls.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -65,16 +67,16 @@ def place_cells(
     own = np.empty(len(x))
     for k in range(len(x)):
         # rounded, so that rounding errors do not divide a whole cell
-        u = np.floor(1e9 * ((x[k] - low[0]) / edge[0] - 0.5 - left) + 0.5) * 1e-9
-        v = np.floor(1e9 * ((y[k] - low[1]) / edge[1] - 0.5 - top) + 0.5) * 1e-9
-        corner[0, k], corner[1, k] = int(np.floor(v)), int(np.floor(u))
-        a, b = u - np.floor(u), v - np.floor(v)
+        u = math.floor(1e9 * ((x[k] - low[0]) / edge[0] - 0.5 - left) + 0.5) * 1e-9
+        v = math.floor(1e9 * ((y[k] - low[1]) / edge[1] - 0.5 - top) + 0.5) * 1e-9
+        corner[0, k], corner[1, k] = math.floor(v), math.floor(u)
+        a, b = u - math.floor(u), v - math.floor(v)
         p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
         weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
         # compliance that the convolution gives the cell under its own force, instead of near[0, 0]
         interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
         interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
-        own[k] = near[0, 0] - interpolated + square * (1 / np.sqrt(coverage[k]) - 1)
+        own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
     shape = ((rows + _BLOCK - 1) // _BLOCK * _BLOCK, (cols + _BLOCK - 1) // _BLOCK * _BLOCK)
     return (top, left), shape, corner, weight, own
 
@@ -112,10 +114,12 @@ def find_start(
     return forces
 
 
-@called_by_kernels()
+@called_by_kernels
 def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, window: FloatArray) -> None:
     """Forces on sampled cells (m,) as forces on whole cells, into `window` (rows, columns) [N]."""
-    window[:] = 0.0
+    for i in range(window.shape[0]):
+        for j in range(window.shape[1]):
+            window[i, j] = 0.0
     for i in range(len(forces)):
         if forces[i] != 0.0:
             row, col = corner[0, i], corner[1, i]
@@ -125,7 +129,7 @@ def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, 
             window[row + 1, col + 1] += weight[3, i] * forces[i]
 
 
-@called_by_kernels()
+@called_by_kernels
 def _displace(
     cover: Cover, forces: FloatArray, room: tuple[FloatArray, FloatArray, FloatArray], moved: FloatArray
 ) -> None:
@@ -145,7 +149,7 @@ def _displace(
         moved[i] += weight[2, i] * window[row + 1, col] + weight[3, i] * window[row + 1, col + 1]
 
 
-@called_by_kernels()
+@called_by_kernels
 def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray, found: FloatArray) -> None:
     """Solve (C^T W C) x = b by elimination; the matrix is positive, so no pivoting is needed.
 
@@ -177,7 +181,7 @@ def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray,
         found[a] /= matrix[a, a]
 
 
-@called_by_kernels()
+@called_by_kernels
 def _fit_motion(
     active: FloatArray, values: FloatArray, columns: FloatArray, matrix: FloatArray, motion: FloatArray
 ) -> None:
@@ -189,7 +193,7 @@ def _fit_motion(
     _solve_weighted(columns, active, matrix, motion)
 
 
-@called_by_kernels()
+@called_by_kernels
 def _balance(
     forces: FloatArray, columns: FloatArray, target: FloatArray, matrix: FloatArray, found: FloatArray
 ) -> tuple[float, bool]:
@@ -220,7 +224,7 @@ def _balance(
     return error, changed
 
 
-@called_by_kernels()
+@called_by_kernels
 def _compute_residual(
     active: FloatArray, overlap: FloatArray, columns: FloatArray, motion: FloatArray, residual: FloatArray
 ) -> tuple[float, float, bool]:
@@ -240,7 +244,7 @@ def _compute_residual(
     return energy, size, grows
 
 
-@called_by_kernels()
+@called_by_kernels
 def _advance(
     length: float, active: FloatArray, residual: FloatArray, direction: FloatArray, forces: FloatArray
 ) -> bool:
@@ -257,7 +261,7 @@ def _advance(
     return other
 
 
-@called_by_kernels()
+@called_by_kernels
 def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
     """Sum of the changes of force since the last call [N]; updates `before` and `active`, 1 under pressure, else 0."""
     change = 0.0
@@ -307,7 +311,8 @@ def minimise_energy(  # noqa: C901 -- one loop, with the steps of the method in 
         if converged or step == most:
             break
         if not error <= _UNBALANCED:  # true for nan as well
-            forces[:] = start
+            for i in range(count):
+                forces[i] = start[i]
             break
         # the residual is the overlap that no rigid motion of the bodies removes
         if other or corrected:

@@ -7,6 +7,8 @@ functions that this kernel calls.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -47,10 +49,12 @@ def sample_body(
     size, low, cell = grid
     windows, around = _find_windows(rotation, position, centres, halves, size, low, cell)
     rows, columns = max(around[3] - around[1], 0) * POINTS, max(around[2] - around[0], 0) * POINTS
-    heights, x = np.full((rows, columns), np.inf), np.empty(columns)
+    heights, x = np.empty((rows, columns)), np.empty(columns)
     bottom, top = np.empty(columns), np.empty(columns)
     for j in range(columns):
         x[j] = low[0] + cell[0] * (around[0] + (j + 0.5) / POINTS)
+        for i in range(rows):
+            heights[i, j] = np.inf
     for p in range(len(kinds)):
         faces = _transform_faces(planes[first_plane[p] : first_plane[p + 1]], rotation[p], position[p])
         first, last = (windows[p, 0] - around[0]) * POINTS, (windows[p, 2] - around[0]) * POINTS
@@ -66,7 +70,7 @@ def sample_body(
     return _average_over_cells(heights, around, low, cell, reach)
 
 
-@called_by_kernels()
+@called_by_kernels
 def _find_windows(
     rotation: FloatArray,
     position: FloatArray,
@@ -81,7 +85,8 @@ def _find_windows(
     A window is its first column and row, and one past its last column and row.
     """
     windows = np.empty((len(rotation), 4), dtype=np.int64)
-    around = np.array([size[0], size[1], 0, 0])
+    around = np.zeros(4, dtype=np.int64)
+    around[0], around[1] = size[0], size[1]
     for p in range(len(rotation)):
         for axis in range(2):
             middle, half = position[p, axis], 0.0
@@ -89,20 +94,19 @@ def _find_windows(
                 middle += rotation[p, axis, i] * centres[p, i]
                 if rotation[p, axis, i] != 0.0:  # 0 times inf is nan: half edges of a plane are infinite
                     half += abs(rotation[p, axis, i]) * halves[p, i]
-            first = np.floor((middle - half - low[axis]) / cell[axis])
-            last = np.ceil((middle + half - low[axis]) / cell[axis])
-            windows[p, axis] = int(min(max(first, 0.0), size[axis]))
-            windows[p, axis + 2] = int(min(max(last, 0.0), size[axis]))
+            first, last = (middle - half - low[axis]) / cell[axis], (middle + half - low[axis]) / cell[axis]
+            windows[p, axis] = math.floor(min(max(first, 0.0), size[axis]))
+            windows[p, axis + 2] = math.ceil(min(max(last, 0.0), size[axis]))
         if windows[p, 0] < windows[p, 2] and windows[p, 1] < windows[p, 3]:
             for axis in range(2):
                 around[axis] = min(around[axis], windows[p, axis])
                 around[axis + 2] = max(around[axis + 2], windows[p, axis + 2])
         else:
-            windows[p] = 0
+            windows[p, 2], windows[p, 3] = windows[p, 0], windows[p, 1]
     return windows, around
 
 
-@called_by_kernels()
+@called_by_kernels
 def _transform_faces(planes: FloatArray, rotation: FloatArray, position: FloatArray) -> FloatArray:
     """Express each face as a function of the place (x, y) in the array's frame, shape (f, 4).
 
@@ -112,27 +116,26 @@ def _transform_faces(planes: FloatArray, rotation: FloatArray, position: FloatAr
     """
     faces = np.empty((len(planes), 4))
     for f in range(len(planes)):
-        normal = np.zeros(3)
-        offset = planes[f, 3]
-        for axis in range(3):
-            for i in range(3):
-                normal[axis] += rotation[axis, i] * planes[f, i]
-            offset += normal[axis] * position[axis]
-        vertical = abs(normal[2]) <= _PARALLEL
-        slope = 1.0 if vertical else normal[2]
-        faces[f, 0] = 0.0 if vertical else np.sign(normal[2])
-        faces[f, 1], faces[f, 2], faces[f, 3] = offset / slope, -normal[0] / slope, -normal[1] / slope
+        u, v, w, offset = planes[f, 0], planes[f, 1], planes[f, 2], planes[f, 3]
+        nx = rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w
+        ny = rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w
+        nz = rotation[2, 0] * u + rotation[2, 1] * v + rotation[2, 2] * w
+        offset += nx * position[0] + ny * position[1] + nz * position[2]
+        slope = 1.0 if abs(nz) <= _PARALLEL else nz
+        faces[f, 0] = 0.0 if abs(nz) <= _PARALLEL else math.copysign(1.0, nz)
+        faces[f, 1], faces[f, 2], faces[f, 3] = offset / slope, -nx / slope, -ny / slope
     return faces
 
 
-@called_by_kernels()
+@called_by_kernels
 def _cross_faces(
     faces: FloatArray, x: FloatArray, y: float, first: int, last: int, bottom: FloatArray, top: FloatArray
 ) -> None:
     """Interval in which vertical lines at x[first:last] and y cross a polytope, into `bottom` and `top` [m]."""
     low, high = bottom[first:last], top[first:last]
     place = x[first:last]
-    low[:], high[:] = -np.inf, np.inf
+    for j in range(len(place)):
+        low[j], high[j] = -np.inf, np.inf
     for f in range(len(faces)):
         level, slope = faces[f, 1] + faces[f, 3] * y, faces[f, 2]
         if faces[f, 0] < 0:
@@ -147,7 +150,7 @@ def _cross_faces(
                     high[j] = -np.inf
 
 
-@called_by_kernels()
+@called_by_kernels
 def _cross_round(
     kind: int,
     size: FloatArray,
@@ -186,7 +189,7 @@ def _cross_round(
             bottom[j], top[j] = low, high
 
 
-@called_by_kernels()
+@called_by_kernels
 def _cross_ball(ox: float, oy: float, oz: float, ux: float, uy: float, uz: float, radius: float) -> tuple[float, float]:
     """Roots z of |o + z u| = radius; an empty interval where there are none."""
     square = ux**2 + uy**2 + uz**2
@@ -194,10 +197,10 @@ def _cross_ball(ox: float, oy: float, oz: float, ux: float, uy: float, uz: float
     root = half**2 - square * (ox**2 + oy**2 + oz**2 - radius**2)
     if root < 0:
         return np.inf, -np.inf
-    return (-half - np.sqrt(root)) / square, (-half + np.sqrt(root)) / square
+    return (-half - math.sqrt(root)) / square, (-half + math.sqrt(root)) / square
 
 
-@called_by_kernels()
+@called_by_kernels
 def _cross_cylinder(
     radius: float, length: float, edge: float, ox: float, oy: float, oz: float, ux: float, uy: float, uz: float
 ) -> tuple[float, float]:
@@ -209,7 +212,7 @@ def _cross_cylinder(
     length += edge
     bottom, top = -np.inf, np.inf
     if abs(uz) > _PARALLEL:
-        bottom, top = (-np.sign(uz) * length - oz) / uz, (np.sign(uz) * length - oz) / uz
+        bottom, top = -oz / uz - abs(length / uz), -oz / uz + abs(length / uz)
     elif abs(oz) > length:
         return np.inf, -np.inf
     if ux**2 + uy**2 < _PARALLEL**2:
@@ -218,7 +221,7 @@ def _cross_cylinder(
     return max(bottom, enter), min(top, leave)
 
 
-@called_by_kernels()
+@called_by_kernels
 def _average_over_cells(
     heights: FloatArray, around: IntArray, low: FloatArray, cell: FloatArray, reach: float
 ) -> Cells:
@@ -247,6 +250,8 @@ def _average_over_cells(
     kept = 0
     for k in range(count):
         if found[3, k] <= lowest + reach:
-            row[kept], column[kept], found[:, kept] = row[k], column[k], found[:, k]
+            row[kept], column[kept] = row[k], column[k]
+            for field in range(4):
+                found[field, kept] = found[field, k]
             kept += 1
     return row[:kept], column[:kept], found[0, :kept], found[1, :kept], found[2, :kept], found[3, :kept]
