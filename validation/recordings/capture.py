@@ -77,7 +77,7 @@ def record(
     reported = _ask_properties(sensor)
     setup = setup or Setup()
     setup = replace(setup, source=setup.source or sensor.port, device={**reported, **setup.device})
-    array = make_device_array(sensor.matrix(), str(reported.get("type", "tactile")))
+    array = make_device_array(sensor.read_matrix(), str(reported.get("type", "tactile")))
     session = _Session(sensor, on_event)
     try:
         with RecordingWriter(path, arrays=[array], setup=setup, serial=str(reported["serial"])) as writer:
@@ -143,7 +143,7 @@ class _Session:
         finally:
             self._sensor.tap = None
             stream.close()
-        for gap in self._sensor.last_gaps():
+        for gap in self._sensor.take_last_gaps():
             self._write_event(writer, gap)
         self._write_temperature(writer)
 
@@ -166,20 +166,20 @@ class _Session:
         Called before and after the stream only: no source says whether a device answers while it streams.
         """
         try:
-            writer.add_temperatures(time.time_ns(), [self._sensor.temperature()])
+            writer.add_temperatures(time.time_ns(), [self._sensor.read_temperature()])
         except SensorError:
             return
 
 
 def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
     """Ask for the properties of the device; those that it refuses are left out."""
-    info = sensor.info()
+    info = sensor.read_info()
     questions: dict[str, Callable[[], str | int | float]] = {
-        "type": sensor.sensor_type,
-        "tag": sensor.tag,
-        "threshold": sensor.threshold,
-        "gain": sensor.gain,
-        "temperature": sensor.temperature,
+        "type": sensor.read_type,
+        "tag": sensor.read_tag,
+        "threshold": sensor.read_threshold,
+        "gain": sensor.read_gain,
+        "temperature": sensor.read_temperature,
     }
     properties: dict[str, str | int | float] = {"serial": info.serial_number, "firmware": info.firmware}
     for name, ask in questions.items():

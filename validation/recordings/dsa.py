@@ -55,7 +55,7 @@ _MAX_ARRAYS = 16
 _SECONDS_PER_MILLISECOND = 1e-3
 _NANOSECONDS_PER_MILLISECOND = 1_000_000
 
-#: Elements that must stand in each element.  Those in `_COUNT_OF` occur any number of times, the others once.
+#: Required elements in each element, by its path.  Those in `_COUNT_OF` occur any number of times, the others once.
 _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
     "root": ("sensor", "data"),
@@ -69,7 +69,7 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "root/joint_angles/angle": ("time_stamp", "angle_data"),
 }
 _OPTIONAL: Mapping[str, tuple[str, ...]] = {"root": ("temperatures", "joint_angles")}
-#: For each repeated element, which carries a running number, the element that announces how many there are.
+#: For each repeated element, the element that announces how many there are.  Repeated elements carry an index.
 _COUNT_OF: Mapping[str, str] = {
     "matrix": "num_matrices",
     "frame": "frame_count",
@@ -184,7 +184,8 @@ class _XmlReader:
 
     def __init__(self, collector: _Collector) -> None:
         self._collector = collector
-        #: For each open element, outermost first: its path, the texts in it, and how often repeated elements occurred.
+        #: For each open element, outermost first: its path, the texts of the elements in it, and the number of repeated
+        #: elements in it by their tag.
         self._paths = [""]
         self._fields: list[dict[str, str]] = [{}]
         self._counts: list[dict[str, int]] = [{}]

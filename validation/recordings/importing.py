@@ -13,9 +13,10 @@ from validation.recordings.recording import ClockArray, Recording, RecordingErro
 
 #: Formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
-#: Times of forces above this count from 1970, smaller ones from the first frame; this is in 1973 [s].
+#: Times of forces that start above this value count from 1970, others from the first frame [s].  The value is a date
+#: in 1973, before any such recording and longer than any.
 _EPOCH_TIMES = 1e8
-#: How far the first and last frame may lie outside the times of the forces [s].
+#: Time at either end of the frames for which forces may be missing [s].
 _UNCOVERED_TIME = 0.5
 _SECONDS_PER_NANOSECOND = 1e-9
 

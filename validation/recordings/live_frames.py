@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _TIMESTEP = 1e-3
 #: Period of the simulated load [s].
 _LOAD_PERIOD = 4.0
-#: Share of the weight that is lifted at most: the rest keeps the indenter in contact [-].
+#: Largest share of the weight that is lifted; the rest keeps the indenter in contact [-].
 _LARGEST_LIFT = 0.95
 
 
@@ -43,7 +43,7 @@ def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
     Raises:
         LinkLostError: If the port goes away and does not come back in time.
     """
-    matrix = sensor.matrix()
+    matrix = sensor.read_matrix()
     for event in sensor.stream(reconnect=reconnect):
         if not isinstance(event, Gap):
             yield _make_frame(event.time, event.counts, matrix.full_scale, matrix.columns)

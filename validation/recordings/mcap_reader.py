@@ -40,7 +40,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD_SIZE = 9
 #: Kind of the last record of a complete file.
 _FOOTER = 0x02
-#: Largest record that is read; chunks of this program hold 1 MiB [bytes].
+#: Largest record that is read, because a damaged length could claim all memory; chunks here hold 1 MiB [bytes].
 _LARGEST_RECORD = 2**28
 
 

@@ -31,7 +31,7 @@ from validation.recordings.recording import (
 
 #: Keys of the lines `# key = value`; lines with other keys are comments.
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
-#: Columns between the time and the texels; each may be missing.
+#: Optional columns between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 #: Lines that are read at most, so that a wrong file does not fill the memory.
 _MOST_FRAMES = 10_000_000

@@ -1,7 +1,7 @@
 """Weiss WTS tactile arrays on a serial port: the protocol, a driver and a virtual sensor.
 
     with Sensor("/dev/ttyACM0") as sensor:
-        print(sensor.matrix(), sensor.temperature())
+        print(sensor.read_matrix(), sensor.read_temperature())
         for event in sensor.stream():
             if isinstance(event, Gap):
                 print(event)

@@ -30,11 +30,11 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
         PortError: If the sensor stops answering.
     """
     questions: dict[str, Callable[[], str]] = {
-        "system info (0x50)": lambda: str(sensor.info()),
-        "sensor type (0x38)": lambda: repr(sensor.sensor_type()),
-        "matrix info (0x30)": lambda: str(sensor.matrix()),
-        "threshold (0x35)": lambda: f"{sensor.threshold()}, read as an unsigned 16 bit number",
-        "gain (0x37)": lambda: f"{sensor.gain()}, read as an unsigned 8 bit number",
+        "system info (0x50)": lambda: str(sensor.read_info()),
+        "sensor type (0x38)": lambda: repr(sensor.read_type()),
+        "matrix info (0x30)": lambda: str(sensor.read_matrix()),
+        "threshold (0x35)": lambda: f"{sensor.read_threshold()}, read as an unsigned 16 bit number",
+        "gain (0x37)": lambda: f"{sensor.read_gain()}, read as an unsigned 8 bit number",
         "loop (0x06)": lambda: _check_loop(sensor),
         "clock": lambda: _measure_clock(sensor),
         "run length": lambda: _check_run_length(sensor),
@@ -67,7 +67,7 @@ def _measure_clock(sensor: Sensor) -> str:
 
 
 def _check_run_length(sensor: Sensor) -> str:
-    raw, packed = sensor.single(), sensor.single(run_length=True)
+    raw, packed = sensor.read_frame(), sensor.read_frame(run_length=True)
     if not packed.run_length:
         return "asked for, but the frame came raw"
     difference = int(np.abs(raw.counts.astype(int) - packed.counts).max())
@@ -78,6 +78,6 @@ def _check_run_length(sensor: Sensor) -> str:
 
 
 def _find_largest_texel(sensor: Sensor) -> str:
-    texel = int(sensor.single().counts.argmax())
-    row, column = divmod(texel, sensor.matrix().columns)
+    texel = int(sensor.read_frame().counts.argmax())
+    row, column = divmod(texel, sensor.read_matrix().columns)
     return f"largest is texel {texel}, read as row {row}, column {column}: press a corner to check"

@@ -134,7 +134,7 @@ class Link:
 
 
 def _open_port(port: str, baud_rate: int, *, is_url: bool) -> serial.SerialBase:
-    # only a port with a name of its own can be locked against a second client
+    # a port can be locked against a second client, a URL cannot
     options = {} if is_url else {"exclusive": True}
     try:
         opened = serial.serial_for_url(

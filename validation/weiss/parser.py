@@ -144,7 +144,7 @@ class Parser:
 
 
 def _find_partial_preamble(buffer: bytearray, position: int) -> int:
-    """Where the first bytes of a preamble stand at the end of the buffer; its length if they do not."""
+    """Index of a partial preamble at the end of the buffer; the length of the buffer if there is none."""
     start = len(buffer)
     while start > max(position, len(buffer) - len(PREAMBLE) + 1) and buffer[start - 1] == PREAMBLE[0]:
         start -= 1

@@ -18,11 +18,12 @@ from validation.weiss.unconfirmed import TARE, UNTARE
 
 #: Largest number of readings and gaps kept while the consumer of a stream sends commands in between [-].
 _MOST_EVENTS = 8192
-#: How often a command is sent before the sensor is taken for mute, and number of unfetched answers kept [-].
+#: Number of times that a command is sent before it counts as unanswered; as many unread answers are kept [-].
 _ATTEMPTS = 3
 #: Pause between two attempts to open a port again [s].
 _REOPEN_PAUSE = 0.1
-#: A stream without a frame is silent after this many timeouts of an answer, and after this many intervals [-].
+#: A stream counts as silent if no frame comes during this many timeouts of an answer, or during this many intervals
+#: between frames if that is longer [-].
 _SILENT_TIMEOUTS, _SILENT_INTERVALS = 2, 3
 _SECONDS_PER_NANOSECOND = 1e-9
 
@@ -86,19 +87,19 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Totals of the bytes and messages received up to now."""
         return self._parser.counters
 
-    def info(self) -> SystemInfo:
+    def read_info(self) -> SystemInfo:
         """Ask for kind, hardware revision, firmware version and serial number."""
         return commands.decode_system_info(self.ask(Command.SYSTEM_INFO))
 
-    def matrix(self) -> MatrixInfo:
+    def read_matrix(self) -> MatrixInfo:
         """Ask for rows, columns, pitch and full scale."""
         return commands.decode_matrix_info(self.ask(Command.MATRIX_INFO))
 
-    def sensor_type(self) -> str:
+    def read_type(self) -> str:
         """Ask for the name of the sensor's type."""
         return self._ask_text(Command.SENSOR_TYPE)
 
-    def tag(self) -> str:
+    def read_tag(self) -> str:
         """Ask for the name that a user gave to the device."""
         return self._ask_text(Command.GET_TAG)
 
@@ -106,11 +107,11 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Give the device a name (ASCII)."""
         self.ask(Command.SET_TAG, tag.encode("ascii"))
 
-    def temperature(self) -> float:
+    def read_temperature(self) -> float:
         """Ask for the temperature of the device [degC]."""
         return commands.decode_temperature(self.ask(Command.TEMPERATURE))
 
-    def threshold(self) -> int:
+    def read_threshold(self) -> int:
         """Ask for the threshold below which a texel reads 0 [counts]."""
         return int(self.ask(Command.GET_THRESHOLD)[0])
 
@@ -118,7 +119,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Set the threshold [counts]; it is set again after a reconnection."""
         self._set(Command.SET_THRESHOLD, threshold)
 
-    def gain(self) -> int:
+    def read_gain(self) -> int:
         """Ask for the front-end gain, in the unit of the device [-]."""
         return int(self.ask(Command.GET_GAIN)[0])
 
@@ -134,7 +135,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Undo `tare`."""
         self.ask(Command.TARE, UNTARE)
 
-    def single(self, *, run_length: bool = False) -> Reading:
+    def read_frame(self, *, run_length: bool = False) -> Reading:
         """Ask for one frame.
 
         Args:
@@ -198,8 +199,8 @@ class Sensor(AbstractContextManager["Sensor"]):
         finally:
             self._stop_stream()
 
-    def last_gaps(self) -> list[Gap]:
-        """Gaps among the first frames of a stream that ended before they could be judged."""
+    def take_last_gaps(self) -> list[Gap]:
+        """Return the gaps among the first frames of a stream that ended before they could be judged."""
         return self._continuity.finish()
 
     def close(self) -> None:
@@ -211,7 +212,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Stop a stream that another client left running, and check that a sensor answers."""
         try:
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
-            self.info()
+            self.read_info()
         except NoAnswerError as error:
             seen = self.counters.bytes_seen
             reason = (
@@ -221,7 +222,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             )
             raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {reason}") from error
         try:
-            self._parser.texels = self.matrix().texels
+            self._parser.texels = self.read_matrix().texels
         except SensorError:
             self._parser.texels = None
 

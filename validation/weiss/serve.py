@@ -166,7 +166,7 @@ def serve(
                 backlog += frame
             else:
                 left_out += 1
-            # send after each frame: then frames that are late together do not count as backlog
+            # send after each frame, so that several late frames do not count as backlog of the client
             backlog = _send(end, backlog)
         due = sensor.next_due
         wait = _RECEIVE_TIMEOUT if due is None else min(_RECEIVE_TIMEOUT, max(0.0, due - (time.monotonic() - start)))

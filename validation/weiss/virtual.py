@@ -28,7 +28,7 @@ Source = Callable[[float], npt.ArrayLike]
 WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
 #: Temperature of the device at the start and after a long time [degC], and time constant of its rise [s].
 _COLD, _WARM, _WARMING_TIME = 25.0, 35.0, 1200.0
-#: The pattern `blob`: count at its centre [-], and two standard deviations squared [texels^2].
+#: The pattern `blob`: count at its centre [-], and twice the variance of its shape [texels^2].
 _BLOB_PEAK, _BLOB_SPREAD = 3000, 4.0
 #: The pattern `ramp`: difference from texel to texel [counts] and rise over time [counts/s].
 _RAMP_STEP, _RAMP_RATE = 40, 1000

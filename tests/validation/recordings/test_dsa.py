@@ -17,12 +17,12 @@ SIZES = [(6, 14), (6, 13)]
 TEXELS = 84 + 78
 
 
-def mask_text(columns, rows, absent=()):
+def write_mask(columns, rows, absent=()):
     lines = ["".join("0" if (r, c) in absent else "1" for c in range(columns)) for r in range(rows)]
     return "\n        " + "\n        ".join(lines) + "\n      "
 
 
-def matrix_xml(index, columns, rows):
+def write_matrix(index, columns, rows):
     absent = {(r, c) for r in range(5) for c in (0, 5)} if rows == 13 else set()
     fields = {
         "cells_x": columns,
@@ -39,14 +39,14 @@ def matrix_xml(index, columns, rows):
         "hw_revision": 1,
         "one_wire_uid": "none",
         "fullscale": 4095,
-        "static_mask": mask_text(columns, rows, absent),
-        "dynamic_mask": mask_text(columns, rows),
+        "static_mask": write_mask(columns, rows, absent),
+        "dynamic_mask": write_mask(columns, rows),
     }
     body = "".join(f"<{key}>{value}</{key}>" for key, value in fields.items())
     return f'<matrix index="{index}" name="">{body}</matrix>\n'
 
 
-def tokens(values):
+def encode_tokens(values):
     """Encode one frame: runs of zeros as negative tokens, seven tokens to a line."""
     out, zeros = [], 0
     for value in [*values, None]:
@@ -62,17 +62,18 @@ def tokens(values):
     return "\n".join("".join(text[i : i + 7]) for i in range(0, len(text), 7))
 
 
-def document(frames, stamps=None):
+def write_document(frames, stamps=None):
     stamps = stamps or [1410321769772 + 32 * i for i in range(len(frames))]
     frame_xml = "".join(
-        f'<frame index="{i}">\n<time_stamp>{stamp}</time_stamp>\n<frame_data>\n{tokens(frame)}\n</frame_data></frame>\n'
+        f'<frame index="{i}">\n<time_stamp>{stamp}</time_stamp>\n'
+        f"<frame_data>\n{encode_tokens(frame)}\n</frame_data></frame>\n"
         for i, (stamp, frame) in enumerate(zip(stamps, frames, strict=True))
     )
     return (
         '<?xml version="1.0" encoding="utf-8"?>\n<root>\n<sensor name=""><generated_by>105</generated_by>'
         "<hw_revision>1</hw_revision><serial_nr>1D9B0057</serial_nr>"
         f"<num_matrices>{len(SIZES)}</num_matrices><converter_resolution>12</converter_resolution>\n"
-        + "".join(matrix_xml(i, *size) for i, size in enumerate(SIZES))
+        + "".join(write_matrix(i, *size) for i, size in enumerate(SIZES))
         + f"</sensor>\n<data><frame_count>{len(frames)}</frame_count>\n{frame_xml}</data>\n"
         "<temperatures><temp_count>2</temp_count>"
         '<temp index="0"><time_stamp>1410321769900</time_stamp><temp_data>27.75, 28.50</temp_data></temp>'
@@ -81,7 +82,7 @@ def document(frames, stamps=None):
     )
 
 
-def some_frames(count=30, seed=3):
+def generate_frames(count=30, seed=3):
     rng = np.random.default_rng(seed)
     frames = np.where(rng.random((count, TEXELS)) < 0.3, rng.integers(1, 4096, (count, TEXELS)), 0)
     frames[:, 84:] *= ARRAYS["sdh2-distal"].active
@@ -99,13 +100,13 @@ def write(tmp_path):
     return _write
 
 
-def numbers_of(recording: Recording):
+def list_values(recording: Recording):
     return [recording.times, recording.temperatures, *(array.counts for array in recording.arrays)]
 
 
-def test_reads_back_what_was_encoded(write):
-    frames = some_frames()
-    recording = dsa.read(write(document(frames)))
+def test_frames_arrays_and_temperatures_are_read(write):
+    frames = generate_frames()
+    recording = dsa.read(write(write_document(frames)))
     first, second = recording.arrays
     assert (first.counts == frames[:, :84]).all()
     assert (second.counts == frames[:, 84:]).all()
@@ -122,7 +123,7 @@ def test_reads_back_what_was_encoded(write):
     assert (first.full_scale, first.unit, recording.serial) == (4095, "mV", "1D9B0057")
 
 
-def damage(text, old, new):
+def replace_once(text, old, new):
     assert re.search(old, text), "the planted defect must hit something"
     return re.sub(old, new, text, count=1)
 
@@ -169,10 +170,10 @@ FRAME_OF_ZEROS = struct.pack(">f", -float(TEXELS)).hex().upper()
         ("<root>", "<?xml-stylesheet href='x'?><root>", "declaration"),
     ],
 )
-def test_each_inconsistency_is_refused_with_file_and_place(write, old, new, message):
-    text = document(some_frames())
+def test_an_inconsistent_file_is_refused_with_name_and_place(write, old, new, message):
+    text = write_document(generate_frames())
     flags = re.DOTALL if "*" in old else 0
-    damaged = damage(text, re.compile(old, flags), new)
+    damaged = replace_once(text, re.compile(old, flags), new)
     path = write(damaged)
     with pytest.raises(RecordingError) as caught:
         dsa.read(path)
@@ -181,7 +182,7 @@ def test_each_inconsistency_is_refused_with_file_and_place(write, old, new, mess
     assert "\n" not in str(caught.value)
 
 
-def test_an_entity_bomb_is_refused_before_it_unfolds(write):
+def test_entities_that_expand_without_bound_are_refused(write):
     levels = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
     bomb = f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY e0 "lol">{levels}]><root>&e11;</root>'
     with pytest.raises(RecordingError, match="declaration"):
@@ -198,15 +199,15 @@ def test_an_entity_bomb_is_refused_before_it_unfolds(write):
         ("<", "root", "without a tag"),
     ],
 )
-def test_what_unpacks_to_much_needs_little_memory(write, head, repeated, message):
+def test_a_small_file_that_unpacks_to_much_is_refused(write, head, repeated, message):
     path = write(head + repeated * (2**21 // len(repeated)))
     assert path.stat().st_size < 10_000
     with pytest.raises(RecordingError, match=message):
         dsa.read(path)
 
 
-def test_limits_on_size_and_on_values(write, monkeypatch):
-    path = write(document(some_frames()))
+def test_files_beyond_the_limits_are_refused(write, monkeypatch):
+    path = write(write_document(generate_frames()))
     monkeypatch.setattr(dsa, "MAX_VALUES", 10 * TEXELS)
     with pytest.raises(RecordingError, match="more than the 1620 values"):
         dsa.read(path)
@@ -215,7 +216,7 @@ def test_limits_on_size_and_on_values(write, monkeypatch):
         dsa.read(path)
 
 
-def test_what_is_no_dsa_file_is_refused(write, tmp_path):
+def test_files_of_other_formats_are_refused(write, tmp_path):
     for content in (
         b"",
         b"BZh",
@@ -230,20 +231,20 @@ def test_what_is_no_dsa_file_is_refused(write, tmp_path):
         dsa.read(tmp_path / "missing.dsa")
     with pytest.raises(RecordingError, match="no such file"):
         dsa.read(tmp_path)
-    whole = bz2.compress(document(some_frames()).encode())
+    whole = bz2.compress(write_document(generate_frames()).encode())
     for tail in (b"x", whole, b"\0" * 2**17):
         with pytest.raises(RecordingError, match="bytes follow the end"):
             dsa.read(write(whole + tail))
 
 
-def assert_only_errors_or_the_same(path, original, variants):
-    """Read every variant of a file; returns how many were refused."""
-    expected = numbers_of(dsa.read(path))
+def check_variants(path, original, variants):
+    """Read every variant of a file: it is refused or gives the same values.  Return how many were refused."""
+    expected = list_values(dsa.read(path))
     refused = 0
     for variant in variants(original):
         path.write_bytes(variant)
         try:
-            got = numbers_of(dsa.read(path))
+            got = list_values(dsa.read(path))
         except RecordingError as error:
             refused += str(error).startswith(f"{path}: ")
             continue
@@ -251,8 +252,8 @@ def assert_only_errors_or_the_same(path, original, variants):
     return refused
 
 
-def flips(count):
-    def _flips(original):
+def flip_bits(count):
+    def generate(original):
         rng = np.random.default_rng(5)
         early = np.arange(64)
         anywhere = rng.integers(0, 8 * len(original), count)
@@ -261,29 +262,29 @@ def flips(count):
             changed[bit // 8] ^= 1 << (bit % 8)
             yield bytes(changed)
 
-    return _flips
+    return generate
 
 
-def cuts(count):
-    def _cuts(original):
+def cut_ends(count):
+    def generate(original):
         for end in np.linspace(0, len(original) - 1, count).astype(int):
             yield original[:end]
 
-    return _cuts
+    return generate
 
 
 def test_flipped_bits_and_truncation_never_give_other_numbers(write):
-    path = write(document(some_frames(10)))
+    path = write(write_document(generate_frames(10)))
     original = path.read_bytes()
-    assert assert_only_errors_or_the_same(path, original, flips(300)) > 300
+    assert check_variants(path, original, flip_bits(300)) > 300
     path.write_bytes(original)
-    assert assert_only_errors_or_the_same(path, original, cuts(60)) == 60
+    assert check_variants(path, original, cut_ends(60)) == 60
 
 
-def test_flips_inside_the_text_are_refused_or_change_nothing_but_one_value(write):
-    """Behind bzip2's checksum: of flips in frame data, only those that leave a legal file get through."""
-    frames = some_frames(6)
-    text = document(frames)
+def test_flipped_bits_in_the_xml_are_refused_or_change_one_value(write):
+    """Such damage passes the checksum of bzip2; only flips that leave a valid file are read."""
+    frames = generate_frames(6)
+    text = write_document(frames)
     start, end = text.index("<data>"), text.index("</data>")
     rng = np.random.default_rng(9)
     passed = 0
@@ -308,9 +309,9 @@ def test_flipped_bits_in_a_real_file_never_give_other_numbers(tmp_path):
     path = tmp_path / "A1.dsa"
     original = (REAL / "kiechle-sdh2/weights/room/A1.dsa").read_bytes()
     path.write_bytes(original)
-    assert assert_only_errors_or_the_same(path, original, flips(100)) > 100
+    assert check_variants(path, original, flip_bits(100)) > 100
     path.write_bytes(original)
-    assert assert_only_errors_or_the_same(path, original, cuts(30)) == 30
+    assert check_variants(path, original, cut_ends(30)) == 30
 
 
 @pytest.mark.slow
@@ -319,9 +320,9 @@ def test_thousand_flipped_bits_over_all_real_files_never_give_other_numbers(tmp_
     for file in sorted((REAL / "kiechle-sdh2").rglob("*.dsa")):
         path, original = tmp_path / file.name, file.read_bytes()
         path.write_bytes(original)
-        assert assert_only_errors_or_the_same(path, original, flips(34)) > 34
+        assert check_variants(path, original, flip_bits(34)) > 34
         path.write_bytes(original)
-        assert assert_only_errors_or_the_same(path, original, cuts(10)) == 10
+        assert check_variants(path, original, cut_ends(10)) == 10
 
 
 @pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.slow)])

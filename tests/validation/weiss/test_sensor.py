@@ -25,14 +25,14 @@ _LONG = 30.0
 
 def test_everything_that_can_be_asked(plug_in):
     with Sensor(plug_in().name) as sensor:
-        assert sensor.matrix() == WTS_0614_34
-        assert sensor.info().kind == 1
-        assert sensor.sensor_type() == "WTS 0614-34"
-        assert 25 <= sensor.temperature() < 35
+        assert sensor.read_matrix() == WTS_0614_34
+        assert sensor.read_info().kind == 1
+        assert sensor.read_type() == "WTS 0614-34"
+        assert 25 <= sensor.read_temperature() < 35
         sensor.set_threshold(123)
         sensor.set_gain(45)
         sensor.set_tag("left palm")
-        assert (sensor.threshold(), sensor.gain(), sensor.tag()) == (123, 45, "left palm")
+        assert (sensor.read_threshold(), sensor.read_gain(), sensor.read_tag()) == (123, 45, "left palm")
         assert sensor.ask(Command.LOOP, b"hello") == (b"hello",)
         with pytest.raises(SensorError, match=r"set threshold.*range error \(28\)"):
             sensor.set_threshold(5000)
@@ -40,14 +40,14 @@ def test_everything_that_can_be_asked(plug_in):
 
 def test_single_frames_raw_and_run_length_encoded(plug_in):
     with Sensor(plug_in(show_pattern("corner")).name) as sensor:
-        raw, packed = sensor.single(), sensor.single(run_length=True)
+        raw, packed = sensor.read_frame(), sensor.read_frame(run_length=True)
         assert (raw.run_length, packed.run_length) == (False, True)
         assert raw.counts.tolist() == packed.counts.tolist() == [2000] + 83 * [0]
         sensor.tare()
-        assert not sensor.single().counts.any()
+        assert not sensor.read_frame().counts.any()
         sensor.untare()
         sensor.set_threshold(500)
-        assert sensor.single().counts[0] == 1500
+        assert sensor.read_frame().counts[0] == 1500
 
 
 @pytest.mark.parametrize("run_length", [False, True])
@@ -75,7 +75,7 @@ def test_commands_between_frames_lose_nothing(plug_in):
     with Sensor(plug_in().name, timeout=_LONG) as sensor:
         stream = sensor.stream()
         first = list(islice(stream, 10))
-        assert sensor.temperature() > 20
+        assert sensor.read_temperature() > 20
         rest = list(islice(stream, 50))
         stream.close()
     assert all(isinstance(event, Reading) for event in first + rest)
@@ -96,7 +96,7 @@ def test_damage_on_the_line_becomes_gaps_and_never_wrong_values(plug_in):
 def test_a_command_is_repeated_when_its_answer_is_lost(plug_in):
     wrong = Misbehaviour(rates={"lose": 0.3}, seed=1)
     with Sensor(plug_in(misbehaviour=wrong).name, timeout=0.2) as sensor:
-        assert [sensor.threshold() for _ in range(5)] == [0] * 5
+        assert [sensor.read_threshold() for _ in range(5)] == [0] * 5
 
 
 def test_a_pause_of_the_device_becomes_gaps_and_the_stream_goes_on(plug_in):
@@ -142,7 +142,7 @@ def test_a_port_that_comes_back_is_opened_again_with_the_settings_made(plug_in, 
         assert len(attempts) >= 3
         assert isinstance(events[-1], Reading)
         stream.close()
-        assert sensor.threshold() == 7
+        assert sensor.read_threshold() == 7
 
 
 def test_a_port_that_stays_away_ends_the_stream(plug_in):
@@ -158,7 +158,7 @@ def test_a_port_that_stays_away_ends_the_stream(plug_in):
 def test_another_device_on_the_port_is_told_from_none():
     pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
     with answer_always(os.urandom(64)) as port, pytest.raises(NoAnswerError, match=r"bytes came and none"):
-        Sensor(port, timeout=0.05)
+        Sensor(port, timeout=0.3)
     with answer_always(b"") as port, pytest.raises(NoAnswerError, match="nothing came back"):
         Sensor(port, timeout=0.05)
 
@@ -167,7 +167,7 @@ def test_a_refused_command_is_named_with_its_status(plug_in):
     wrong = Misbehaviour(refused={Command.TEMPERATURE: Status.NO_SENSOR})
     with Sensor(plug_in(misbehaviour=wrong).name) as sensor:
         with pytest.raises(SensorError, match=r"refused `temperature`: no sensor \(2\)"):
-            sensor.temperature()
+            sensor.read_temperature()
         with pytest.raises(SensorError, match=r"not supported \(5\)"):
             sensor.ask(Command.GET_MASK)
 
@@ -178,9 +178,9 @@ def test_an_unexpected_layout_of_an_answer_fails_that_question_alone(plug_in, mo
     with Sensor(port.name) as sensor:
         monkeypatch.setitem(port.sensor.__dict__, "_answer", lambda *_: encode_message(Command.GET_GAIN, b"\0\0\1\2\3"))
         with pytest.raises(SensorError, match=r"answer to `get gain` is not as assumed: .* 3 bytes"):
-            sensor.gain()
+            sensor.read_gain()
         monkeypatch.undo()
-        assert sensor.threshold() == 0
+        assert sensor.read_threshold() == 0
 
 
 def test_control_c_stops_the_device(plug_in):

@@ -27,7 +27,7 @@ def test_complete_frames_are_left_out_for_a_client_that_does_not_read(plug_in):
 
 
 def test_a_public_script_that_reads_183_bytes_at_a_time_works(plug_in):
-    with serial.Serial(plug_in(show_pattern("corner")).name, 115200, timeout=1) as client:
+    with serial.Serial(plug_in(show_pattern("corner")).name, 115200, timeout=30) as client:
         for _ in range(3):
             client.write(bytes.fromhex("AAAAAA200100008F83"))
             answer = client.read(183)

@@ -78,7 +78,7 @@ def record(
             sensor.set_gain(gain)
         if tare:
             sensor.tare()
-        matrix = sensor.matrix()
+        matrix = sensor.read_matrix()
         with LiveImage(columns=matrix.columns, full_scale=matrix.full_scale, quiet=json) as live:
             done = capture(
                 sensor,
