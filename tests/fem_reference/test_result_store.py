@@ -1,10 +1,14 @@
 import dataclasses
 import json
 import os
+import shutil
 import time
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from fem_reference import result_store
 from fem_reference.grid_convergence import grid_convergence
@@ -248,3 +252,42 @@ def test_grid_convergence_is_careful_where_values_wander():
     assert wander >= 3 * 0.05 / (2**4 - 1)
     with pytest.raises(ValueError, match="three values"):
         grid_convergence([1.0, 2.0], [2, 1])
+
+
+JSON_LIKE = st.recursive(
+    st.none() | st.booleans() | st.integers(-5, 5) | st.floats(allow_nan=False) | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text("abc", max_size=2), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(one=JSON_LIKE, other=JSON_LIKE)
+def test_keys_are_equal_exactly_where_inputs_are(one, other):
+    keys = [result_store.make_key("test", result_store.describe({"x": value})) for value in (one, other)]
+    assert (keys[0] == keys[1]) == (json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True))
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    values=arrays(
+        st.sampled_from([np.float64, np.int64, np.bool_]), array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4)
+    )
+)
+def test_any_array_comes_back_as_it_was_written(folder, values):
+    key = result_store.make_key("test", result_store.describe({"x": values}))
+    result_store.write(key, {"values": values}, {"kind": "test"})
+    found = result_store.read(key)["values"]
+    assert found.dtype == values.dtype
+    np.testing.assert_array_equal(found, values)
+    assert not [entry.problem for entry in result_store.verify() if entry.problem]
+    shutil.rmtree(folder)
+
+
+@given(
+    values=arrays(np.float64, (3, 2), elements=st.floats(-1, 1)), place=st.tuples(st.integers(0, 2), st.integers(0, 1))
+)
+def test_one_changed_number_of_an_array_changes_the_key(values, place):
+    other = values.copy()
+    other[place] += 1.0
+    assert result_store.describe(values) != result_store.describe(other)
+    assert result_store.describe(values) == result_store.describe(values.copy())

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import gc
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 import skfem
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fem_reference import sparse_solver
 from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
-from fem_reference.sparse_solver import BACKENDS, ConstrainedSystem
+from fem_reference.sparse_solver import BACKENDS, ConstrainedSystem, SymmetricFactors
 
 PACKAGE = {"pardiso": "pypardiso", "metis": "pymetis", "plain": "scipy"}
 
@@ -136,3 +139,24 @@ def test_a_floating_body_is_singular_in_words(backend):
     matrix = sp.csr_matrix(np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 0.0]]))
     with pytest.raises(np.linalg.LinAlgError, match=r"singular|factorise"):
         system(backend, matrix, np.array([], dtype=int)).solve(np.ones(3))
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    free=st.integers(2, 12),
+    pressures=st.integers(0, 4),
+    seed=st.integers(0, 1000),
+    backend=st.sampled_from([name for name in BACKENDS if find_spec(PACKAGE[name])]),
+)
+def test_factors_of_any_saddle_point_system_solve_it_as_dense_algebra_does(free, pressures, seed, backend):
+    """Symmetric, positive definite in the displacements, with zeros on the diagonal as incompressible rubber has."""
+    rng = np.random.default_rng(seed)
+    pressures = min(pressures, free - 1)
+    half = rng.standard_normal((free, free))
+    couple = rng.standard_normal((free, pressures))
+    matrix = np.block([[half @ half.T + np.eye(free), couple], [couple.T, np.zeros((pressures, pressures))]])
+    right = rng.standard_normal((len(matrix), 2))
+    rows, columns = np.triu_indices(len(matrix))
+    upper = sp.csr_matrix((matrix[rows, columns], (rows, columns)), shape=matrix.shape)
+    found = SymmetricFactors(upper, backend=backend).solve(right)
+    assert found == pytest.approx(np.linalg.solve(matrix, right), rel=1e-6, abs=1e-6)

@@ -1,0 +1,123 @@
+"""Graded meshes: they reach their ends, ascend, and have the element sizes that were asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fem_reference.elements.grading import (
+    fill_by_spacing,
+    grade_around_edge,
+    grade_contact,
+    grade_outward,
+    growing_steps,
+    layer_heights,
+)
+
+QUICK = settings(max_examples=50, deadline=None)
+SIZES = st.floats(0.02, 0.3)
+LENGTHS = st.floats(0.5, 5.0)
+
+
+@QUICK
+@given(first=SIZES, length=LENGTHS, growth=st.floats(1.0, 2.0), spare=st.floats(0.0, 1.5))
+def test_growing_steps_stop_where_less_than_the_spare_part_of_a_step_is_left(first, length, growth, spare):
+    steps = growing_steps(first, length, lambda step: growth * step, spare=spare)
+    ratios = steps[1:] / steps[:-1]
+    assert ratios == pytest.approx(np.full(len(ratios), growth))
+    following = steps[-1] * growth if len(steps) else first
+    assert length - steps.sum() <= spare * following + 1e-9
+    assert not len(steps) or length - steps[:-1].sum() > spare * steps[-1] - 1e-9
+
+
+@QUICK
+@given(size=SIZES, even=LENGTHS, beyond=st.floats(1.0, 50.0), growth=st.floats(1.05, 1.8))
+def test_a_mesh_from_the_axis_is_even_then_grows_to_its_end(size, even, beyond, growth):
+    nodes = grade_outward(size, even, even + beyond, growth)
+    steps = np.diff(nodes)
+    count = round(even / size)
+    assert nodes[0] == 0
+    assert nodes[-1] == pytest.approx(even + beyond)
+    assert steps[:count] == pytest.approx(np.full(count, even / count))
+    assert steps[count + 1 :] / steps[count:-1] == pytest.approx(np.full(len(steps) - count - 1, growth))
+    assert steps[count] <= growth * size * (1 + 1e-9)
+
+
+@QUICK
+@given(fine=st.floats(0.005, 0.05), ratio=st.floats(1.0, 8.0), edge=LENGTHS, beyond=LENGTHS)
+def test_a_mesh_around_an_edge_is_finest_there(fine, ratio, edge, beyond):
+    nodes = grade_around_edge(fine, ratio * fine, edge, edge + beyond, 1.2)
+    steps = np.diff(nodes)
+    at = int(np.argmin(np.abs(nodes - edge)))
+    assert nodes[[0, -1]] == pytest.approx([0, edge + beyond])
+    assert nodes[at] == pytest.approx(edge)
+    assert (steps > 0).all()
+    assert steps[at - 1] == pytest.approx(fine)
+    assert steps[:at].max() <= 1.5 * ratio * fine * (1 + 1e-9)  # the innermost element takes what is left
+
+
+@QUICK
+@given(half=LENGTHS, reach=LENGTHS, fine=st.floats(0.02, 0.2), ratio=st.floats(1.0, 6.0))
+def test_a_contact_mesh_has_a_node_on_the_edge_and_is_finest_there(half, reach, fine, ratio):
+    nodes = grade_contact(half, reach, fine=fine, most=ratio * fine)
+    steps = np.diff(nodes)
+    at = int(np.argmin(np.abs(nodes - half)))
+    assert nodes[0] == 0
+    assert nodes[at] == pytest.approx(half)
+    assert nodes[-1] >= half + reach * (1 - 1e-9)
+    assert (steps[at + 1 :] > steps[at:-1]).all()
+    assert (np.diff(steps[:at]) <= 1e-12).all()
+    assert 0.5 * fine < steps[at - 1] < 1.7 * fine
+
+
+@QUICK
+@given(low=st.floats(0.05, 0.3), high=st.floats(0.05, 0.3), length=LENGTHS)
+def test_nodes_follow_a_wanted_spacing(low, high, length):
+    places = np.linspace(0, length, 4001)
+    spacing = np.interp(places, [0, length], [low, high])
+    nodes = fill_by_spacing(places, spacing, round_up=True)
+    steps, wanted = np.diff(nodes), np.interp((nodes[1:] + nodes[:-1]) / 2, places, spacing)
+    assert nodes[[0, -1]] == pytest.approx([0, length])
+    ratio = steps / wanted
+    assert ratio.max() <= 1.02  # never larger than wanted, but for the curvature of the spacing
+    assert ratio.min() >= ratio.max() * 0.97  # the same part of the wanted size everywhere
+
+
+def test_the_least_number_of_elements_is_kept():
+    assert len(fill_by_spacing(np.linspace(0, 1, 11), np.full(11, 7.0))) == 2
+    assert fill_by_spacing(np.linspace(0, 1, 11), np.full(11, 7.0), least=4) == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+
+
+@QUICK
+@given(
+    layers=st.lists(st.tuples(st.floats(0.05, 3.0), st.integers(1, 6)), min_size=1, max_size=4),
+    base=st.floats(1.0, 2.0),
+    surface=st.floats(1.0, 2.0),
+)
+def test_layers_keep_their_thickness_and_number_of_elements(layers, base, surface):
+    thicknesses, counts = zip(*layers, strict=True)
+    heights, layer = layer_heights(thicknesses, counts, crowd_base=base, crowd_surface=surface)
+    assert (np.diff(heights) > 0).all()
+    for number, (thickness, count) in enumerate(layers):
+        assert np.diff(heights)[layer == number].sum() == pytest.approx(thickness)
+        assert (layer == number).sum() == count
+
+
+def test_crowding_makes_elements_small_at_base_and_surface():
+    base, _ = layer_heights([1.0, 1.0], [4, 4], crowd_base=1.5)
+    assert base[1:5] == pytest.approx((np.arange(1, 5) / 4) ** 1.5)
+    surface, _ = layer_heights([1.0, 1.0], [4, 4], crowd_surface=1.5)
+    assert 2 - surface[4:] == pytest.approx((np.arange(4, -1, -1) / 4) ** 1.5)
+
+
+def test_elements_shrink_to_the_size_at_the_surface():
+    heights, layer = layer_heights([1.0, 2.0], [2, 4], surface_size=0.05)
+    steps = np.diff(heights)
+    assert steps[-1] == pytest.approx(0.05, rel=0.25)  # scaled so that the steps fill the layer
+    assert (np.diff(steps[layer == 1]) < 1e-12).all()
+    assert steps[layer == 0] == pytest.approx([0.5, 0.5])
+    assert heights[-1] == pytest.approx(3.0, abs=1e-14)
+    coarse, _ = layer_heights([1.0, 2.0], [2, 4], surface_size=0.6)
+    assert coarse == pytest.approx([0, 0.5, 1, 1.5, 2, 2.5, 3])

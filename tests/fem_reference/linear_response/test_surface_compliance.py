@@ -1,0 +1,59 @@
+"""Surface compliance of a wide cover: scaling, superposition, and the decay length."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fem_reference.linear_response.surface_compliance import decay_length, solve_waves, surface_compliance
+from meshes import Cover, Layer, Material
+
+
+@settings(max_examples=25, deadline=None)
+@given(modulus=st.floats(1e3, 1e9), thickness=st.floats(1e-4, 1e-1), nu=st.sampled_from([0.0, 0.3, 0.49, 0.5]))
+def test_compliance_scales_with_thickness_over_modulus(bonded, modulus, thickness, nu):
+    k = np.array([0.3, 1.0, 4.0])
+    unit = solve_waves(bonded(nu, thickness=1.0, youngs_modulus=1.0), k, elements_per_layer=4)
+    found = solve_waves(bonded(nu, thickness=thickness, youngs_modulus=modulus), k / thickness, elements_per_layer=4)
+    assert found.compliance == pytest.approx(unit.compliance * thickness / modulus, rel=1e-5)
+    assert found.base == pytest.approx(unit.base, rel=1e-5, abs=1e-7)
+
+
+def test_a_long_wave_compresses_the_layers_without_lateral_strain(bonded):
+    cover = bonded(0.3)
+    constrained_modulus = 1e6 * (1 - 0.3) / ((1 + 0.3) * (1 - 2 * 0.3))
+    found = solve_waves(cover, np.array([1e-3 / cover.thickness]))
+    assert found.compliance == pytest.approx([cover.thickness / constrained_modulus], rel=1e-4)
+    assert found.base == pytest.approx([1], rel=1e-4)
+
+
+def test_a_layer_cut_in_two_is_the_same_layer(bonded):
+    cover = bonded(0.45)
+    half = Layer(thickness=1e-3, material=cover.layers[0].material)
+    k = np.array([100.0, 1000.0, 3000.0])
+    assert solve_waves(Cover(layers=(half, half)), k).compliance == pytest.approx(
+        solve_waves(cover, k).compliance, rel=1e-7
+    )
+
+
+def test_a_rectangle_is_the_sum_of_its_parts(bonded):
+    surface = surface_compliance(bonded(0.45), 20e-3)
+    x, y = np.array([0.1e-3, 3e-3, 0.0]), np.array([0.2e-3, -1e-3, 5e-3])
+    whole = surface.of_rectangle(x, y, 0.2e-3, 0.1e-3)
+    parts = sum(surface.of_rectangle(x - dx, y, 0.1e-3, 0.1e-3) for dx in (-0.05e-3, 0.05e-3))
+    assert parts == pytest.approx(whole, rel=1e-4)
+    assert surface.of_rectangle(-x, -y, 0.2e-3, 0.1e-3) == pytest.approx(whole, rel=1e-12)
+
+
+def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonded):
+    assert decay_length(bonded(0.45)) == 2e-3
+    foil, foam = (
+        Material(name="m", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=0.3)
+        for modulus in (1e11, 1e5)
+    )
+    cover = Cover(layers=(Layer(thickness=2e-3, material=foam), Layer(thickness=0.2e-3, material=foil)))
+    plate, springs = 1e11 * 0.2e-3**3 / (12 * (1 - 0.3**2)), 1e5 / 2e-3
+    assert decay_length(cover) == pytest.approx((plate / springs) ** 0.25)
+    assert decay_length(cover) > cover.thickness

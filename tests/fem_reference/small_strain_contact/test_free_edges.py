@@ -1,0 +1,52 @@
+"""The outline of a cover of limited size, seen from an indenter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fem_reference.small_strain_contact.free_edges import SideEdges
+from meshes import Box, Sphere
+from meshes.pose import PlanarPose
+
+SIZE = (10e-3, 6e-3)
+PLACES = st.tuples(st.floats(-5e-3, 5e-3), st.floats(-3e-3, 3e-3))
+SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def make_sides(bonded, indenter, at, yaw, *, half=(1e-3, 1e-3), size=SIZE):
+    pose = PlanarPose(at=at, yaw=yaw)
+    return SideEdges(cover=bonded(0.4, size=size), indenter=indenter, pose=pose, half=np.array(half), grid=0)
+
+
+@SHARED
+@given(at=PLACES, yaw=st.floats(-4, 4), seed=st.integers(0, 99))
+def test_clipping_moves_points_onto_the_cover_and_keeps_those_on_it(bonded, at, yaw, seed):
+    sides = make_sides(bonded, Sphere(radius=2e-3), at, yaw)
+    x, y = np.random.default_rng(seed).uniform(-9e-3, 9e-3, (2, 50))
+    clipped = np.stack(sides.clip_to_cover(x, y))
+    on_cover = sides.contain(x, y)
+    assert clipped[:, on_cover] == pytest.approx(np.stack([x, y])[:, on_cover], abs=1e-12)
+    u, v = sides.pose.to_array(*clipped)
+    assert np.abs(u).max() <= SIZE[0] / 2 * (1 + 1e-9)
+    assert np.abs(v).max() <= SIZE[1] / 2 * (1 + 1e-9)
+    assert (np.hypot(*(clipped - [x, y]))[~on_cover] > 0).all()
+
+
+def test_the_window_of_a_flat_face_is_its_part_on_the_cover(bonded):
+    box = Box(size=(4e-3, 2e-3, 5e-3))
+    middle, half = make_sides(bonded, box, (4e-3, 0.0), 0.0, half=box.footprint).window
+    assert middle == pytest.approx([-0.5e-3, 0.0])  # from 2 mm to the side at 5 mm, around an axis at 4 mm
+    assert half == pytest.approx([1.5e-3, 1e-3])
+    middle, half = make_sides(bonded, box, (4e-3, 0.0), 0.2, half=box.footprint).window
+    assert (middle == 0).all()
+    assert half == pytest.approx(box.footprint)
+
+
+def test_far_sides_add_nothing(bonded):
+    sides = make_sides(bonded, Sphere(radius=2e-3), (0.0, 0.0), 0.0, size=(60e-3, 60e-3))
+    assert not sides.near
+    assert (sides.add_compliance(np.zeros(3), np.zeros(3))(np.ones(3)) == 0).all()
+    assert make_sides(bonded, Sphere(radius=2e-3), (0.0, 0.0), 0.0).near

@@ -1,0 +1,59 @@
+"""Error estimates and extrapolation of sequences whose limit and order are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fem_reference.grid_convergence import extrapolate, grid_convergence
+
+SIZES = st.tuples(st.floats(1.3, 2.0), st.floats(1.3, 2.0)).map(lambda r: (r[0] * r[1], r[1], 1.0))
+ERRORS = st.floats(-2.0, 2.0).filter(lambda e: abs(e) > 1e-3)
+
+
+@given(order=st.floats(1.05, 3.9), sizes=SIZES, limit=st.floats(-5, 5), error=ERRORS)
+def test_the_error_of_a_known_order_is_estimated_with_the_safety_factor(order, sizes, limit, error):
+    values = [limit + error * h**order for h in sizes]
+    assert grid_convergence(values, sizes) == pytest.approx(1.25 * abs(error), rel=1e-5)
+
+
+@given(order=st.floats(1.05, 3.9), sizes=SIZES, error=ERRORS, scale=st.floats(1e-6, 1e6), shift=st.floats(-3, 3))
+def test_the_estimate_scales_with_the_values_and_ignores_a_constant(order, sizes, error, scale, shift):
+    values = np.array([error * h**order for h in sizes])
+    assert grid_convergence(scale * (values + shift), sizes) == pytest.approx(
+        scale * grid_convergence(values, sizes), rel=1e-5
+    )
+
+
+def test_values_that_go_back_and_forth_get_the_larger_safety_factor():
+    assert grid_convergence([0.0, 1.0, 1.25], [4, 2, 1]) == pytest.approx(1.25 * 0.25 / (2**2 - 1))
+    assert grid_convergence([0.0, 1.0, 0.75], [4, 2, 1]) == pytest.approx(3.0 * 0.25 / (2**2 - 1))
+
+
+def test_equal_values_have_no_error():
+    assert grid_convergence([1.0, 1.0, 1.0], [3, 2, 1]) == 0
+
+
+def test_chance_agreement_of_the_finest_grids_is_not_taken_for_accuracy():
+    assert grid_convergence([2.0, 1.0, 1.0], [4, 2, 1]) > 0.005
+
+
+@pytest.mark.parametrize(
+    ("values", "sizes"), [([1, 2], [2, 1]), ([1, 2, 3], [1, 2, 3]), ([1, 2, 3], [2, 2, 1]), ([1, 2, 3], [2, 1, 0])]
+)
+def test_sizes_must_descend(values, sizes):
+    with pytest.raises(ValueError, match="three values"):
+        grid_convergence(values, sizes)
+
+
+@given(sizes=SIZES, limit=st.floats(-5, 5), error=ERRORS)
+def test_a_first_order_sequence_is_extrapolated_to_its_limit(sizes, limit, error):
+    values = [np.array([limit + error * h, limit - 2 * error * h]) for h in sizes]
+    assert extrapolate(values, sizes) == pytest.approx([limit, limit], abs=1e-9)
+    assert extrapolate(values[1:], sizes[1:]) == pytest.approx([limit, limit], abs=1e-9)
+
+
+def test_a_sequence_that_goes_back_and_forth_keeps_its_finest_value():
+    assert extrapolate([0.0, 1.0, 0.5], [4, 2, 1]) == 0.5
