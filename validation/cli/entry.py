@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError
 
+from validation import __version__
 from validation.cli.failures import DONE, INTERRUPTED, explain
 from validation.errors import InputError, nearest
 
@@ -33,13 +33,6 @@ _COMMANDS = {
 }
 
 
-def _read_version() -> str:
-    try:
-        return version("softcover")
-    except PackageNotFoundError:
-        return "unknown"
-
-
 app = App(
     name="softcover",
     help=(
@@ -48,7 +41,7 @@ app = App(
         "Start with `softcover demo`, or with `softcover init` and `softcover derive sensor.toml`."
     ),
     help_format="markdown",
-    version=_read_version,
+    version=__version__,
     default_parameter=Parameter(negative=()),
     suppress_keyboard_interrupt=False,
 )
@@ -95,9 +88,10 @@ def _import_commands() -> None:
 def _clarify(error: Exception, words: Sequence[str]) -> Exception:
     """Replace two errors of the argument parser by ones that name what would be accepted."""
     if isinstance(error, UnknownCommandError):
-        group, kind, word = (
-            (app, "command", words[0]) if words[0] not in _COMMANDS else (app[words[0]], "action", words[1])
-        )
+        if words[0].startswith("-"):
+            return InputError(f"{words[0]}: unknown option; the options of a command follow its name")
+        group, kind, rest = (app[words[0]], "action", words[1:]) if words[0] in _COMMANDS else (app, "command", words)
+        word = next((word for word in rest if not word.startswith("-")), rest[0])
         known = [name for name in group if not name.startswith("-")]
         return InputError(f"unknown {kind} {word!r}; {nearest(word, known)}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:

@@ -80,6 +80,8 @@ BAD = [
     (["export", "wts-0614-34", "--format", "urdf"], "unknown format 'urdf'; accepted: mjcf, gazebo"),
     (["validate", "wts-0614-34", "--recordings", "nowhere"], "nowhere: no such folder"),
     (["dervie", "wts-0614-34"], "did you mean 'derive'"),
+    (["store", "--json", "lst"], "unknown action 'lst'; did you mean 'list'"),
+    (["--json", "press"], "--json: unknown option; the options of a command follow its name"),
 ]
 
 

@@ -157,19 +157,12 @@ def _format_pressure(value: float) -> str:
 
 
 def _list_material(material: Material) -> dict[str, Any]:
-    parameters = {
-        name: values if len(values := material.terms(name)) > 1 else values[0] for name in material.parameters
-    }
+    names = ("model", "youngs_modulus", "shear_modulus", "bulk_modulus", "poisson_ratio", "poisson_spread", "spread")
+    terms = {name: material.terms(name) for name in material.parameters}
     return {
-        "model": material.model,
-        "parameters": parameters,
-        "youngs_modulus": material.youngs_modulus,
-        "shear_modulus": material.shear_modulus,
-        "bulk_modulus": None if math.isinf(material.bulk_modulus) else material.bulk_modulus,
-        "poisson_ratio": material.poisson_ratio,
-        "poisson_spread": material.poisson_spread,
+        **{name: getattr(material, name) for name in names},
+        "parameters": {name: values if len(values) > 1 else values[0] for name, values in terms.items()},
         "psf_deviation_per_thickness": _relative_width(material.poisson_ratio),
-        "spread": material.spread,
         "source": material.source,
     }
 
