@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.stats import wasserstein_distance_nd
@@ -211,3 +211,67 @@ def test_misplaced_force_is_symmetric_and_bounds_the_total(a, b):
     back = metrics.misplaced_force(b, a, reference_outside=0.3, outside=0.1, load=2.0)
     assert there == pytest.approx(back)
     assert 2 * there >= metrics.total_force_error(a, b, load=2.0) - 1e-12
+
+
+FORCES = arrays(float, ARRAY.count, elements=st.floats(0, 1, allow_subnormal=False))
+
+
+@given(arrays(float, ARRAY.count, elements=st.floats(-0.1, 1)), st.floats(0, 1))
+def test_equal_forces_have_no_error_in_any_metric(forces, outside):
+    score = metrics.score(forces, forces.copy(), reference_outside=outside, outside=outside, load=2.0, array=ARRAY)
+    values = score.as_json()
+    assert values.pop("active_area_iou") == 1
+    values.pop("pixels_lit_line")
+    assert {value for value in values.values() if value is not None} == {0}
+
+
+@settings(max_examples=25, deadline=None)
+@given(FORCES, FORCES, st.floats(1e-3, 1e3))
+def test_relative_metrics_do_not_depend_on_the_unit_of_force(reference, forces, factor):
+    reference, forces = reference + 1e-3, forces + 1e-3
+    one = metrics.score(reference, forces, load=2.0, array=ARRAY)
+    other = metrics.score(factor * reference, factor * forces, load=2.0 * factor, array=ARRAY)
+    for name in ("total_force_error", "misplaced_force", "relative_l2", "peak_error", "centre_of_pressure_m"):
+        assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-6, abs=1e-12), name
+    assert other.wasserstein_m == pytest.approx(one.wasserstein_m, abs=1e-9)
+
+
+@given(FORCES, FORCES, st.floats(0, 1), st.floats(0, 1))
+def test_misplaced_force_of_a_conserved_load_is_the_force_that_must_move(reference, forces, reference_out, out):
+    """With the same total, texels and outside lose in all what the others gain: a share of the load from 0 to 1."""
+    load = 2.0
+    reference, forces = np.append(reference, reference_out + 0.01), np.append(forces, out + 0.01)
+    reference, forces = load * reference / reference.sum(), load * forces / forces.sum()
+    found = metrics.misplaced_force(
+        reference[:-1], forces[:-1], reference_outside=reference[-1], outside=forces[-1], load=load
+    )
+    moved = np.maximum(reference - forces, 0).sum() / load
+    assert found == pytest.approx(moved, abs=1e-12)
+    assert -1e-12 <= found <= 1 + 1e-12
+
+
+@settings(max_examples=25, deadline=None)
+@given(arrays(float, 9, elements=st.floats(0, 1)), arrays(float, 9, elements=st.floats(0, 1)))
+def test_transport_along_a_row_is_the_area_between_the_cumulative_forces(a, b):
+    """In one dimension the Wasserstein distance has a closed form, and misplaced force times a pitch bounds it."""
+    row = TexelArray.grid(1, 9, 2e-3)
+    a, b = (each + 0.01 for each in (a, b))
+    a, b = a / a.sum(), b / b.sum()
+    found = metrics.wasserstein(a, b, row.centres)
+    assert found == pytest.approx(2e-3 * np.abs(np.cumsum(a - b)).sum(), abs=1e-9)
+    misplaced = metrics.misplaced_force(a, b, reference_outside=0.0, outside=0.0, load=1.0)
+    assert 2e-3 * misplaced - 1e-9 <= found <= 8 * 2e-3 * misplaced + 1e-9
+
+
+@settings(max_examples=25, deadline=None)
+@given(arrays(float, (5, 3), elements=st.floats(0, 1)), st.integers(0, 5), st.integers(0, 3))
+def test_shifted_forces_move_the_centre_of_pressure_by_the_shift(patch, down, right):
+    array = TexelArray.grid(10, 6, (3e-3, 2e-3))
+    image, moved = np.zeros((10, 6)), np.zeros((10, 6))
+    image[:5, :3] = moved[down : down + 5, right : right + 3] = patch + 0.01
+    score = metrics.score(image, moved, load=1.0, array=array)
+    shift = math.hypot(3e-3 * right, 2e-3 * down)
+    assert score.centre_of_pressure_m == pytest.approx(shift, abs=1e-12)
+    assert score.wasserstein_m == pytest.approx(shift, abs=1e-8)
+    assert score.width_error_x_m == pytest.approx(0, abs=1e-8)
+    assert (score.peak_error, score.total_force_error) == pytest.approx((0, 0), abs=1e-12)

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from meshes import Box, Sphere, TexelArray
 from tests.support.calibration import SHARES, make_recording
@@ -94,3 +96,13 @@ def test_odd_weights_predict_even_ones(weights):
     assert np.mean(misfit) < 0.0075
     assert found.estimates["hysteresis"].low > 0
     assert found.estimates["sensitivity"].low > 1000
+
+
+@given(st.floats(3e-3, 12e-3), st.floats(-2e-3, 2e-3), st.floats(-2e-3, 2e-3))
+def test_shares_are_a_whole_load_and_follow_a_mirrored_tool(edge, x, y):
+    array, tool = TexelArray.grid(6, 6, 3.4e-3), Box(size=(edge, edge, 5e-3))
+    shares = flat_shares(array, tool, at=(x, y))
+    assert shares.min() >= 0
+    assert shares.sum() == pytest.approx(1)
+    mirrored = flat_shares(array, tool, at=(-x, -y))
+    assert mirrored == pytest.approx(shares[::-1], abs=2e-2)

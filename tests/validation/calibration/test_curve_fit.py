@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.support.calibration import SENSOR, SHARES
 from validation.calibration.curve_fit import CurveForm, Observations, fit_curve
@@ -91,3 +93,24 @@ def test_a_polynomial_of_degree_five_is_found():
     force = np.linspace(0.3, 1.4, 20)
     found = np.polynomial.polynomial.polyval(force, fitted.values[:6])
     assert np.allclose(found, np.polynomial.polynomial.polyval(force, truth), atol=3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(500, 1e4), st.floats(-500, 500), st.floats(0, 50), st.permutations([1.2, 0.9, 1.1, 0.8]))
+def test_any_line_comes_back_from_counts_without_noise(slope, offset, threshold, gains):
+    loads = np.tile([2.0, 5.0, 9.0], 3)
+    counts = np.array(gains) * (slope * np.outer(loads, SHARES) + offset) - threshold
+    observations = Observations(
+        loads=loads,
+        counts=np.maximum(counts, 0.0),
+        shares=SHARES,
+        groups=tuple("aaabbbccc"),
+        temperatures=np.full(9, np.nan),
+    )
+    form = replace(FORM, saturation=False, threshold=threshold)
+    fitted = fit_curve(observations, form)
+    if counts.min() > 0:
+        assert fitted.value("c1") == pytest.approx(slope, rel=1e-6)
+        assert fitted.value("c0") == pytest.approx(offset, abs=1e-3)
+        assert fitted.values[2:] == pytest.approx(gains[:3], abs=1e-6)
+    assert fitted.predict(observations).min() >= 0

@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fem_reference import point_spread
 from fem_reference.closed_form import point_response
@@ -50,13 +52,26 @@ def test_resolution_scales_with_the_cover(derivation, thicker):
     assert derivation.resolution_on_array >= 2 * derivation.sensor.array.pitch[0] - 1e-9
 
 
+@dataclasses.dataclass
+class Profile:
+    """A radial profile in the units of its own radius."""
+
+    radius: np.ndarray
+    pressure_per_force: np.ndarray
+
+
+def gaussian_profile(sigma=1.0, peak=1.0):
+    radius = sigma * np.linspace(0, 20, 4000)
+    return Profile(radius, peak * np.exp(-((radius / sigma) ** 2) / 2))
+
+
 def test_separation_of_a_gaussian_is_known():
     # For exp(-r2 / 2 s2) the midpoint dips below the loads from 2.35 s or so on (2 e^(-d2/8) = 1 + e^(-d2/2)).
-    @dataclasses.dataclass
-    class Profile:
-        radius: np.ndarray
-        pressure_per_force: np.ndarray
-
-    radius = np.linspace(0, 20, 4000)
-    found = two_point_separation(Profile(radius, np.exp(-(radius**2) / 2)))
+    found = two_point_separation(gaussian_profile())
     assert 2 * np.exp(-(found**2) / 8) == pytest.approx(1 + np.exp(-(found**2) / 2), abs=0.01)
+
+
+@given(st.floats(1e-4, 10), st.floats(1e-3, 1e6))
+def test_separation_grows_with_the_width_and_not_with_the_force(sigma, peak):
+    one = two_point_separation(gaussian_profile())
+    assert two_point_separation(gaussian_profile(sigma, peak)) == pytest.approx(sigma * one, rel=1e-9)

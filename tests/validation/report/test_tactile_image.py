@@ -4,6 +4,8 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from meshes.catalogue import ARRAYS
 from validation.cli.heat_map import draw_force_images
@@ -38,3 +40,12 @@ def test_outline_lies_where_the_texels_are():
 @pytest.mark.parametrize(("value", "expected"), [(0.0, "#ffffff"), (1.0, "#97142a"), (-1.0, "#0b4f8a"), (9, "#97142a")])
 def test_colours_of_differences(value, expected):
     assert Scale(peak=1.0, difference=True).colour(value) == expected
+
+
+@given(st.floats(1e-6, 1e6), st.floats(-1, 1), st.booleans())
+def test_a_colour_depends_on_the_share_of_the_peak_alone(peak, share, difference):
+    scale = Scale(peak=peak, difference=difference)
+    assert re.fullmatch("#[0-9a-f]{6}", scale.colour(share * peak))
+    one = Scale(peak=1.0, difference=difference).colour(share)
+    apart = [abs(int(scale.colour(share * peak)[k : k + 2], 16) - int(one[k : k + 2], 16)) for k in (1, 3, 5)]
+    assert max(apart) <= 1

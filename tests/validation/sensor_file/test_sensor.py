@@ -1,13 +1,17 @@
 """Sensors from files and by built-in name."""
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.support.sensor_text import GOOD
 from validation.errors import InputError
-from validation.sensor_file import BUILT_IN, load, read_template
+from validation.sensor_file import BUILT_IN, load, parse, read_template
 
 
 def test_everything_is_si(sensor):
@@ -57,3 +61,66 @@ def test_bad_replacement_lists_both_faults(faults):
     with pytest.raises(InputError) as caught:
         load("wts-0614-34", material="dragon-skin-3", thickness="3")
     assert [fault.split(":")[0] for fault in caught.value.faults] == ["--material", "--thickness"]
+
+
+@given(
+    st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    st.tuples(st.floats(0.5, 20), st.floats(0.5, 20)),
+    st.lists(st.tuples(st.floats(0.1, 20), st.floats(1e-3, 1e3), st.floats(0, 0.5)), min_size=1, max_size=3),
+    st.data(),
+)
+def test_any_valid_sensor_survives_its_file(size, pitch, layers, data):
+    (rows, columns), share, output_max = size, data.draw(st.floats(0.1, 1)), data.draw(st.integers(1, 4095))
+    mask = np.array(data.draw(st.lists(st.booleans(), min_size=rows * columns, max_size=rows * columns)))
+    mask[0] = True
+    tables = {
+        "array": {
+            "rows": rows,
+            "columns": columns,
+            "pitch": [f"{each!r} mm" for each in pitch],
+            "texel_size": [f"{share * each!r} mm" for each in pitch],
+            "mask": ["".join("01"[int(each)] for each in row) for row in mask.reshape(rows, columns)],
+        },
+        "cover": {
+            "layer": [
+                {
+                    "thickness": f"{thickness!r} mm",
+                    "material": {"model": "linear-elastic", "youngs_modulus": f"{e!r} MPa", "poisson_ratio": nu},
+                }
+                for thickness, e, nu in layers
+            ]
+        },
+        "electronics": {"rate": "271 Hz", "sensitivity": "2665.7 1/N", "output_max": output_max},
+    }
+    found = parse(tomllib.loads(tomli_w.dumps(tables)), source=Path("sensor.toml"))
+    assert (found.array.rows, found.array.columns, found.name) == (rows, columns, "sensor")
+    assert found.array.pitch == pytest.approx((1e-3 * pitch[0], 1e-3 * pitch[1]))
+    np.testing.assert_array_equal(found.array.active, mask)
+    assert found.cover.thickness == pytest.approx(1e-3 * sum(thickness for thickness, *_ in layers))
+    moduli = [(layer.material.youngs_modulus, layer.material.poisson_ratio) for layer in found.cover.layers]
+    np.testing.assert_allclose(moduli, [(1e6 * e, nu) for _, e, nu in layers])
+    assert found.electronics.output_max == output_max
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.sampled_from(["rows", "layer", "x"]), inner),
+    max_leaves=4,
+)
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(["array", "cover", "electronics", "filter", "spread", "contact", "name"]),
+    st.sampled_from(["rows", "pitch", "mask", "size", "layer", "rate", "gains", "cutoff", "ksize_x", "friction"]),
+    VALUES,
+)
+def test_any_value_of_a_key_is_read_or_bad_input(table, key, value):
+    tables = tomllib.loads(GOOD)
+    tables[table] = value if table == "name" else {**tables.get(table, {}), key: value}
+    faults = ()
+    try:
+        parse(tables, source=Path("sensor.toml"))
+    except InputError as error:
+        faults = error.faults
+    assert all(fault.startswith("sensor.toml: ") and "\n" not in fault for fault in faults)

@@ -2,6 +2,8 @@ import math
 
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from meshes import Box, Prism, RoundedTip, Sphere, read_stl
 from validation.errors import InputError
@@ -92,3 +94,36 @@ def test_all_faults_of_one_indenter_at_once():
     assert len(caught.value.faults) == 2
     assert "did you mean 'size'" in caught.value.faults[0]
     assert "write for example '2mmx2mmx2mm'" in caught.value.faults[1]
+
+
+MILLIMETRES = st.floats(0.1, 400)
+
+
+@given(MILLIMETRES)
+def test_any_sphere_comes_back_from_its_text(radius):
+    assert read_indenter(f"sphere:radius={radius!r}mm").radius == pytest.approx(1e-3 * radius, rel=1e-12)
+
+
+@given(MILLIMETRES, MILLIMETRES, MILLIMETRES)
+def test_any_box_comes_back_from_its_text(x, y, z):
+    assert read_indenter(f"box:size={x!r}mmx{y!r}mmx{z!r}mm").size == pytest.approx((1e-3 * x, 1e-3 * y, 1e-3 * z))
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from([*_EXAMPLES, "", "ball"]),
+    st.text(alphabet="radiusezwhconpgl=,:.x/-0123456789m ", max_size=25) | st.text(max_size=12),
+)
+def test_any_text_is_an_indenter_or_bad_input(shape, rest):
+    faults = ()
+    try:
+        assert min(read_indenter(f"{shape}:{rest}").footprint) > 0
+    except InputError as error:
+        faults = error.faults
+    assert all(fault.startswith("--indenter: ") for fault in faults)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-360, 360))
+def test_any_pose_comes_back_from_its_text(x, y, yaw):
+    assert read_position(f"{x!r}mm,{y!r}mm") == pytest.approx((1e-3 * x, 1e-3 * y))
+    assert read_yaw(f"{yaw!r}deg") == pytest.approx(math.radians(yaw))

@@ -1,6 +1,8 @@
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from validation.errors import InputError
 from validation.text.quantity import read_quantities, read_quantity
@@ -66,3 +68,40 @@ def test_negative_positions():
 def test_wrong_count_shows_how_many_are_wanted():
     with pytest.raises(match=r"--at: '1mm' is not 2 values; write for example '2mm,2mm'"):
         read_quantities("1mm", "length", 2, place="--at")
+
+
+UNITS = [
+    ("length", "m", 1.0),
+    ("length", "mm", 1e-3),
+    ("pressure", "kPa", 1e3),
+    ("frequency", "Hz", 1.0),
+    ("force", "mN", 1e-3),
+    ("force", "g", 9.80665e-3),
+    ("angle", "rad", 1.0),
+    ("time", "ms", 1e-3),
+]
+
+
+@given(st.sampled_from(UNITS), st.floats(-1e12, 1e12), st.sampled_from(["", " ", "  "]))
+def test_every_number_comes_back_from_its_text(unit, number, gap):
+    kind, name, factor = unit
+    assert read_quantity(f"{number!r}{gap}{name}", kind) == pytest.approx(number * factor, rel=1e-12)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.sampled_from(["x", ",", " x ", ", "]))
+def test_every_vector_comes_back_from_its_text(numbers, joint):
+    text = joint.join(f"{number!r}mm" for number in numbers)
+    assert read_quantities(text, "length", len(numbers)) == pytest.approx([1e-3 * number for number in numbers])
+
+
+@settings(deadline=None)
+@given(st.text(alphabet="0123456789.+-e xm/N,°kgPa*", max_size=12) | st.text(max_size=8), st.sampled_from(UNITS))
+def test_any_text_is_a_finite_number_or_bad_input(text, unit):
+    number, faults = 0.0, ("write for example",)
+    try:
+        number = read_quantity(text, unit[0])
+    except InputError as error:
+        faults = error.faults
+    assert math.isfinite(number)
+    assert len(faults) == 1
+    assert "write for example" in faults[0]

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.support.stamp import ARRAY, by_name
 from validation.calibration.stamp.forward_models import overlap
@@ -59,3 +61,13 @@ def test_box_texels_split_by_contact_points_whatever_the_place():
     assert alike
     undetermined = [c.describe(shape)["x_undetermined_m"] for c in candidates]
     assert max(undetermined) > 0.5e-3
+
+
+@given(st.floats(-3e-3, 3e-3), st.floats(-10e-3, 10e-3), st.floats(-np.pi / 4, np.pi / 4))
+def test_overlap_of_a_stamp_on_the_array_is_whole_and_keeps_its_centre(x, y, yaw):
+    share = overlap(ARRAY, x, y, yaw)
+    assert share.min() >= 0
+    assert share.sum() == pytest.approx(1)
+    assert share @ ARRAY.centres[:, :2] == pytest.approx((x, y), abs=0.5e-3)
+    turned = overlap(ARRAY, -x, -y, yaw)
+    assert turned == pytest.approx(share[::-1], abs=1e-12)

@@ -1,0 +1,27 @@
+"""Errors that a user can correct."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from validation.errors import InputError, MissingExtraError, nearest
+
+NAMES = ["sphere", "cylinder", "box"]
+
+
+def test_every_fault_is_a_line_of_the_message():
+    error = InputError("one", "two")
+    assert error.faults == ("one", "two")
+    assert str(error) == "one\ntwo"
+
+
+def test_a_missing_extra_names_the_command_that_installs_it():
+    assert "python -m pip install 'softcover[fem]'" in str(MissingExtraError("fem", "skfem"))
+
+
+def test_a_misspelt_name_gets_a_hint():
+    assert nearest("spere", NAMES) == "did you mean 'sphere'? accepted: sphere, cylinder, box"
+
+
+@given(st.text(max_size=10))
+def test_any_word_is_answered_with_all_known_names(word):
+    assert nearest(word, NAMES).endswith("accepted: sphere, cylinder, box")
