@@ -1,17 +1,18 @@
 """The fast model: a tactile array under a soft cover, in MuJoCo, faster than real time.
 
-The picture to have in mind is a chain, one vector of n texels long (row-major, x fastest):
+The model is a chain of vectors with one entry per texel (row-major, x fastest):
 
-    contact force on each texel         `METHODS`       each step or as rarely as frames allow [N]
-    -> Butterworth low-pass             `Butterworth`   at that rate                           [N]
+    contact force on each texel         `METHODS`       on every n-th physics step             [N]
+    -> Butterworth low-pass             `Butterworth`   at the same rate                       [N]
     -> spread by the cover              `Gaussian`      once per frame, one constant matrix    [N]
     -> noise, characteristic, counts    `Electronics`   once per frame                         [-]
     -> `Frame`                          true time, counts, texel forces, 8-bit image
 
-`Parameters` holds all of it for one sensor and travels as a folder (`save`, `load`); `fit_gaussian` makes the
-spread from a reference response.  Two ways to run it:
+`Parameters` holds all numbers of one sensor and is stored as a folder (`Parameters.save`, `load`).  `fit_gaussian` fits
+the spread to a response of the reference.  There are two ways to run the model.  In a simulation of your own:
 
-    parameters = fastmodel.load("wts-0614-34")                # or a folder
+    parameters = fastmodel.load("wts-0614-34")                    # or a folder
+    fastmodel.recommend_options(spec)                             # solver settings for steady contact forces
     sensor = fastmodel.attach(spec, "fingertip", parameters)      # before compiling
     model = spec.compile(); data = mujoco.MjData(model)
     sensor.bind(model)
@@ -20,21 +21,22 @@ spread from a reference response.  Two ways to run it:
         if sensor.step(data):
             show(sensor.frame().image)
 
-    result = fastmodel.indent(parameters, meshes.Sphere(radius=5e-3), load=4.9)   # a bench test, settled
+Or as a simulated bench test, in which a weight presses on the array until it rests:
 
-Contact forces add up to the weight; after spread, what the texels do not feel is `outside`.  Two things carry
-no meaning: how deep an object sinks (MuJoCo's contact softness is an engine setting, not the cover's), and how
-`BoxTexels` share a flat face (by number of contact points, not by area); `AreaTexels`, `Foundation` and
-`CoverContact` share it by area, by an elastic foundation and by the cover's own compliance.
+    result = fastmodel.indent(parameters, meshes.Sphere(radius=5e-3), load=4.9)
 
-Every error about input is a `FastModelError`, itself a `ValueError`.  Needs numpy, scipy and mujoco; numba, when
-installed, speeds contact reading, sampling and filter up.
+Contact forces add up to the weight.  After spread, the force that no texel measures is `outside`.  Two results have no
+physical meaning: the depth to which an object sinks, which MuJoCo's contact softness sets and not the cover; and the
+distribution of the force over a flat face by `BoxTexels`, which divide it by number of contact points.  `AreaTexels`
+divide it by area, `Foundation` by an elastic foundation, and `CoverContact` by the compliance of the cover.
+
+Every error about input is a `FastModelError`, which is a `ValueError`.
 """
 
 from importlib.metadata import version
 
 from fastmodel.adapters.batch import Batch
-from fastmodel.bench import FastIndentation, Placement, add_geoms, indent, indent_together
+from fastmodel.bench import FastIndentation, Placement, add_geoms, add_indenter, indent, indent_together
 from fastmodel.contact.area import AreaTexels
 from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
@@ -102,6 +104,7 @@ __all__ = [
     "TexelContact",
     "UnknownNameError",
     "add_geoms",
+    "add_indenter",
     "attach",
     "fit_contact",
     "fit_foundation",

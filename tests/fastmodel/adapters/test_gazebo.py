@@ -2,9 +2,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fastmodel import WTS_0614_34, Butterworth, FastModelError, Gaussian, Parameters
-from fastmodel.adapters.gazebo import NAMES, read_block, write_block
+from fastmodel.adapters.gazebo import ELEMENTS, read_block, write_block
+from fastmodel.signal.electronics import Electronics
+from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 
 WTS = Parameters(
@@ -17,7 +21,7 @@ WTS = Parameters(
 
 def test_the_reports_own_spelling_and_numbers():
     text = write_block(WTS)
-    assert [line.split(">")[0].strip(" <") for line in text.splitlines()[1:-1]] == list(NAMES)
+    assert [line.split(">")[0].strip(" <") for line in text.splitlines()[1:-1]] == list(ELEMENTS)
     assert "<liniarityOfset>-493.87</liniarityOfset>" in text
     block = read_block(text, pitch=3.4e-3)
     # zero below 0.185 N, saturated from 1.646 N
@@ -63,3 +67,28 @@ def test_damaged_blocks_are_refused_in_one_line(damage, message):
     with pytest.raises(FastModelError, match=message) as caught:
         read_block(damage(write_block(WTS)), pitch=3.4e-3)
     assert "\n" not in str(caught.value)
+
+
+@given(
+    st.integers(1, 30),
+    st.integers(1, 30),
+    st.builds(Gaussian.from_sigma, st.floats(0.05, 5), st.floats(0.05, 5)),
+    st.none() | st.builds(Butterworth, cutoff_hz=st.floats(1e-3, 1e3), order=st.integers(1, 20)),
+    st.builds(
+        Electronics,
+        rate_hz=st.floats(1e-2, 1e4),
+        sensitivity=st.floats(1e-3, 1e6),
+        offset=st.floats(-1e4, 1e4),
+        output_max=st.integers(1, 4095),
+    ),
+)
+def test_any_block_is_read_back_exactly(rows, columns, spread, low_pass, electronics):
+    written = Parameters(
+        array=TexelArray.grid(rows, columns, 2e-3),
+        spread=spread,
+        electronics=electronics,
+        filter=low_pass,
+    )
+    back = read_block(write_block(written), pitch=2e-3).parameters
+    assert (back.spread, back.filter, back.electronics) == (written.spread, written.filter, written.electronics)
+    np.testing.assert_array_equal(back.array.centres, written.array.centres)

@@ -15,7 +15,6 @@ from fastmodel import (
     Foundation,
     LifeCycleError,
     OptionWarning,
-    OverlapError,
     Parameters,
     ParametersError,
     Placement,
@@ -29,6 +28,7 @@ from fastmodel import (
 from fastmodel.pose import about_z, multiply, rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
+from tests.support.bent_array import bent_array
 from tests.support.cover_data import WTS, cells, parameters
 
 PARAMETERS = parameters()
@@ -157,7 +157,7 @@ def test_resting_does_not_chatter():
     assert np.ptp(late, axis=0).max() < 1e-3 * late.max()
 
 
-def test_a_held_start_is_at_rest():
+def test_a_reset_under_load_starts_in_the_steady_state():
     sensor, _, _ = scene(np.array([1.0, 0, 0, 0]))
     forces = np.zeros(84)
     forces[30] = 1.0
@@ -167,7 +167,7 @@ def test_a_held_start_is_at_rest():
     assert image.sum() + sensor.outside() == pytest.approx(1)
 
 
-def test_costly_methods_read_as_rarely_as_frames_and_filter_allow():
+def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
     for cutoff, every in ((10.0, 3), (100.0, 2), (200.0, 1)):
         changed = dataclasses.replace(PARAMETERS, filter=Butterworth(cutoff_hz=cutoff))
         spec = mujoco.MjSpec()
@@ -203,22 +203,6 @@ def test_force_beside_the_texels_is_outside():
     assert found.outside > 0.3
 
 
-def curved():
-    angle = np.repeat([-0.4, 0.0, 0.4], 3)
-    along = np.tile([-3.4e-3, 0.0, 3.4e-3], 3)
-    normals = np.stack([np.zeros(9), np.sin(angle), np.cos(angle)], axis=1)
-    centres = 8.5e-3 * (normals - [0, 0, 1]) + along[:, None] * [1.0, 0, 0]
-    return TexelArray(
-        centres=centres,
-        normals=normals,
-        texel_size=(3e-3, 3e-3),
-        pitch=(3.4e-3, 3.4e-3),
-        rows=3,
-        columns=3,
-        active=np.ones(9, dtype=bool),
-    )
-
-
 def test_bad_use_is_named():
     sphere = SHAPES[0]
     bare = dataclasses.replace(PARAMETERS, cells=None)
@@ -227,7 +211,7 @@ def test_bad_use_is_named():
     with pytest.raises(ParametersError, match="a modulus"):
         indent(bare, sphere, load=1.0, method="foundation")
     assert indent(bare, sphere, load=1.0, method=Foundation(modulus=1e9)).total_force == pytest.approx(1, rel=1e-3)
-    bent = Parameters(array=curved(), spread=bare.spread, electronics=bare.electronics)
+    bent = Parameters(array=bent_array(), spread=bare.spread, electronics=bare.electronics)
     assert indent(bent, sphere, load=1.0).method == "boxes"
     with pytest.raises(UnknownNameError, match="valid names: area, boxes, cover, default, foundation"):
         indent(PARAMETERS, sphere, load=1.0, method="covers")
@@ -298,17 +282,7 @@ def test_tumbling_bodies_never_break(seed):
     assert felt > 50
 
 
-def test_texels_on_top_of_one_another_are_refused():
-    wide = TexelArray.grid(4, 4, 3e-3, texel_size=3.5e-3, name="wide")
-    spread = fastmodel.Gaussian.from_sigma(0.5)
-    overlapping = Parameters(array=wide, spread=spread, electronics=PARAMETERS.electronics)
-    with pytest.raises(OverlapError, match=r"'wide': texels 0 and \d overlap \(42 pairs"):
-        fastmodel.attach(mujoco.MjSpec(), "world", overlapping)
-    bent = Parameters(array=curved(), spread=spread, electronics=PARAMETERS.electronics)
-    fastmodel.attach(mujoco.MjSpec(), "world", bent)
-
-
-def test_forces_that_are_not_numbers_are_told():
+def test_forces_that_are_not_finite_are_named():
     sensor, model, data = scene(np.array([1.0, 0, 0, 0]))
     run(sensor, model, data, 20)
     mujoco.mj_step(model, data)

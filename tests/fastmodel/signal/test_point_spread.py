@@ -20,7 +20,7 @@ def test_kernel_is_the_sample_gaussian_of_unit_sum():
 
 
 @given(st.floats(0.1, 20))
-def test_ksize_is_the_smallest_odd_that_holds_the_mass(sigma):
+def test_ksize_is_the_smallest_odd_width_that_contains_the_mass(sigma):
     ksize = find_smallest_kernel(sigma)
     i = np.arange(-400, 401)
     weights = np.exp(-0.5 * (i / sigma) ** 2)
@@ -40,7 +40,7 @@ def test_operator_column_is_the_kernel_about_the_loaded_texel():
     assert column.sum() == pytest.approx(window.sum())
 
 
-def test_force_that_leaves_is_booked_once_at_edge_and_corner():
+def test_force_that_leaves_the_array_is_counted_once_at_edges_and_corners():
     gaussian = Gaussian.from_sigma(0.7)
     lost = WTS.image(outside_share(gaussian.operator(WTS)))
     axis = gaussian.kernel().sum(axis=0)
@@ -50,7 +50,7 @@ def test_force_that_leaves_is_booked_once_at_edge_and_corner():
     assert lost[0, 0] == pytest.approx(1 - (1 - beyond) ** 2, rel=1e-12)
 
 
-def test_masked_texels_feel_nothing_but_pass_force_on():
+def test_masked_texels_measure_nothing_but_pass_force_on():
     array = ARRAYS["sdh2-distal"]
     operator = Gaussian.from_sigma(0.8).operator(array)
     dead = ~array.active
@@ -59,7 +59,7 @@ def test_masked_texels_feel_nothing_but_pass_force_on():
     assert np.all(outside_share(operator)[dead] > 0.3)
 
 
-def test_layout_need_not_be_flat_and_turning_it_changes_nothing():
+def test_rotating_the_array_leaves_the_operator_unchanged():
     gaussian = Gaussian.from_sigma(0.9, 0.6)
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # x -> -z, z -> x
     tilt = np.array([[np.cos(0.3), 0, np.sin(0.3)], [0, 1, 0], [-np.sin(0.3), 0, np.cos(0.3)]])
@@ -76,7 +76,7 @@ def test_layout_need_not_be_flat_and_turning_it_changes_nothing():
         assert np.allclose(gaussian.operator(turned), gaussian.operator(WTS), atol=1e-12)
 
 
-def test_crowded_texels_never_feel_more_than_the_load():
+def test_no_column_of_crowded_texels_exceeds_the_load():
     array = TexelArray.grid(6, 6, 1e-3)
     crowded = TexelArray(
         centres=array.centres * 0.4,
@@ -90,7 +90,7 @@ def test_crowded_texels_never_feel_more_than_the_load():
     assert np.all(outside_share(Gaussian.from_sigma(0.8).operator(crowded)) >= -1e-14)
 
 
-def test_any_linear_operator_serves():
+def test_a_table_is_its_own_operator():
     rng = np.random.default_rng(1)
     matrix = rng.normal(size=(84, 84))
     assert np.array_equal(Tabulated(matrix=matrix).operator(WTS), matrix)
@@ -108,7 +108,7 @@ def test_impossible_kernels_are_refused(bad):
         Gaussian(**{"sigma_x": 1.0, "sigma_y": 1.0, "ksize_x": 5, "ksize_y": 5, **bad})
 
 
-def test_large_arrays_run_on_a_sparse_operator_that_does_the_same():
+def test_the_sparse_operator_of_large_arrays_equals_the_dense_one():
     mask = np.ones((30, 25), dtype=bool)
     mask[3:5, 7:20] = False
     array = TexelArray.grid(30, 25, (2e-3, 3e-3), active=mask)
@@ -120,3 +120,28 @@ def test_large_arrays_run_on_a_sparse_operator_that_does_the_same():
     np.testing.assert_allclose(build_operator(table, array).toarray(), table.operator(array))
     small = TexelArray.grid(3, 3, 2e-3)
     np.testing.assert_array_equal(build_operator(spread, small), spread.operator(small))
+
+
+widths = st.floats(0.1, 3)
+
+
+@given(widths, widths)
+def test_texel_forces_and_outside_share_add_up_to_the_load(sigma_x, sigma_y):
+    gaussian = Gaussian.from_sigma(sigma_x, sigma_y)
+    operator = gaussian.operator(WTS)
+    outside = outside_share(operator)
+    np.testing.assert_allclose(operator.sum(axis=0) + outside, 1, atol=1e-12)
+    assert operator.min() >= 0
+    assert outside.min() > -1e-12
+    row, column = np.divmod(np.arange(WTS.count), WTS.columns)
+    inside_x = np.minimum(column, WTS.columns - 1 - column) >= gaussian.ksize_x // 2
+    inside_y = np.minimum(row, WTS.rows - 1 - row) >= gaussian.ksize_y // 2
+    np.testing.assert_allclose(outside[inside_x & inside_y], 0, atol=1e-12)
+
+
+@given(widths, widths)
+def test_the_operator_of_a_grid_is_reciprocal_and_mirror_symmetric(sigma_x, sigma_y):
+    operator = Gaussian.from_sigma(sigma_x, sigma_y).operator(WTS)
+    np.testing.assert_allclose(operator, operator.T, atol=1e-14)
+    turned = operator.reshape(14, 6, 14, 6)[::-1, :, ::-1, :].reshape(84, 84)
+    np.testing.assert_allclose(turned, operator, atol=1e-14)
