@@ -1,8 +1,9 @@
-"""The cover as data between sub-texel cells: how the top yields, and what of a force arrives on a texel.
+"""The cover as data between cells: the displacement of its top, and the force that reaches each texel at its base.
 
-A laterally wide cover answers everywhere alike, so two small kernels hold it for arrays of any size.  Cells divide
-every pitch evenly; cell `[i, j]` lies i rows and j columns from the texel's lowest, leftmost cell.  A cover with free
-side edges passes force on differently near them: a table of every cell and texel stands in for the second kernel.
+The response of a laterally wide cover does not depend on the place, so two small kernels describe it for arrays of any
+size.  Cells divide every pitch evenly; cell `[i, j]` lies i rows and j columns from the texel's lowest, leftmost cell.
+Near the free side edges of a cover the force at the base depends on the place as well.  For such a cover a table of
+every cell and texel replaces the second kernel.
 """
 
 from __future__ import annotations
@@ -14,28 +15,37 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
-from fastmodel.pressure.separable_convolution import SymmetricConvolution, factors
+from fastmodel.pressure.separable_convolution import SymmetricConvolution, factorise
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Relative error of the factorised influence; far below the discretisation error, so that no texel shows it [-].
+_INFLUENCE_TOLERANCE = 1e-7
+#: Edge of the square patch on which the foundation modulus is matched, over the cover's thickness [-].
+_PATCH = 4
+#: Number of dimensions of a matrix.
+_MATRIX = 2
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoverCells:
-    """What the contact method `cover` needs to know of a cover.
+    """The data of a cover for the contact method `cover`.
 
     Attributes:
         per_texel: Cells along each edge of a pitch [-].
         cell: Edge lengths of a cell along x and y [m].
-        compliance: Downward displacement of a cell's centre per uniform pressure on a cell `[i, j]` rows and columns
-            away, shape (p, q); zero beyond [m/Pa].
-        influence: Force on a texel per unit force spread evenly over cell `[i - reach, j - reach]`, shape
+        compliance: Downward displacement of a cell's centre per uniform pressure on the cell that lies i rows and j
+            columns away, entry `[i, j]`, shape (p, q); zero beyond [m/Pa].
+        influence: Force on a texel per unit force spread uniformly over cell `[i - reach, j - reach]`, shape
             (per_texel + 2 reach,) * 2; zero beyond [-].
-        top_compliance: (1 - nu) / (2 pi mu) of the top layer: what a point load does nearby, over the distance [m2/N].
-        thickness: Of the cover [m].
-        source: Where the numbers come from.
-        table: Of a cover with free side edges: force on each texel of one array per unit force spread evenly over each
-            of its cells, shape (n, rows * per_texel, columns * per_texel), instead of `influence`; None elsewhere [-].
+        top_compliance: (1 - nu) / (2 pi mu) of the top layer: near a point load, displacement times distance per unit
+            force (Boussinesq) [m2/N].
+        thickness: Thickness of the cover [m].
+        source: Origin of the data.
+        table: Force on each texel of one array per unit force spread uniformly over each of its cells, shape (n,
+            rows * per_texel, columns * per_texel).  It replaces `influence` for a cover with free side edges; None for
+            others [-].
     """
 
     per_texel: int
@@ -48,18 +58,18 @@ class CoverCells:
     table: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        """Check shapes and values, and freeze the tables.
+        """Check shapes and values, and make the tables read-only.
 
         Raises:
-            ShapeError: If a table has no shape that fits.
+            ShapeError: If a table has a wrong shape.
             ValueError: If a number is not finite or not positive.
         """
         s, size = self.per_texel, self.influence.shape
         if s < 1 or s != int(s):
             raise ValueError(f"per_texel must be a whole number from 1 on, not {s}")
-        if self.compliance.ndim != 2 or not self.compliance.size:  # noqa: PLR2004 -- a matrix
+        if self.compliance.ndim != _MATRIX or not self.compliance.size:
             raise ShapeError(f"compliance has shape (rows, columns), not {self.compliance.shape}")
-        if len(size) != 2 or size[0] != size[1] or size[0] < s or (size[0] - s) % 2:  # noqa: PLR2004 -- a matrix
+        if len(size) != _MATRIX or size[0] != size[1] or size[0] < s or (size[0] - s) % 2:
             raise ShapeError(f"influence has shape ({s} + 2 reach, {s} + 2 reach), not {size}")
         tables = [each for each in (self.compliance, self.influence, self.table) if each is not None]
         if not all(np.isfinite(each).all() for each in tables):
@@ -74,24 +84,24 @@ class CoverCells:
 
     @property
     def reach(self) -> int:
-        """Cells beside a texel from which force arrives on it [-]."""
+        """Distance beyond a texel's edge from which force reaches it, in cells [-]."""
         return (len(self.influence) - self.per_texel) // 2
 
     @cached_property
     def convolution(self) -> SymmetricConvolution:
-        """Forces on cells to displacements of their centres."""
+        """Convolution from forces on cells to displacements of their centres."""
         return SymmetricConvolution(self.compliance / (self.cell[0] * self.cell[1]))
 
     @cached_property
     def influence_factors(self) -> tuple[FloatArray, FloatArray]:
-        """The influence as products of row and column factors."""
-        return factors(self.influence, 1e-7)
+        """The influence as a sum of products of row and column factors, each of shape (terms, per_texel + 2 reach)."""
+        return factorise(self.influence, _INFLUENCE_TOLERANCE)
 
     def check(self, array: TexelArray) -> None:
-        """Check that the cells divide an array's pitch, and that a table is of its size.
+        """Check that the cells divide the pitch of an array, and that the table, if any, has its size.
 
         Raises:
-            ShapeError: If they do not.
+            ShapeError: If one of these does not hold.
         """
         edges = [pitch / self.per_texel for pitch in array.pitch]
         if not np.allclose(edges, self.cell, rtol=1e-6, atol=0):
@@ -101,8 +111,8 @@ class CoverCells:
             )
         if self.table is not None and not array.regular:
             raise ShapeError(
-                f"array {array.name!r} is not a flat, even grid, and the table of a cover with free side edges is for "
-                f"one; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"
+                f"array {array.name!r} is not a flat, regular grid, which the table of a cover with free side edges "
+                f"needs; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"
             )
         wanted = (array.count, array.rows * self.per_texel, array.columns * self.per_texel)
         if self.table is not None and self.table.shape != wanted:
@@ -111,19 +121,19 @@ class CoverCells:
             )
 
     def foundation_modulus(self, width: float | None = None) -> float:
-        """Pressure per depth of the elastic foundation that yields like the cover under one square patch [Pa/m].
+        """Modulus of the elastic foundation that yields like the cover under a square patch [Pa/m].
 
-        The mean displacement under uniform pressure on a square; an elastic foundation has no such width, so it is
-        right for contacts of about that size only.
+        This is the uniform pressure on the patch over its mean displacement.  The ratio depends on the size of the
+        patch, so the foundation is accurate for contacts of about that size only.
 
         Args:
             width: Edge length of the square; four times the thickness when not given [m].
         """
-        side = 4 * self.thickness if width is None else width
+        side = _PATCH * self.thickness if width is None else width
         ny, nx = (max(1, round(side / edge)) for edge in self.cell[::-1])
-        rows, columns = self.compliance.shape
-        share = [
+        # how many pairs of cells within the patch lie i rows (or j columns) apart
+        pairs = [
             np.where(np.arange(n) == 0, count, 2.0 * np.maximum(count - np.arange(n), 0))
-            for n, count in ((rows, ny), (columns, nx))
+            for n, count in zip(self.compliance.shape, (ny, nx), strict=True)
         ]
-        return float(nx * ny / (share[0] @ self.compliance @ share[1]))
+        return float(nx * ny / (pairs[0] @ self.compliance @ pairs[1]))

@@ -1,8 +1,9 @@
-"""Convolutions on windows of cells as a few pairs of matrix products.
+"""Convolutions on windows of cells, as sums of matrix products.
 
-The kernels of a cover are smooth beyond a cell, so a handful of singular vectors hold them: K[i, j] = sum of
-u_r[i] v_r[j].  Each term acts along rows and columns separately, and for the windows that contacts take two matrix
-products over all terms beat a fast Fourier transform, without any set-up that depends on where the window stands.
+The kernels of a cover are smooth beyond one cell, so few singular vectors represent them:
+K[i, j] = sum over r of u_r[i] v_r[j].  Each term acts along rows and columns separately.  For windows of the size of a
+contact, two matrix products over all terms are faster than a fast Fourier transform, and the matrices do not depend on
+the place of the window.
 """
 
 from __future__ import annotations
@@ -12,8 +13,11 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Most sizes of windows whose matrices are kept; bounds the memory.
+_KEPT = 32
 
-def factors(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
+
+def factorise(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
     """Row factors (terms, rows) and column factors (terms, columns) whose products sum to a kernel.
 
     Args:
@@ -26,10 +30,10 @@ def factors(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArra
 
 
 class SymmetricConvolution:
-    """A kernel that depends on distances along rows and columns, over windows of any size."""
+    """Convolution with a kernel that depends on the distances along rows and along columns only."""
 
     def __init__(self, quarter: FloatArray, tolerance: float = 3e-5) -> None:
-        """Factorise.
+        """Factorise the kernel.
 
         Args:
             quarter: Kernel at distances [i, j] >= 0, zero beyond, shape (rows, columns).
@@ -37,25 +41,28 @@ class SymmetricConvolution:
         """
         mirrored = np.concatenate([quarter[:0:-1], quarter])
         full = np.concatenate([mirrored[:, :0:-1], mirrored], axis=1)
-        along, across = factors(full, tolerance)
+        along, across = factorise(full, tolerance)
         self._along, self._across = along[:, len(quarter) - 1 :], across[:, quarter.shape[1] - 1 :]
-        self._made: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
+        self._matrices: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
 
     def matrices(self, rows: int, columns: int) -> tuple[FloatArray, FloatArray]:
-        """Stacked Toeplitz matrices of a window: (terms * rows, rows) and (terms * columns, columns).
+        """Stacked Toeplitz matrices for a window of (rows, columns).
 
-        With a window q, the convolution is the sum over terms of first[term] @ q @ second[term].
+        The convolution of a window q is the sum over terms of first[term] @ q @ second[term].
+
+        Returns:
+            The first matrices, shape (terms * rows, rows), and the second, shape (terms * columns, columns).
         """
         key = (rows, columns)
-        if key not in self._made:
-            if len(self._made) >= 32:  # noqa: PLR2004 -- windows come in few sizes; this bounds the memory
-                self._made.clear()
-            self._made[key] = (_toeplitz(self._along, rows), _toeplitz(self._across, columns))
-        return self._made[key]
+        if key not in self._matrices:
+            if len(self._matrices) >= _KEPT:
+                self._matrices.clear()
+            self._matrices[key] = (_build_toeplitz(self._along, rows), _build_toeplitz(self._across, columns))
+        return self._matrices[key]
 
 
-def _toeplitz(factor: FloatArray, size: int) -> FloatArray:
-    """Symmetric Toeplitz matrices of each term, stacked, shape (terms * size, size)."""
+def _build_toeplitz(factor: FloatArray, size: int) -> FloatArray:
+    """Symmetric Toeplitz matrix of each term, stacked, shape (terms * size, size)."""
     padded = np.zeros((len(factor), max(size, factor.shape[1])))
     padded[:, : factor.shape[1]] = factor
     distance = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import convolve2d
 
-from fastmodel.pressure.separable_convolution import SymmetricConvolution, factors
+from fastmodel.pressure.separable_convolution import SymmetricConvolution, factorise
 from tests.support.cover_data import cells
 
 
@@ -24,6 +24,6 @@ def test_separable_convolution_equals_the_dense_one(rows, columns, seed):
 
 def test_factors_of_a_product_are_one_term():
     kernel = np.outer([1.0, 2.0, 0.5], [0.3, -0.2])
-    along, across = factors(kernel, 1e-9)
+    along, across = factorise(kernel, 1e-9)
     assert along.shape == (1, 3)
     np.testing.assert_allclose(along.T @ across, kernel, atol=1e-15)

@@ -1,0 +1,101 @@
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import Plate, StateError
+from fastmodel.contact.plate import PlateReader, sum_forces, transform_poses
+from fastmodel.pose import Pose
+from tests.support.cover_data import WTS
+from tests.support.posed_bodies import GRID
+
+CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
+
+
+def build_blocks(cone, condim=3):
+    """Two free blocks of 0.1 and 0.3 kg that slide over a tilted plate; reader, model and data."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.cone = cone
+    spec.option.gravity = [1.0, 0.5, -9.0]
+    Plate().attach(spec.worldbody, WTS, Pose.of((0.1, 0.2, 0.3), (1, 0, 0, 0)), "pad")
+    for k, (x, mass) in enumerate(((-5e-3, 0.1), (5e-3, 0.3))):
+        body = spec.worldbody.add_body(name=f"block{k}", pos=[0.1 + x, 0.2, 0.303])
+        body.add_freejoint()
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[3e-3, 4e-3, 3e-3], mass=mass, condim=condim)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 200)
+    reader = PlateReader(Plate(), model, WTS, "pad", grid=GRID, edge=0.0)
+    return reader, model, data
+
+
+@pytest.mark.parametrize("condim", [1, 3, 6])
+@pytest.mark.parametrize("cone", CONES.values(), ids=CONES)
+def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
+    reader, model, data = build_blocks(cone, condim)
+    expected = {}
+    plate = model.geom("pad/plate").id
+    for k, contact in enumerate(data.contact):
+        if plate not in contact.geom:
+            continue
+        force = np.zeros(6)
+        mujoco.mj_contactForce(model, data, k, force)
+        world = contact.frame.reshape(3, 3).T @ force[:3] * (-1 if contact.geom[1] == plate else 1)
+        other = contact.geom[1] if contact.geom[0] == plate else contact.geom[0]
+        place = contact.pos - [0.1, 0.2, 0.3]
+        sums = expected.setdefault(int(model.geom_bodyid[other]), np.zeros(3))
+        sums += world[2] * np.array([1, place[0], place[1]])
+    found = reader.find_contact(data)
+    assert len(expected) == 2
+    assert set(found.bodies) == set(expected)
+    for body, load in zip(found.bodies, found.loads, strict=True):
+        np.testing.assert_allclose([load.force, *load.moment], expected[body], atol=1e-12)
+        assert load.tilts
+
+
+def test_kernels_do_in_python_as_they_do_compiled():
+    reader, model, data = build_blocks(CONES["elliptic"])
+    contact, axes, origin = data.contact, np.eye(3), np.array([0.1, 0.2, 0.3])
+    bodies, sums = np.empty(len(contact.geom), np.int64), np.empty((len(contact.geom), 3))
+    count = sum_forces(
+        contact.geom,
+        contact.efc_address,
+        contact.dim,
+        contact.frame,
+        contact.friction,
+        contact.pos,
+        data.efc_force,
+        False,  # noqa: FBT003 -- kernels take positions
+        model.geom("pad/plate").id,
+        model.geom_bodyid,
+        axes,
+        origin,
+        bodies,
+        sums,
+    )
+    found = reader.find_contact(data)
+    assert bodies[:count].tolist() == list(found.bodies)
+    np.testing.assert_allclose(sums[:count, 0], [load.force for load in found.loads], atol=1e-12)
+    rotation, position = transform_poses(np.array([1, 2]), data.geom_xmat, data.geom_xpos, axes, origin)
+    np.testing.assert_allclose(rotation, [pose.rotation[0] for pose in found.poses], atol=1e-12)
+    np.testing.assert_allclose(position, [pose.position[0] for pose in found.poses], atol=1e-12)
+
+
+def test_equal_contacts_are_told_from_changed_ones():
+    reader, _, data = build_blocks(CONES["elliptic"])
+    first = reader.find_contact(data)
+    assert first.equals(reader.find_contact(data), 1e-12, 1e-3)
+    assert not first.equals(first.select([0]), 1e-5, 1e-3)
+    data.geom_xpos[1, 0] += 1e-6
+    assert not reader.find_contact(data).equals(first, 1e-5, 1e-3)
+    data.geom_xpos[1, 0] -= 1e-6
+    data.efc_force[:] *= 1.001
+    assert not reader.find_contact(data).equals(first, 1e-5, 1e-3)
+
+
+def test_contact_forces_that_are_not_finite_are_refused():
+    reader, _, data = build_blocks(CONES["elliptic"])
+    data.efc_force[:] = np.nan
+    with pytest.raises(StateError, match="not finite"):
+        reader.find_contact(data)
