@@ -1,8 +1,8 @@
-"""The truth: finite-element solutions of a soft cover over a rigid texel array.
+"""Reference solutions by finite elements: a soft cover, bonded to a rigid texel array, under a rigid indenter.
 
-What the sensor feels is the normal force on each texel's patch of the rigid base.  `point_spread` says what a unit
-load anywhere on the cover puts on every texel, `press` pushes a rigid indenter into the cover and finds the contact,
-and `closed_form` holds exact solutions that verify both.  Every result carries an estimate of its own error.
+The force on a texel is the normal force on its part of the rigid base.  `point_spread` returns the texel forces due to
+a unit load at any point of the cover.  `press` presses a rigid indenter into the cover and solves the contact.
+`closed_form` holds exact solutions for verification.  Every result has an estimate of its own error.
 """
 
 from __future__ import annotations

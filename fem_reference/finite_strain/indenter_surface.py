@@ -55,7 +55,7 @@ class IndenterSurface:
         fillet: Radius of rounded edges, in units of length.
         unit: Unit of length of positions and heights [m].
         load_scale: Factor on all heights, see `LoadingPath` [-].
-        pose: PlanarPose of the indenter in the frame of the positions [m].
+        pose: Pose of the indenter in the frame of the positions [m].
     """
 
     indenter: Indenter

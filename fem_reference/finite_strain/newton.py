@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
+from fem_reference.finite_strain.loading_path import Control
 from fem_reference.sparse_solver import ConstrainedSystem
 
 FloatArray = npt.NDArray[np.float64]
@@ -144,7 +145,7 @@ def walk_to(
     target: float,
     start: Reached,
     *,
-    control: Literal["load", "depth"],
+    control: Control,
     step: float,
     solve: Callable[[Reached | None, Reached, float], Reached],
     describe: Callable[[Reached], str],

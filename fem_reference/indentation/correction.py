@@ -47,7 +47,7 @@ class BlockModel:
     Attributes:
         kind: Kind of entry in the result store.
         inputs: Inputs of the entry besides path and grids.
-        pose: PlanarPose of the indenter in the frame of the mesh.
+        pose: Pose of the indenter in the frame of the mesh.
         lay_out: Returns the block for a number of elements through the cover.
         recover_pressure: Returns the base pressure of a state.
         integrate: Returns the texel forces due to a base pressure.

@@ -41,6 +41,12 @@ FloatArray = npt.NDArray[np.float64]
 _EDGE, _INSIDE = 0.6, 0.5
 #: Increase of the element size per distance from the contact's edge and from the sides [-].
 _GROWTH = 0.4
+#: Largest elements in the contact and at the sides, over the size that the elements through the cover give [-].
+_LARGEST, _AT_SIDE = 1.2, 1.5
+#: Distance from a side over the half width of the cover below which the edge of the contact lies on the side [-].
+_ON_SIDE = 1e-9
+#: Samples of the element size between two fixed element edges.
+_SAMPLES = 801
 
 
 def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
@@ -101,7 +107,7 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
 
     Args:
         path: What is pressed.
-        pose: PlanarPose of the indenter in the array's frame.
+        pose: Pose of the indenter in the array's frame.
         contact: Points that the contact extends to, in the indenter's frame, shape (m, 2) [m].
         count: Elements through the cover [-].
         fillet: Radius of rounded edges [m].
@@ -115,22 +121,34 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
     edge_on_line = isinstance(indenter, FlatPunch) and pose.is_aligned and not indenter.axisymmetric
     fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
     symmetric = find_mirror_planes(indenter, pose)
-    sides = [_side((low[axis], high[axis]), float(ends[axis]), (fine, size), mirror=symmetric[axis]) for axis in (0, 1)]
+    sides = [
+        _grade_side((low[i], high[i]), float(ends[i]), fine=fine, coarse=size, symmetric=symmetric[i]) for i in (0, 1)
+    ]
     surface = IndenterSurface(indenter=indenter, fillet=fillet / unit, unit=unit, pose=pose)
     return Block(sides=sides, symmetric=symmetric, size=size, surface=surface, free=True)
 
 
-def _side(span: tuple[float, float], end: float, steps: tuple[float, float], *, mirror: bool) -> FloatArray:
-    """Nodes from side to side, or from the middle: fine at the contact's ends, `coarse` in it and at the sides."""
-    fine, coarse = steps
-    low, high = span
-    marks = [value for value in (low, high) if abs(value) < end * (1 - 1e-9)]
-    edges = [0.0 if mirror else -end, *(m for m in marks if not mirror or m > 0), end]
-    parts = [np.array(edges[:1])]
-    for start, stop in pairwise(edges):
-        x = np.linspace(start, stop, 801)
-        near = np.min([np.abs(x - mark) for mark in marks], axis=0) if marks else np.full_like(x, np.inf)
-        inside = np.maximum(np.maximum(low - x, x - high), 0)
-        most = np.minimum(1.2 * coarse + _GROWTH * inside, 1.5 * coarse + _GROWTH * np.minimum(end - x, end + x))
-        parts.append(fill_by_spacing(x, np.minimum(fine + _GROWTH * near, most))[1:])
+def _grade_side(contact: tuple[float, float], end: float, *, fine: float, coarse: float, symmetric: bool) -> FloatArray:
+    """Return the element edges along one direction: small at the edges of the contact, larger in it and at the sides.
+
+    Lengths may have any unit.
+
+    Args:
+        contact: Lower and upper edge of the contact; both become element edges unless they lie on a side.
+        end: Distance of the sides from the middle.
+        fine: Element size at the edges of the contact.
+        coarse: Element size that the largest elements in the contact and at the sides are measured by.
+        symmetric: Whether only the part from the middle to the upper side is meshed.
+    """
+    low, high = contact
+    marks = [value for value in contact if abs(value) < end * (1 - _ON_SIDE)]
+    ends = [0.0 if symmetric else -end, *(mark for mark in marks if not symmetric or mark > 0), end]
+    parts = [np.array(ends[:1])]
+    for start, stop in pairwise(ends):
+        x = np.linspace(start, stop, _SAMPLES)
+        from_edge = np.min([np.abs(x - mark) for mark in marks], axis=0) if marks else np.full_like(x, np.inf)
+        from_contact = np.maximum(np.maximum(low - x, x - high), 0)
+        from_side = np.minimum(end - x, end + x)
+        largest = np.minimum(_LARGEST * coarse + _GROWTH * from_contact, _AT_SIDE * coarse + _GROWTH * from_side)
+        parts.append(fill_by_spacing(x, np.minimum(fine + _GROWTH * from_edge, largest))[1:])
     return np.concatenate(parts)

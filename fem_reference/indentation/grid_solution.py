@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from fem_reference.finite_strain.block_path import BasePressure
+from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import extrapolate, grid_convergence
 from meshes import TexelArray
 from meshes.pose import PlanarPose
@@ -133,7 +133,7 @@ def correct_solution(
     *,
     baseline: GridSolution,
     full: GridSolution,
-    control: Literal["load", "depth"],
+    control: Control,
     share: float = 1.0,
     area: float | None = None,
 ) -> GridSolution:
@@ -189,7 +189,7 @@ def distribute_force(total_force: float, base: BasePressure, half: tuple[float, 
         total_force: Force on the indenter [N].
         base: Base pressure.
         half: Half widths of the indenter's footprint [m].
-        pose: PlanarPose of the indenter in the frame of the base pressure.
+        pose: Pose of the indenter in the frame of the base pressure.
 
     Returns:
         Columns x, y in the indenter's frame [m] and force [N], shape (k, 3).

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 from fem_reference import press
-from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.frictionless import solve_contact
 from meshes import Cover, Layer, LetterH, Material, Prism, Sphere, TriangleMesh
@@ -72,29 +71,3 @@ def test_a_frame_of_thin_walls_at_finite_strain(wts):
     assert found.depth != pytest.approx(small.depth, rel=1e-3)
     assert found.error_estimate["peak_texel"] < 0.03
     assert np.abs(found.texel_forces - small.texel_forces).max() < 0.02
-
-
-def frame(wall):
-    ring = [tuple((s * a, t * a) for s, t in ((1, 1), (-1, 1), (-1, -1), (1, -1))) for a in (5e-3, 5e-3 - wall)]
-    return Prism(points=ring[0], holes=(ring[1],))
-
-
-def test_walls_too_thin_for_a_grid_are_refused_in_words(wts):
-    cover = rubber("neo-hookean", {"shear_modulus": 1e6 / 2.9})
-    with pytest.raises(ValueError, match="its walls are too thin"):
-        press(cover, wts, frame(0.05e-3), load=1.0)
-    with pytest.raises(ValueError, match="too thin beside 10 mm for the grids of finite strain"):
-        choose_solid_fillet(cover.thickness, frame(0.15e-3))
-
-
-def rounding(shape):
-    """What a result says of the shape's edges on a cover of 2 mm."""
-    return state_rounding(shape, choose_solid_fillet(2e-3, shape))["edge"]
-
-
-def test_walls_that_the_rounding_leaves_nothing_of_are_told():
-    leg = [(-4e-3, -4e-3), (-0.2e-3, -4e-3), (-0.2e-3, -7e-3), (0.2e-3, -7e-3), (0.2e-3, -4e-3), (4e-3, -4e-3)]
-    with_leg = Prism(points=(*leg, (4e-3, 4e-3), (-4e-3, 4e-3)))
-    assert "walls thinner than 0.8 mm are left out" in rounding(with_leg)
-    for whole in (H, frame(2e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)):
-        assert "left out" not in rounding(whole)

@@ -7,15 +7,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-import skfem
 
 from fem_reference import press
-from fem_reference.elements.taylor_hood import prepare_elements
-from fem_reference.finite_strain import contact as surface_contact
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import lay_out_block
-from fem_reference.finite_strain.contact import SurfaceContact
-from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.linear_response.surface_compliance import decay_length
@@ -48,13 +43,6 @@ def pressed(indenter, friction, *, nu=0.3, depth=2e-6, elements=4, fillet=None):
     return states[-1].load / REST, solved.equilibria[-1].contact
 
 
-def block(friction):
-    """The top of a small block under a flat face that is wider than it."""
-    elements = prepare_elements(skfem.MeshHex().refined(1))
-    surface = IndenterSurface(indenter=Box(size=(10.0, 10.0, 1.0)), fillet=0.1)
-    return elements, SurfaceContact(elements, 1.0, surface, penalty=50.0, friction=friction)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_a_punch_that_does_not_slip_is_stiffer_as_mossakovskii_found(nu):
@@ -64,78 +52,10 @@ def test_a_punch_that_does_not_slip_is_stiffer_as_mossakovskii_found(nu):
     assert ratio == pytest.approx(np.log(3 - 4 * nu) * (1 - nu) / (1 - 2 * nu), rel=6e-3)
 
 
-def test_without_slip_the_tangent_is_the_derivative_of_the_force():
-    elements, contact = block(np.inf)
-    rng = np.random.default_rng(1)
-    size = elements.displacements + elements.pressures
-    state, way = 1e-2 * rng.standard_normal(size), rng.standard_normal(size)
-    depth, step = 0.2, 1e-6
-    found = contact.evaluate(state, depth)
-    ahead, behind = (contact.evaluate(state + sign * step * way, depth) for sign in (1, -1))
-    change = (ahead.force - behind.force) / (2 * step)
-    assert change == pytest.approx(found.tangent @ way, abs=1e-6 * np.abs(change).max())
-    deeper, higher = (contact.evaluate(state, depth + sign * step) for sign in (1, -1))
-    assert (deeper.force - higher.force) / (2 * step) == pytest.approx(
-        found.depth_force, abs=1e-6 * np.abs(found.depth_force).max()
-    )
-    assert (deeper.total - higher.total) / (2 * step) == pytest.approx(found.stiffness, rel=1e-6)
-
-
-@pytest.mark.parametrize("friction", [0.05, 0.4])
-def test_no_traction_leaves_the_cone_and_sliding_points_lie_on_it(friction):
-    elements, contact = block(friction)
-    state = np.zeros(elements.displacements + elements.pressures)
-    moved = state[: elements.displacements].reshape(-1, 3)
-    moved[:, 0] = 12 * elements.nodes[:, 0]  # stretched along x: points far from x = 0 slide
-    assert contact.update_cone(contact.evaluate(state, 0.2)) == pytest.approx(1)
-    touch = contact.evaluate(state, 0.2)
-    assert contact.update_cone(touch) == 0
-    drag, limit = np.linalg.norm(touch.traction, axis=-1), friction * touch.pressure
-    assert (drag <= limit * (1 + 1e-12)).all()
-    slid = surface_contact.TANGENTIAL_PENALTY * touch.position[..., 0] * 12 / 13 > friction * 0.2
-    assert (slid == ~touch.sticking).all()
-    assert slid.any()
-    assert drag[slid] == pytest.approx(limit[slid])
-    assert (touch.traction[..., 0] >= 0).all(), "friction must hold back: the residual pulls against the slip"
-    assert np.abs(touch.traction[..., 1:]).max() == 0
-
-
-def test_a_point_that_sticks_is_pulled_back_to_where_it_stuck():
-    elements, contact = block(np.inf)
-    state = np.zeros(elements.displacements + elements.pressures)
-    state[: elements.displacements].reshape(-1, 3)[:, 0] = 0.1
-    first = contact.evaluate(state, 0.2)
-    contact.record_slip(first)
-    again = contact.evaluate(state, 0.2)
-    assert again.traction == pytest.approx(2 * first.traction)  # held where it stuck: pulled back to there
-    moved = state[: elements.displacements].reshape(-1, 3)
-    moved[:, 0] = 0
-    assert contact.evaluate(state, 0.2).traction == pytest.approx(first.traction)
-
-
 def test_more_friction_never_softens_and_none_changes_nothing():
     punch = Cylinder(radius=2e-3)
     forces = [pressed(punch, friction, depth=20e-6)[0] for friction in (0.0, 0.2, np.inf)]
     assert forces[0] < forces[1] < forces[2]
-
-
-def test_a_wrong_sign_of_friction_is_seen(monkeypatch):
-    right = SurfaceContact._return_to_cone
-
-    def wrong(self, position, normal, pressure):
-        traction, *rest = right(self, position, normal, pressure)
-        return -traction, *rest
-
-    monkeypatch.setattr(SurfaceContact, "_return_to_cone", wrong)
-    with pytest.raises(AssertionError, match="hold back"):
-        test_no_traction_leaves_the_cone_and_sliding_points_lie_on_it(0.4)
-
-
-@pytest.mark.parametrize("friction", [-0.1, np.nan])
-def test_a_coefficient_that_is_none_is_refused(friction):
-    array = TexelArray.grid(2, 2, pitch=3.4e-3)
-    with pytest.raises(ValueError, match="friction coefficient"):
-        press(rubber(0.45), array, Sphere(radius=5e-3), load=1.0, friction=friction)
 
 
 @pytest.mark.slow

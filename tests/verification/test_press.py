@@ -88,29 +88,6 @@ def test_force_lands_under_the_indenter(bonded, wts):
     assert centre == pytest.approx([2.1e-3, -5.3e-3], abs=0.2e-3)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"load": None}, "either a load or a depth"),
-        ({"depth": 1e-4}, "either a load or a depth"),
-        ({"load": -1.0}, "load must be positive"),
-        ({"load": float("nan")}, "load must be positive"),
-        ({"load": None, "depth": 3e-3}, "pierce"),
-        ({"load": 5000.0}, "pierce"),
-    ],
-)
-def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
-    request = {"load": 1.0, **change}
-    with pytest.raises(ValueError, match=message):
-        press(bonded(0.3), wts, Sphere(radius=5e-3), **request)
-
-
-def test_results_name_their_assumptions(bonded, wts):
-    found = press(bonded(0.3), wts, Cylinder(radius=5e-3), load=0.5)
-    assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
-    assert set(found.error_estimate) == {"total_force", "peak_texel", "contact_area"}
-
-
 @pytest.mark.slow
 def test_a_ball_far_larger_than_the_cover_is_thick(bonded, wts):
     """Its footprint is a thousand times the contact; what counts is where it is lower than the cover is thick."""

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.finite_strain.block_path import BlockState, recover_nodal_pressure
-from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.indentation.finite_cover import _side, integrate_nodal
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
@@ -121,66 +118,9 @@ def test_pose_there_and_back():
     assert np.stack(pose.to_indenter(*pose.to_array(x, y))) == pytest.approx(np.stack([x, y]))
 
 
-def test_posed_obstacle_has_the_derivatives_of_its_height():
-    bar = Box(size=(3.0, 1.0, 5.0))
-    posed = IndenterSurface(indenter=bar, fillet=0.4, pose=PlanarPose(at=(0.3, -0.2), yaw=0.5))
-    x, y = np.random.default_rng(1).uniform(-1.5, 1.5, (2, 200))
-    found, h = posed.evaluate(x, y), 1e-4
-    slope = [
-        (posed.height(x + h, y) - posed.height(x - h, y)) / (2 * h),
-        (posed.height(x, y + h) - posed.height(x, y - h)) / (2 * h),
-    ]
-    smooth = np.abs(found.curvature).max(axis=(1, 2)) < 5  # away from where a rounding begins or ends
-    assert smooth.sum() > 100
-    assert found.slope[smooth] == pytest.approx(np.stack(slope, axis=-1)[smooth], abs=0.02)
-    bend = np.stack(
-        [
-            (posed.evaluate(x + h, y).slope - posed.evaluate(x - h, y).slope) / (2 * h),
-            (posed.evaluate(x, y + h).slope - posed.evaluate(x, y - h).slope) / (2 * h),
-        ],
-        axis=-1,
-    )
-    assert np.median(np.abs(found.curvature - bend)) < 1e-3
-
-
-def test_texels_carry_exactly_the_reactions_of_the_base():
-    """The base pressure integrates to the reactions, mirrored halves included."""
-    array = TexelArray.grid(2, 3, (4e-3, 5e-3))
-    half = np.linspace(0, 6e-3, 9)
-    whole = np.linspace(-5e-3, 5e-3, 7)
-    forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
-    state = BlockState(
-        depth=1e-3, load=1.0, area=1e-6, overlap=0.0, lines=(half, whole), forces=forces, symmetric=(True, False)
-    )
-    felt = integrate_nodal(recover_nodal_pressure(state), array, PlanarPose())
-    assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
-    assert array.image(felt)[:, ::-1] == pytest.approx(array.image(felt))
-
-
-@pytest.mark.parametrize("mirror", [True, False])
-def test_mesh_lines_run_from_side_to_side_and_hold_the_ends_of_the_contact(mirror):
-    low, high = (-0.8, 0.8) if mirror else (0.4, 2.0)
-    nodes = _side((low, high), 2.5, (0.05, 0.3), mirror=mirror)
-    assert nodes[0] == (0 if mirror else -2.5)
-    assert nodes[-1] == 2.5
-    assert (np.diff(nodes) > 0).all()
-    assert np.abs(nodes - high).min() < 1e-12
-    assert np.diff(nodes)[np.argmin(np.abs(nodes - high)) - 1] < 0.1
-
-
-def test_axis_beside_the_cover_is_refused(bonded):
-    with pytest.raises(ValueError, match=r"axis at \(4.1, 0\) mm stands beside the cover, which measures 8 x 6 mm"):
-        press(pad(bonded), TexelArray.grid(1, 2, 3e-3), BALL, load=1.0, at=(4.1e-3, 0.0))
-
-
 def soft(base="bonded"):
     material = Material(name="soft", model="neo-hookean", parameters={"shear_modulus": 1e6 / 2.9}, poisson_ratio=0.45)
     return Cover(layers=(Layer(thickness=THICKNESS, material=material),), size=PAD, base=base)
-
-
-def test_sliding_cover_that_would_slip_away_is_refused():
-    with pytest.raises(ValueError, match="slides on its base stays where it is only under a shape that mirrors"):
-        press(soft("sliding"), TexelArray.grid(1, 2, 3e-3), BALL, load=1.0, at=(1e-3, 0.0))
 
 
 @pytest.mark.slow

@@ -89,3 +89,11 @@ def test_the_faults_of_all_options_are_reported_at_once(softcover):
     assert status == 2
     places = [line.split(": ")[1] for line in err.splitlines()]
     assert places == ["--model", "no.toml", "--indenter", "--at", "--yaw", "--load"]
+
+
+def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatch):
+    monkeypatch.setattr("fem_reference.finite_strain.contact_problem._ITERATIONS", 1)
+    press = ("press", "wts-0614-34", "--material", "ecoflex-00-30", "--indenter", "sphere:radius=5mm", "--load", "1N")
+    status, _, err = softcover(*press)
+    assert status == 4
+    assert "softcover: no convergence even at a depth of" in err.splitlines()[-1]

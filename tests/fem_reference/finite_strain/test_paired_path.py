@@ -1,4 +1,4 @@
-"""What finite strain in space starts from: the small-strain twin, the coarser grid's change, another load's answer."""
+"""A path and its baseline on a block: their difference, and the starts that it gives on finer grids."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from fem_reference.finite_strain.block_path import lay_out_block, mesh_block, re
 from fem_reference.finite_strain.contact_problem import Guess
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.paired_path import PairedPath, add_change, press_paired
-from fem_reference.indentation import small_strain
-from meshes import Box, Cover, Cylinder, Layer, Material, TexelArray
-from meshes.pose import PlanarPose
+from meshes import Box, Cover, Layer, Material
 
 FACE = Box(size=(3e-3, 2e-3, 5e-3))
 RUBBER = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 0.4e6}, poisson_ratio=0.45)
@@ -42,7 +40,7 @@ def pressed():
     return press_paired(path(*depths), block(2), depths, elements_per_thickness=2)
 
 
-def test_both_paths_reach_their_targets_and_differ_by_what_strain_adds(pressed):
+def test_both_paths_reach_their_targets_and_differ_more_at_larger_depth(pressed):
     rest, deep, pair = pressed
     for small, large, depth in zip(rest, deep, (0.1e-3, 0.3e-3), strict=True):
         assert (small.depth / 1e-3, large.depth) == pytest.approx((depth, depth), rel=1e-9)
@@ -52,7 +50,7 @@ def test_both_paths_reach_their_targets_and_differ_by_what_strain_adds(pressed):
 
 
 @pytest.mark.slow
-def test_a_target_of_a_path_is_the_one_pressed_alone(pressed):
+def test_a_target_has_the_same_solution_alone_as_after_others(pressed):
     alone = press_paired(path(0.3e-3), block(2), [0.3e-3], elements_per_thickness=2)
     for together, single in zip(pressed[:2], alone[:2], strict=True):
         assert together[1].load == pytest.approx(single[0].load, rel=3e-4)
@@ -61,7 +59,7 @@ def test_a_target_of_a_path_is_the_one_pressed_alone(pressed):
 
 
 @pytest.mark.slow
-def test_starting_from_a_coarser_grid_changes_no_answer(pressed):
+def test_a_start_from_a_coarser_grid_changes_no_result(pressed):
     depths = [0.1e-3, 0.3e-3]
     alone, after = (
         press_paired(path(*depths), block(3), depths, elements_per_thickness=3, coarser=b) for b in (None, pressed[2])
@@ -70,8 +68,8 @@ def test_starting_from_a_coarser_grid_changes_no_answer(pressed):
         assert other.load == pytest.approx(one.load, rel=5e-4)
 
 
-def test_the_change_that_a_coarser_grid_found_is_carried_over(pressed):
-    """Linear displacements between the grids' nodes are carried exactly; nothing is added where nothing changed."""
+def test_the_difference_of_both_paths_is_transferred_to_a_finer_grid(pressed):
+    """Linear displacements are transferred exactly; without a difference nothing is."""
     pair = pressed[2]
     target = grid(3)
     still = replace(
@@ -102,7 +100,7 @@ def _linear(elements, slope):
     return np.concatenate([(elements.nodes @ slope.T).ravel(), np.zeros(elements.pressures)])
 
 
-def test_points_that_touched_lie_on_the_surface_where_they_have_moved_to(pressed):
+def test_points_in_contact_keep_their_gap_when_a_change_moves_them(pressed):
     pair = pressed[2]
     surface = block(2).surface.with_load_scale(1.0)
     rest = pair.baseline[1].before_augmentation
@@ -126,8 +124,8 @@ def test_points_that_touched_lie_on_the_surface_where_they_have_moved_to(pressed
 
 
 @pytest.mark.slow
-def test_a_guess_that_leads_nowhere_costs_time_alone(pressed, caplog):
-    """A change that turns elements inside out is given up, and the path is walked."""
+def test_a_guess_that_fails_changes_no_result(pressed, caplog):
+    """A guess with inverted elements is given up, and steps are taken instead."""
     pair = pressed[2]
     wild = [
         replace(
@@ -138,35 +136,16 @@ def test_a_guess_that_leads_nowhere_costs_time_alone(pressed, caplog):
         )
         for each in pair.full
     ]
-    astray = PairedPath(elements=pair.elements, baseline=pair.baseline, full=wild, ratio=pair.ratio)
+    misleading = PairedPath(elements=pair.elements, baseline=pair.baseline, full=wild, ratio=pair.ratio)
     with caplog.at_level("INFO", logger="fem_reference.finite_strain.contact_problem"):
         found = press_paired(
             path(0.1e-3),
             block(2),
             [0.1e-3],
             elements_per_thickness=2,
-            coarser=replace(astray, baseline=pair.baseline[:1], full=wild[:1]),
+            coarser=replace(misleading, baseline=pair.baseline[:1], full=wild[:1]),
         )
-    given_up = [record for record in caplog.records if record.getMessage().startswith("guess for depth")]
-    assert len(given_up) == 1
-    assert float(given_up[0].args[1]) == pytest.approx(0.05)  # of the thickness, not of its thousandth
+    failures = [record for record in caplog.records if record.getMessage().startswith("guess for depth")]
+    assert len(failures) == 1
+    assert float(failures[0].args[1]) == pytest.approx(0.05)  # of the thickness, not of its thousandth
     assert found[1][0].load == pytest.approx(pressed[1][0].load, rel=3e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("control", ["load", "depth"])
-def test_another_load_of_a_flat_face_is_the_first_scaled(control):
-    linear = replace(RUBBER, model="linear-elastic", parameters={"youngs_modulus": 1e6})
-    cover = Cover(layers=(Layer(thickness=2e-3, material=linear),))
-    targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
-    flat = LoadingPath(cover=cover, indenter=Cylinder(radius=2e-3), targets=targets, control=control)
-    both = small_strain.solve_path(flat, None, None)
-    alone = small_strain.solve_path(replace(flat, targets=targets[1:]), None, None)
-    array = TexelArray.grid(6, 6, pitch=3.4e-3)
-    for scaled, solved in zip(both[1], alone[0], strict=True):
-        for name in ("total_force", "depth", "area"):
-            assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
-        assert scaled.contact == pytest.approx(solved.contact, rel=1e-6)
-        forces = scaled.texel_forces(array, PlanarPose(at=(1e-3, 0.0)))
-        assert forces == pytest.approx(solved.texel_forces(array, PlanarPose(at=(1e-3, 0.0))), rel=1e-6)
-        assert forces.sum() == pytest.approx(scaled.total_force, rel=2e-2)

@@ -1,0 +1,72 @@
+"""A sphere pressed into a small mesh: balance of forces and energy, penetration, and where a path ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference.elements.grading import grade_outward
+from fem_reference.elements.scaling import Units
+from fem_reference.elements.taylor_hood import prepare_elements
+from fem_reference.finite_strain.axisymmetric_path import PENALTY
+from fem_reference.finite_strain.contact import SurfaceContact
+from fem_reference.finite_strain.contact_problem import ContactProblem
+from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
+from fem_reference.finite_strain.newton import PathConvergenceError
+from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
+from meshes import Sphere
+from tests.support.rubber import make_cover
+
+
+def path_problem(nu=0.45, count=4, penalty=PENALTY):
+    cover = make_cover(nu)
+    units = Units.of(cover)
+    mesh, _ = mesh_cover(units.scale_cover(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
+    elements = prepare_elements(mesh, axisymmetric=True)
+    surface = IndenterSurface(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
+    return ContactProblem(
+        solid=Solid.from_cover(elements, cover, units),
+        contact=SurfaceContact(elements, 1.0, surface, penalty=penalty * count),
+        constrained=find_constrained(units.scale_cover(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
+        units=units,
+    )
+
+
+def test_a_path_that_ends_returns_what_it_reached():
+    """Nothing can be pressed through its own base."""
+    with pytest.raises(PathConvergenceError, match="no convergence beyond") as ended:
+        path_problem().follow([1.05], control="depth", first=0.02)
+    assert ended.value.reached is not None
+    assert 0.3 < ended.value.reached.depth < 1.0
+
+
+def test_contact_keeps_the_balance_and_leaves_little_overlap():
+    problem = path_problem()
+    reached = problem.follow([0.2], control="depth", first=0.02)[0]
+    base = problem.solid.elements.nodes[:, 1] < 1e-9
+    vertical = reached.reaction[1 : problem.solid.elements.displacements : 2]
+    assert vertical[base].sum() == pytest.approx(reached.load, rel=2e-3)
+    assert reached.contact.overlap < 1e-3 * reached.depth
+
+
+@pytest.mark.parametrize("nu", [0.45, 0.5])
+def test_stored_energy_is_the_work_of_the_load(nu):
+    """Without friction nothing is lost: the load is the derivative of the energy by the depth, all along the path."""
+    problem = path_problem(nu)
+    depths = np.array([0.015, 0.04, 0.08, 0.12, 0.16, 0.195, 0.2, 0.205])
+    path = problem.follow(list(depths), control="depth", first=0.02)
+    energy = np.array([problem.solid.energy(reached.state) for reached in path])
+    load = np.array([reached.load for reached in path])
+    assert (energy[-1] - energy[-3]) / (depths[-1] - depths[-3]) == pytest.approx(load[-2], rel=3e-3)
+    # the load grows like depth^1.5 at first: the polynomial is in the root of the depth
+    root = np.sqrt(depths)
+    fit = np.polynomial.Polynomial.fit(np.append(0, root), np.append(0, load), 4).convert()
+    work = (fit * np.polynomial.Polynomial([0, 2])).integ()
+    assert work(root[-1]) - work(0) == pytest.approx(energy[-1], rel=5e-3)
+
+
+def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
+    """The two checks above see it: work is lost in the surfaces' overlap."""
+    reached = path_problem(penalty=PENALTY / 1e4).follow([0.2], control="depth", first=0.02)[0]
+    assert reached.contact.overlap > 1e-2 * reached.depth

@@ -1,0 +1,72 @@
+"""Corrections of a small-strain path, with made-up solvers whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation.correction import SOLID_GRIDS, correct_path
+from fem_reference.indentation.grid_solution import GridSolution
+from meshes import Box, Roller
+from tests.support.rubber import make_cover
+
+FACE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=6e-3)
+STIFFNESS, STIFFENING = 1e4, 50.0  # [N/m], [1/m]
+
+
+def make_solution(force, depth):
+    return GridSolution(
+        total_force=force,
+        depth=depth,
+        area=1.0,
+        overlap=0.0,
+        contact=np.zeros((1, 3)),
+        texel_forces=lambda array, pose: np.array([force]),
+    )
+
+
+def solve(path, approaches):
+    """Grids that are 10 % too stiff, of a cover that stiffens in proportion to the small-strain depth."""
+    baseline = [[make_solution(1.1 * STIFFNESS * d, d) for _ in SOLID_GRIDS] for d in approaches]
+    full = [[make_solution(1.1 * STIFFNESS * d * (1 + STIFFENING * d), d) for _ in SOLID_GRIDS] for d in approaches]
+    return baseline, full
+
+
+@given(depths=st.lists(st.floats(1e-6, 1e-3), min_size=1, max_size=4, unique=True))
+def test_every_target_is_corrected_in_proportion_to_its_depth(depths):
+    """Also the depths below those that a grid resolves, which get their share of the effect at a larger depth."""
+    for shape in (FACE, ROLLER):
+        path = LoadingPath(cover=make_cover(0.45), indenter=shape, targets=tuple(sorted(depths)), control="depth")
+        accurate = [[make_solution(STIFFNESS * d, d)] * 3 for d in path.targets]
+        for depth, grids in zip(path.targets, correct_path(path, accurate, solve), strict=True):
+            assert len(grids) == len(SOLID_GRIDS)
+            for found in grids:
+                assert found.depth == pytest.approx(depth)
+                assert found.total_force == pytest.approx(STIFFNESS * depth * (1 + STIFFENING * depth))
+
+
+def record_targets(shape, *targets, friction=0.0):
+    """The depths that are solved on coarse grids."""
+    asked = []
+
+    def listen(path, approaches):
+        asked.extend(path.targets)
+        return solve(path, approaches)
+
+    path = LoadingPath(cover=make_cover(0.45), indenter=shape, targets=targets, control="depth", friction=friction)
+    correct_path(path, [[make_solution(STIFFNESS * d, d)] * 3 for d in targets], listen)
+    return asked
+
+
+def test_small_loads_of_a_flat_face_are_solved_at_a_larger_one():
+    assert record_targets(FACE, 1e-6, 2e-6) == pytest.approx([0.04 * 2e-3])
+    assert record_targets(FACE, 1e-6, 0.1e-3) == [0.1e-3]  # a target that is large enough serves both
+    assert record_targets(FACE, 1e-6, 0.5e-3) == pytest.approx([0.04 * 2e-3, 0.5e-3])
+
+
+def test_curved_shapes_and_friction_are_solved_as_asked():
+    assert record_targets(ROLLER, 1e-6, 2e-6) == [1e-6, 2e-6]
+    assert record_targets(FACE, 1e-6, 2e-6, friction=0.3) == [1e-6, 2e-6]

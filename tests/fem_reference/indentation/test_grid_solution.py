@@ -1,0 +1,141 @@
+"""Solutions on grids: scaling, extrapolation, correction, and the estimate from three grids."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fem_reference.indentation.grid_solution import (
+    GridSolution,
+    GridStudy,
+    correct_solution,
+    distribute_force,
+    extrapolate_solutions,
+    scale_solution,
+)
+from meshes import TexelArray
+from meshes.pose import PlanarPose
+
+ARRAY = TexelArray.grid(2, 2, pitch=3e-3)
+SIZES = (1 / 4, 1 / 6, 1 / 9)
+POSITIVE = st.floats(0.1, 10)
+
+
+def make_solution(force=1.0, depth=1.0, area=1.0, shares=(0.4, 0.3, 0.2, 0.05), overlap=0.0):
+    """A solution whose texel forces are fixed shares of its force."""
+    return GridSolution(
+        total_force=force,
+        depth=depth,
+        area=area,
+        overlap=overlap,
+        contact=np.array([[0.0, 1.0, force / 2], [2.0, 3.0, force / 2]]),
+        texel_forces=lambda array, pose: force * np.array(shares),
+    )
+
+
+def read_texels(solution):
+    return solution.texel_forces(ARRAY, PlanarPose())
+
+
+@given(force=POSITIVE, depth=POSITIVE, first=POSITIVE, second=POSITIVE)
+def test_scaling_is_linear_and_keeps_the_contact_area(force, depth, first, second):
+    solution = make_solution(force, depth)
+    twice = scale_solution(scale_solution(solution, first), second)
+    once = scale_solution(solution, first * second)
+    for each in (twice, once):
+        assert (each.total_force, each.depth) == pytest.approx((first * second * force, first * second * depth))
+        assert read_texels(each) == pytest.approx(first * second * read_texels(solution))
+        assert each.contact[:, 2].sum() == pytest.approx(each.total_force)
+        assert (each.contact[:, :2] == solution.contact[:, :2]).all()
+        assert each.area == solution.area
+
+
+@given(limit=POSITIVE, slope=st.floats(-0.5, 0.5))
+def test_extrapolation_recovers_the_limit_of_a_first_order_sequence(limit, slope):
+    grids = [make_solution(limit * (1 + slope * size), limit * (2 - slope * size)) for size in SIZES]
+    found = extrapolate_solutions(grids, SIZES)
+    assert found.total_force == pytest.approx(limit, rel=1e-9)
+    assert found.depth == pytest.approx(2 * limit, rel=1e-9)
+    assert read_texels(found) == pytest.approx(limit * np.array([0.4, 0.3, 0.2, 0.05]), rel=1e-9)
+    assert found.area == grids[-1].area
+
+
+@given(force=POSITIVE, depth=POSITIVE, control=st.sampled_from(["load", "depth"]), share=st.floats(0.1, 1))
+def test_a_correction_without_an_effect_changes_nothing(force, depth, control, share):
+    accurate = make_solution(force, depth)
+    coarse = make_solution(force / share, depth / share, shares=(0.3, 0.3, 0.3, 0.1))
+    found = correct_solution(accurate, baseline=coarse, full=coarse, control=control, share=share)
+    assert (found.total_force, found.depth, found.area) == pytest.approx((force, depth, 1.0))
+    assert read_texels(found) == pytest.approx(read_texels(accurate))
+
+
+@given(effect=st.floats(-0.3, 0.3), error=st.floats(-0.2, 0.2), control=st.sampled_from(["load", "depth"]))
+def test_an_error_that_baseline_and_full_solution_share_cancels(effect, error, control):
+    """Both coarse stiffnesses are wrong by the same factor; the corrected one is right."""
+    accurate = make_solution(2.0, 1.0)
+    stiffness = 2.0 * (1 + error) * np.array([1.0, 1 + effect])
+    if control == "load":
+        baseline, full = (make_solution(2.0, 2.0 / each) for each in stiffness)
+    else:
+        baseline, full = (make_solution(each, 1.0) for each in stiffness)
+    found = correct_solution(accurate, baseline=baseline, full=full, control=control)
+    assert found.total_force / found.depth == pytest.approx(2.0 * (1 + effect))
+    assert getattr(found, "total_force" if control == "load" else "depth") == pytest.approx(
+        2.0 if control == "load" else 1
+    )
+
+
+def test_a_shift_of_force_between_texels_is_added():
+    accurate = make_solution(shares=(0.4, 0.3, 0.2, 0.1))
+    baseline, full = make_solution(shares=(0.5, 0.3, 0.1, 0.1)), make_solution(shares=(0.45, 0.35, 0.1, 0.1))
+    found = correct_solution(accurate, baseline=baseline, full=full, control="load")
+    assert read_texels(found) == pytest.approx([0.35, 0.35, 0.2, 0.1])
+
+
+def test_a_correction_takes_the_larger_overlap_and_a_given_area():
+    baseline, full = make_solution(overlap=1e-3), make_solution(overlap=2e-3, area=3.0)
+    found = correct_solution(make_solution(), baseline=baseline, full=full, control="load", area=7.0)
+    assert (found.overlap, found.area) == (2e-3, 7.0)
+    assert correct_solution(make_solution(), baseline=baseline, full=full, control="load").area == pytest.approx(3.0)
+
+
+def make_study(**options):
+    return GridStudy(solutions=[], sizes=SIZES, least_order=1.0, assumptions={}, **options)
+
+
+def test_the_finest_value_is_the_result_unless_the_study_extrapolates():
+    values = [1 + size for size in SIZES]
+    assert make_study().combine(values) == values[-1]
+    assert make_study(extrapolate=True).combine(values) == pytest.approx(1.0)
+
+
+@given(order=st.floats(1.0, 3.0), coefficient=st.floats(0.01, 0.5), sign=st.sampled_from([-1, 1]))
+def test_the_estimate_covers_the_error_of_a_convergent_sequence(order, coefficient, sign):
+    values = [1 + sign * coefficient * size**order for size in SIZES]
+    assert make_study().estimate_error(values) * abs(values[-1]) >= abs(values[-1] - 1) * (1 - 1e-9)
+
+
+def test_equal_values_have_no_error_and_a_result_of_zero_neither():
+    assert make_study().estimate_error([2.0, 2.0, 2.0]) == 0
+    assert make_study().estimate_error([1.0, 0.5, 0.0]) == 0
+
+
+def test_values_that_go_back_and_forth_are_not_extrapolated():
+    study = make_study(extrapolate=True)
+    assert study.combine([1.0, 1.2, 1.1]) == 1.1
+    assert study.estimate_error([1.0, 1.2, 1.1]) == pytest.approx(make_study().estimate_error([1.0, 1.2, 1.1]))
+
+
+def test_the_force_is_distributed_under_the_indenter_alone():
+    x, y = np.linspace(-2, 2, 21), np.linspace(-1, 1, 11)
+    pressure = np.maximum(0, 1 - x[:, None] ** 2 / 2 - y**2)
+    pose = PlanarPose(at=(0.5, 0.0), yaw=np.pi / 2)
+    found = distribute_force(3.0, (x, y, pressure), (0.6, 0.4), pose)
+    assert found[:, 2].sum() == pytest.approx(3.0)
+    assert (np.abs(found[:, :2]) <= [0.6, 0.4]).all()
+    assert (found[:, 2] >= 0).all()
+    assert replace(make_solution(), contact=found).contact.shape[1] == 3

@@ -1,0 +1,62 @@
+"""Requests that `press` refuses, and what a result states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference import press, press_path
+from meshes import Cylinder, Sphere, TexelArray
+from tests.support.rubber import make_cover
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"load": None}, "either a load or a depth"),
+        ({"depth": 1e-4}, "either a load or a depth"),
+        ({"load": -1.0}, "load must be positive"),
+        ({"load": float("nan")}, "load must be positive"),
+        ({"load": None, "depth": 3e-3}, "pierce"),
+        ({"load": 5000.0}, "pierce"),
+    ],
+)
+def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
+    request = {"load": 1.0, **change}
+    with pytest.raises(ValueError, match=message):
+        press(bonded(0.3), wts, Sphere(radius=5e-3), **request)
+
+
+def test_results_name_their_assumptions(bonded, wts):
+    found = press(bonded(0.3), wts, Cylinder(radius=5e-3), load=0.5)
+    assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
+    assert set(found.error_estimate) == {"total_force", "peak_texel", "contact_area"}
+
+
+@pytest.mark.parametrize("friction", [-0.1, np.nan])
+def test_a_coefficient_that_is_none_is_refused(friction):
+    array = TexelArray.grid(2, 2, pitch=3.4e-3)
+    with pytest.raises(ValueError, match="friction coefficient"):
+        press(make_cover(0.45), array, Sphere(radius=5e-3), load=1.0, friction=friction)
+
+
+def test_axis_beside_the_cover_is_refused(bonded):
+    with pytest.raises(ValueError, match=r"axis at \(4.1, 0\) mm stands beside the cover, which measures 8 x 6 mm"):
+        press(
+            bonded(0.45, thickness=4e-3, size=(8e-3, 6e-3)),
+            TexelArray.grid(1, 2, 3e-3),
+            Sphere(radius=4e-3),
+            load=1.0,
+            at=(4.1e-3, 0.0),
+        )
+
+
+@pytest.mark.parametrize("targets", [{"loads": [2.0, 1.0]}, {"depths": [2e-4, 1e-4]}])
+def test_a_path_must_ascend(bonded, wts, targets):
+    with pytest.raises(ValueError, match="must ascend"):
+        press_path(bonded(0.3), wts, Sphere(radius=5e-3), **targets)
+
+
+def test_a_path_needs_a_target(bonded, wts):
+    with pytest.raises(ValueError, match="give at least one load"):
+        press_path(bonded(0.3), wts, Sphere(radius=5e-3), loads=[])

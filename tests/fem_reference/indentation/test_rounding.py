@@ -1,0 +1,61 @@
+"""Rounded edges: their radius on each grid, walls that are too thin for it, and what a result states."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fem_reference import press
+from fem_reference.indentation.rounding import choose_fillet, choose_solid_fillet, scale_fillet, state_rounding
+from meshes import Box, Cylinder, LetterH, Prism, Roller, Sphere
+from tests.support.rubber import make_cover
+
+HALF = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
+H = Prism(points=tuple((1e-3 * x, 1e-3 * y) for x, y in [*HALF, *((-x, -y) for x, y in HALF)]))
+
+
+def frame(wall):
+    ring = [tuple((s * a, t * a) for s, t in ((1, 1), (-1, 1), (-1, -1), (1, -1))) for a in (5e-3, 5e-3 - wall)]
+    return Prism(points=ring[0], holes=(ring[1],))
+
+
+def test_walls_too_thin_for_a_grid_are_refused_in_words(wts):
+    cover = make_cover(0.45)
+    with pytest.raises(ValueError, match="its walls are too thin"):
+        press(cover, wts, frame(0.05e-3), load=1.0)
+    with pytest.raises(ValueError, match="too thin beside 10 mm for the grids of finite strain"):
+        choose_solid_fillet(cover.thickness, frame(0.15e-3))
+
+
+def rounding(shape):
+    """What a result says of the shape's edges on a cover of 2 mm."""
+    return state_rounding(shape, choose_solid_fillet(2e-3, shape))["edge"]
+
+
+def test_walls_that_the_rounding_leaves_nothing_of_are_told():
+    leg = [(-4e-3, -4e-3), (-0.2e-3, -4e-3), (-0.2e-3, -7e-3), (0.2e-3, -7e-3), (0.2e-3, -4e-3), (4e-3, -4e-3)]
+    with_leg = Prism(points=(*leg, (4e-3, 4e-3), (-4e-3, 4e-3)))
+    assert "walls thinner than 0.8 mm are left out" in rounding(with_leg)
+    for whole in (H, frame(2e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)):
+        assert "left out" not in rounding(whole)
+
+
+@given(width=st.floats(0.5e-3, 20e-3), thickness=st.floats(0.5e-3, 5e-3))
+def test_the_radius_is_smaller_than_the_cover_is_thick_and_the_face_is_wide(width, thickness):
+    for shape in (Cylinder(radius=width / 2), Box(size=(width, width, width))):
+        assert 0 < choose_fillet(thickness, shape) <= min(thickness, width / 2) / 5 * (1 + 1e-12)
+
+
+@given(count=st.integers(1, 20))
+def test_the_radius_is_in_proportion_to_the_element_size(count):
+    assert scale_fillet(0.1e-3, count, (1, 2, 4)) * count == pytest.approx(0.4e-3)
+    assert scale_fillet(0.1e-3, 4, (1, 2, 4)) == 0.1e-3
+
+
+def test_results_state_what_was_rounded():
+    assert state_rounding(Sphere(radius=4e-3), 0.1e-3) == {}
+    assert state_rounding(Roller(radius=4e-3, length=6e-3), 0.1e-3) == {
+        "surface": "facets and edges rounded over 0.1 mm"
+    }
+    assert "rounded with 0.1 mm on the finest grid" in state_rounding(Cylinder(radius=4e-3), 0.1e-3)["edge"]

@@ -1,0 +1,64 @@
+"""Small strain: flat faces scale with the load, poses share a solution, limited covers need a place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation.small_strain import estimate_contact, solve_path
+from meshes import Cylinder, Sphere, TexelArray
+from meshes.pose import PlanarPose
+from tests.support.rubber import make_cover
+
+ARRAY = TexelArray.grid(6, 6, pitch=3.4e-3)
+POSE = PlanarPose(at=(1e-3, 0.0))
+COVER = make_cover(0.45, "linear-elastic")
+
+
+@pytest.mark.parametrize("control", ["load", "depth"])
+def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
+    targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
+    path = LoadingPath(cover=COVER, indenter=Cylinder(radius=2e-3), targets=targets, control=control)
+    both = solve_path(path, None, None)
+    alone = solve_path(replace(path, targets=targets[1:]), None, None)
+    for scaled, solved in zip(both[1], alone[0], strict=True):
+        for name in ("total_force", "depth", "area"):
+            assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
+        assert scaled.contact == pytest.approx(solved.contact, rel=1e-6)
+        forces = scaled.texel_forces(ARRAY, POSE)
+        assert forces == pytest.approx(solved.texel_forces(ARRAY, POSE), rel=1e-6)
+        assert forces.sum() == pytest.approx(scaled.total_force, rel=2e-2)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    path = LoadingPath(cover=COVER, indenter=Sphere(radius=4e-3), targets=(0.2e-3,), control="depth")
+    return path, solve_path(path, None, None)[0]
+
+
+@settings(max_examples=15, deadline=None)
+@given(x=st.floats(-8e-3, 8e-3), y=st.floats(-8e-3, 8e-3))
+def test_a_mirrored_pose_mirrors_the_texel_forces(ball, x, y):
+    finest = ball[1][-1]
+    here = ARRAY.image(finest.texel_forces(ARRAY, PlanarPose(at=(x, y))))
+    there = ARRAY.image(finest.texel_forces(ARRAY, PlanarPose(at=(-x, -y))))
+    assert there[::-1, ::-1] == pytest.approx(here, abs=1e-4 * finest.total_force)
+
+
+def test_the_contact_estimate_extends_as_far_as_the_contact(ball):
+    path, grids = ball
+    extent = np.hypot(*estimate_contact(path, None, None).T).max()
+    assert extent == pytest.approx(np.sqrt(grids[-1].area / np.pi), rel=0.05)
+
+
+def test_a_cover_of_limited_size_needs_a_place():
+    path = LoadingPath(
+        cover=replace(COVER, size=(8e-3, 8e-3)), indenter=Sphere(radius=4e-3), targets=(1.0,), control="load"
+    )
+    with pytest.raises(ValueError, match="depends on the place"):
+        solve_path(path, None, None)
