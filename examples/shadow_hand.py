@@ -51,6 +51,7 @@ PICTURE_SIZE = (440, 520)
 
 #: Prefix of every name in the model of the hand.
 PREFIX = "robot0:"
+#: The first, middle, ring and little finger.
 FINGERS = ("ff", "mf", "rf", "lf")
 #: Orientation of each array in its link's frame (quaternion): x across the hand, y to the fingertip, z out of the palm.
 PALMAR = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)

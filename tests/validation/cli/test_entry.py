@@ -1,7 +1,10 @@
 import contextlib
 import io
+import json
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import assume, given
@@ -18,6 +21,7 @@ def test_help_has_examples(softcover, command):
     assert f"softcover {command}" in out
 
 
+DOCUMENTED_KEYS = Path(__file__).parents[3] / "docs" / "json.md"
 PAGES = [[name] for name in _COMMANDS] + [["store", action] for action in ("list", "verify", "prune")]
 
 
@@ -128,6 +132,28 @@ def test_missing_extra_gives_the_command_that_installs_it(tmp_path, module, extr
         f"softcover: {module} is not installed; run: python -m pip install 'softcover[{extra}]'"
     ]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["store", "list"],
+        ["store", "verify"],
+        ["store", "prune", "--dry-run"],
+        ["materials"],
+        ["materials", "dragon-skin-30"],
+        ["materials", "--hardness", "30"],
+        ["doctor"],
+        ["export", "wts-0614-34"],
+        ["view", "wts-0614-34", "--indenter", "tip", "--load", "1N", "--seconds", "0.1"],
+    ],
+    ids=" ".join,
+)
+def test_the_keys_of_json_output_are_documented(softcover, words):
+    status, out, _ = softcover(*words, "--json")
+    assert status == 0
+    documented = set(re.findall(r"`(\w+)`", DOCUMENTED_KEYS.read_text()))
+    assert set(json.loads(out)) <= documented
 
 
 def test_ctrl_c_is_status_130(softcover, monkeypatch):
