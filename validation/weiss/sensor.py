@@ -44,24 +44,18 @@ class Sensor(AbstractContextManager["Sensor"]):
         baud_rate: Speed of a true UART; USB virtual ports ignore it [1/s].
         timeout: How long to wait for an answer before the command is sent again, three times in all [s].
         buffer_bytes: Largest number of bytes kept for a slow consumer.
-        tap: Called with all bytes as they are received, before they are parsed.
 
     Raises:
         PortError: If the port cannot be opened or no sensor answers on it.
     """
 
     def __init__(
-        self,
-        port: str,
-        *,
-        baud_rate: int = 115_200,
-        timeout: float = 0.5,
-        buffer_bytes: int = BUFFER_BYTES,
-        tap: Callable[[Chunk], None] | None = None,
+        self, port: str, *, baud_rate: int = 115_200, timeout: float = 0.5, buffer_bytes: int = BUFFER_BYTES
     ) -> None:
         self.port = port
         self.timeout = timeout
-        self.tap = tap
+        #: Called with all bytes as they are received, before they are parsed.
+        self.tap: Callable[[Chunk], None] | None = None
         self._open_link: Callable[[], Link] = lambda: Link(port, baud_rate=baud_rate, buffer_bytes=buffer_bytes)
         #: Settings that were made, to make them again after a reconnection.
         self._settings: dict[Command, int] = {}
