@@ -151,7 +151,7 @@ class _Collector:
         )
 
     def fail(self, fault: str) -> NoReturn:
-        """Refuse the file with its name, the place and the fault."""
+        """Refuse the file: raise an error with its name, the place and the fault."""
         raise RecordingError(f"{self.path}: {self.place}: {fault}")
 
     def _add_frame(self, fields: Mapping[str, str]) -> None:

@@ -62,7 +62,7 @@ def replay_frames(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
 
 
 def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) -> Iterator[Frame]:
-    """Frames of the fast model without end, under an indenter whose load rises and falls.
+    """Endless stream of frames of the fast model, under an indenter whose load rises and falls.
 
     Args:
         parameters: The sensor, from `derive`.

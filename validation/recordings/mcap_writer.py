@@ -234,7 +234,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
                 self._writer.flush()
 
     def _check_failure(self) -> None:
-        """Raise a `StorageError` if a write failed."""
+        """Raise a `StorageError` if an earlier write failed."""
         if self._failure is not None:
             raise self._abandon_file(self._failure) from self._failure
 

@@ -120,7 +120,7 @@ class Parser:
         return size
 
     def _is_possible(self, identifier: int, payload: bytes) -> bool:
-        """Whether a message holds a frame of the array, if its identifier says that it holds one."""
+        """Whether a message may be genuine: where its identifier announces a frame, the payload must be one."""
         if identifier == Command.READ_SINGLE_FRAME and payload.startswith(_SUCCESS):
             payload = payload[_STATUS_SIZE:]
         elif identifier != Command.PERIODIC_FRAME:

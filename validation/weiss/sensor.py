@@ -122,7 +122,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         self._set(Command.SET_GAIN, gain)
 
     def tare(self) -> None:
-        """Take the present image as zero."""
+        """Let the device subtract the present image from all later frames, until `untare`."""
         self.ask(Command.TARE, TARE)
 
     def untare(self) -> None:

@@ -18,7 +18,7 @@ RUN_LENGTH_FLAG = 0x01
 #: Number of low bits of a run-length unit that hold the count; the bits above hold the length of the run (1..15).
 RUN_LENGTH_VALUE_BITS = 12
 
-#: Payload of the tare command that takes the present image as zero, and of the one that undoes it.
+#: Payload of the tare command that makes the device subtract the present image, and of the one that undoes it.
 TARE, UNTARE = 1, 0
 
 #: `struct` formats of the threshold and of the front-end gain, in requests and in answers.
