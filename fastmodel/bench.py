@@ -19,7 +19,7 @@ from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Pose, about_z
+from fastmodel.pose import Pose, make_z_rotation
 from fastmodel.sensor import recommend_options
 from meshes import Indenter
 from meshes.constants import STANDARD_GRAVITY
@@ -199,7 +199,7 @@ def add_indenter(
     Returns:
         The body.
     """
-    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=about_z(yaw))
+    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=make_z_rotation(yaw))
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.mass, body.explicitinertial = load / STANDARD_GRAVITY, True
     body.inertia = [body.mass * GYRATION_RADIUS**2] * 3

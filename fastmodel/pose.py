@@ -45,7 +45,7 @@ class Pose:
         return cls(position=origin, quaternion=rotation / length)
 
 
-def quaternions(matrices: FloatArray) -> FloatArray:
+def make_quaternions(matrices: FloatArray) -> FloatArray:
     """Quaternions of rotation matrices, shape (n, 4) [-].
 
     Args:
@@ -92,7 +92,7 @@ def rotate(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors + 2 * np.cross(u, np.cross(u, vectors) + w * vectors))
 
 
-def about_z(angle: float) -> FloatArray:
+def make_z_rotation(angle: float) -> FloatArray:
     """Quaternion of a rotation about z, shape (4,) [-].
 
     Args:

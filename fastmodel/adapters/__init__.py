@@ -1,1 +1,1 @@
-"""Interfaces to other software: Gymnasium, Gazebo, and many worlds at once."""
+"""Adapters: Gymnasium environments, the Gazebo plugin block, and batches of worlds."""

@@ -17,7 +17,7 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.contact.box_forces import press_boxes
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import LifeCycleError
-from fastmodel.pose import Pose, multiply, quaternions, rotate
+from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
@@ -63,7 +63,7 @@ class BoxTexels:
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
         axis_x, axis_y = find_tangents(array)
-        turns = multiply(pose.quaternion, quaternions(np.stack([axis_x, axis_y, array.normals], axis=-1)))
+        turns = multiply(pose.quaternion, make_quaternions(np.stack([axis_x, axis_y, array.normals], axis=-1)))
         middles = array.centres - 0.5 * self.height * array.normals
         places = pose.position + rotate(pose.quaternion, middles)
         bit = 1 << self.contact_bit

@@ -19,7 +19,7 @@ from fastmodel.contact.box_forces import decode_force
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
 from fastmodel.errors import LifeCycleError, StateError
-from fastmodel.pose import Pose, multiply, quaternions, rotate
+from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.gap import describe_solid
@@ -88,7 +88,7 @@ class Plate:
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 size=[*panel.half, self.height / 2],
                 pos=pose.position + rotate(pose.quaternion, middle[None])[0],
-                quat=multiply(pose.quaternion, quaternions(panel.axes[None])[0]),
+                quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]),
                 mass=0.0,
                 contype=bit,
                 conaffinity=0x7FFFFFFF & ~bit,

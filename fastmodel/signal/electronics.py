@@ -72,11 +72,12 @@ class Electronics:
         Raises:
             ValueError: If a number is out of range; the message lists every fault.
         """
-        faults = [message for wrong, message in self._rules() if wrong]
+        faults = [message for wrong, message in self._list_rules() if wrong]
         if faults:
             raise ValueError("; ".join(faults))
 
-    def _rules(self) -> list[tuple[bool, str]]:
+    def _list_rules(self) -> list[tuple[bool, str]]:
+        """Whether each rule is broken, and the message that says so."""
         largest = 2**self.bits - 1
         c = self.characteristic
         return [

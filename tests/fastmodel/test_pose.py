@@ -4,19 +4,19 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fastmodel.pose import Pose, about_z, multiply, quaternions, rotate
+from fastmodel.pose import Pose, make_quaternions, make_z_rotation, multiply, rotate
 
 
 def test_rotations_equal_scipys():
     turns = Rotation.random(20, rng=np.random.default_rng(0))
     ours = turns.as_quat(scalar_first=True)
-    again = quaternions(turns.as_matrix())
+    again = make_quaternions(turns.as_matrix())
     assert np.allclose(np.abs(np.sum(ours * again, axis=1)), 1)
     vectors = np.random.default_rng(1).normal(size=(7, 3))
     assert np.allclose(rotate(ours[3], vectors), turns[3].apply(vectors))
     product = multiply(ours[3], ours)
     assert np.allclose(rotate(product[5], vectors), (turns[3] * turns[5]).apply(vectors))
-    assert np.allclose(rotate(about_z(0.3), vectors), Rotation.from_euler("z", 0.3).apply(vectors))
+    assert np.allclose(rotate(make_z_rotation(0.3), vectors), Rotation.from_euler("z", 0.3).apply(vectors))
 
 
 def test_poses_are_normalised_and_checked():

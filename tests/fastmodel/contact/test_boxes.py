@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fastmodel.contact.boxes import BoxTexels, geom_name
-from fastmodel.pose import Pose, about_z, multiply
+from fastmodel.pose import Pose, make_z_rotation, multiply
 from meshes import TexelArray
 
 ARRAY = TexelArray.grid(4, 5, 10e-3)
@@ -48,7 +48,7 @@ def add_contact_by_contact(model, data):
 @pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
 @pytest.mark.parametrize("condim", [1, 3, 4, 6])
 def test_box_forces_equal_mujocos_contact_forces(cone, condim):
-    tilt = multiply(np.array([np.cos(0.1), np.sin(0.1), 0, 0]), about_z(0.4))
+    tilt = multiply(np.array([np.cos(0.1), np.sin(0.1), 0, 0]), make_z_rotation(0.4))
     model, data = scene(cone, condim, tilt)
     reader = BoxTexels().bind(model, ARRAY, "a")
     touched = 0
@@ -101,7 +101,7 @@ def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
     spec = mujoco.MjSpec()
     spec.option.timestep = 1e-3
     BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
-    blade = spec.worldbody.add_body(pos=[1e-3, 2e-3, 3e-3], quat=about_z(0.7))
+    blade = spec.worldbody.add_body(pos=[1e-3, 2e-3, 3e-3], quat=make_z_rotation(0.7))
     for axis in np.eye(3):
         blade.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     size, friction = [0.3e-3, 4e-3, 3e-3], [2.0, 0, 0]
@@ -121,7 +121,7 @@ def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
 
 def test_one_reader_reads_several_states_of_a_model():
     model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
-    other, turned = mujoco.MjData(model), multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), about_z(0.4))
+    other, turned = mujoco.MjData(model), multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), make_z_rotation(0.4))
     texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
     # the boxes lean in the other state; without this MuJoCo would go by the turns they were compiled with
     model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
@@ -148,7 +148,7 @@ def test_a_copy_of_a_reader_looks_at_the_copy_of_the_data():
     mujoco.mj_step(model, data)
     reader.read(data)
     reader, model, data = copy.deepcopy((reader, model, data))
-    model.geom_quat[texels] = multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), about_z(0.4))
+    model.geom_quat[texels] = multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), make_z_rotation(0.4))
     touched = 0
     for _ in range(30):
         mujoco.mj_step(model, data)

@@ -25,7 +25,7 @@ from fastmodel import (
     indent,
     indent_together,
 )
-from fastmodel.pose import about_z, multiply, rotate
+from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
@@ -135,7 +135,7 @@ def run(sensor, model, data, steps):
 
 @pytest.mark.parametrize("method", NAMES)
 def test_turning_array_and_object_together_changes_no_texel(method):
-    turn = multiply(np.array([np.cos(0.4), np.sin(0.4), 0, 0]), about_z(1.1))
+    turn = multiply(np.array([np.cos(0.4), np.sin(0.4), 0, 0]), make_z_rotation(1.1))
     level = run(*scene(np.array([1.0, 0, 0, 0]), method), 500)[-1]
     turned = run(*scene(turn, method), 500)[-1]
     # 2 N; boxes hold four contacts of a redundant set, which rounding shares anew

@@ -10,7 +10,7 @@ import pytest
 import fastmodel
 from fastmodel import OptionWarning, Placement, ShapeError, indent, indent_together
 from fastmodel.contact.panel_layout import ScatteredBaseForces, divide_into_panels, lay_out
-from fastmodel.pose import about_z, multiply, rotate
+from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
 
@@ -176,7 +176,7 @@ def scene(array, turn, method):
 @pytest.mark.parametrize("method", ["foundation", "cover"])
 def test_turning_a_bent_array_and_its_object_together_changes_no_texel(method):
     array = bent(15e-3)
-    turn = multiply(np.array([np.cos(0.4), np.sin(0.4), 0, 0]), about_z(1.1))
+    turn = multiply(np.array([np.cos(0.4), np.sin(0.4), 0, 0]), make_z_rotation(1.1))
     level, turned = (scene(array, each, method) for each in (np.array([1.0, 0, 0, 0]), turn))
     assert level.contact_forces().sum() > 0.5
     np.testing.assert_allclose(turned.contact_forces(), level.contact_forces(), atol=1e-6)
