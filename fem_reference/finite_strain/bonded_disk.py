@@ -1,8 +1,9 @@
 """Rubber disks compressed between two bonded rigid plates at finite strain: mounts, pads, and a test of the elements.
 
 `closed_form.bonded_disk` is the small-strain limit for incompressible rubber.  Where plate and free edge meet, real
-rubber rolls onto the plate from the first.  Here the plate is not an obstacle and rubber passes beside it, so elements
-much smaller than those of `GRIDS` fold over there at large strains, and paths on such grids end early.
+rubber bulges and comes to lie against the plate, even at small strain.  This model has no contact there, and rubber can
+move past the plate's edge.  Elements much smaller than those of `GRIDS` fold over at the edge at large strains, and a
+path on such a grid stops early.
 """
 
 from __future__ import annotations

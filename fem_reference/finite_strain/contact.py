@@ -37,7 +37,7 @@ _ORDER = 5
 _ON_TOP = 1e-9
 #: Value of a shape function below which it vanishes on a facet [-].
 _ZERO = 1e-9
-#: Added to denominators that may be zero [N] or [Pa].
+#: Lower bound of denominators that may be zero [N] or [Pa].
 _TINY = 1e-300
 
 
