@@ -32,7 +32,7 @@ TOLERANCES: Mapping[str, float] = MappingProxyType(
         "image_changed_percent": 0.1,
     }
 )
-#: Name of the entry that holds the means over all cases, beside the entries of the cases.
+#: Name of the entry that holds the means over all cases.
 MEAN = "mean over cases"
 
 

@@ -5,7 +5,7 @@ Counts of texel i in observation k under the texel force f = share_i load_k are 
     counts = S(g_i (1 + t (T_k - T_0)) P(f) - threshold),   never below 0,
 
 with a polynomial P of degree 1 or 5, gains g of mean 1, a temperature coefficient t and the soft saturation S of
-`fastmodel.signal.electronics`.  `CurveForm` says which of these are fitted.
+`fastmodel.signal.electronics`.  `CurveForm` selects which of these are fitted.
 
 All frames of one recording share the same errors (placement, drift, history of the rubber), so the number of recordings
 counts as evidence, not the number of frames.  The covariance is the cluster-robust one with the CR3 correction (Bell

@@ -30,7 +30,7 @@ class Comparison:
     Attributes:
         sensor: The sensor that is pressed, or the parameters of its fast model if its cover is not known.
         case: The indentation.  If a depth was given, its load is the reference's at that depth.
-        fem: By the finite elements; None if neither the models nor a depth ask for it.
+        fem: By the finite elements; None unless the models name it or a depth was given.
         fast: By the fast model; None if the models do not name it.
         score: Fast model against finite elements; None unless both are there.
         models: The models that the user named.

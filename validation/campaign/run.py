@@ -1,7 +1,7 @@
 """A campaign: cases pressed by the finite elements and by the fast model, and scored.
 
-Beside the fast model stand its simpler contact methods and two null models: zeros, and the forces on rigid boxes
-without any spread.  The error estimate of the reference is the noise floor of every score.
+The simpler contact methods of the fast model and two null models are scored for comparison.  The null models are zeros
+and the forces on rigid boxes without any spread.  The error estimate of the reference is the noise floor of all scores.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def run_campaign(
 
     Args:
         cover: The cover of the reference.
-        parameters: The fast model, fitted beforehand; nothing is fitted here.
+        parameters: The fitted fast model; a campaign fits no parameter.
         cases: The indentations.
         progress: Called before each case with (cases done, cases in all, name of the next case).
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from fastmodel.fitting.gaussian import Fit
 from fastmodel.signal.point_spread import Tabulated
 from meshes import TexelArray
+from validation.derivation.cover_kernels import cells_with_sides, cover_cells
 from validation.derivation.depth_fits import DepthFits, fit_depth
 from validation.derivation.kernel_fit import Influence, fit_kernel, radial_profile
 from validation.derivation.quadrature import gauss_points
@@ -185,8 +186,6 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
 
 def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:
     """Cover kernels between cells; None for free side edges over texels that form no regular grid."""
-    from validation.derivation.cover_kernels import cells_with_sides, cover_cells
-
     if (spread := radial_profile(influence)) is not None:
         return cover_cells(sensor.cover, sensor.array, spread)
     return cells_with_sides(sensor.cover, sensor.array, influence) if sensor.array.regular else None

@@ -1,4 +1,4 @@
-"""Two-point separation: the smallest distance at which two equal loads can be told from one."""
+"""Two-point separation: the smallest distance at which two equal loads can be distinguished from one."""
 
 from __future__ import annotations
 

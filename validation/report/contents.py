@@ -93,12 +93,12 @@ def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
     null = campaign.skill["no-spread"]
     tiles = [
         {
-            "value": _interval_mean(fast["misplaced_force"], 100, " %"),
+            "value": f"{100 * fast['misplaced_force'].mean:.3g} %",
             "name": "of the load misplaced",
             "small": f"fast model, {len(campaign.cases)} cases, {_interval(fast['misplaced_force'], 100)}",
         },
         {
-            "value": _interval_mean(fast["image_changed_percent"], 1, " %"),
+            "value": f"{fast['image_changed_percent'].mean:.3g} %",
             "name": "image changed",
             "small": f"{_interval(fast['image_changed_percent'], 1)}; an empty image has "
             f"{campaign.pooled['zeros']['image_changed_percent'].mean:.3g} %",
@@ -177,7 +177,6 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
         "score": fast.score.as_json(),
         "bare": bare.score.as_json(),
         "depth": reference.depth,
-        "area": reference.contact_area,
         "errors": reference.error_estimate,
         "lit": fast.score.pixels_lit_line,
     }
@@ -204,10 +203,6 @@ def _pooled(campaign: CampaignResult) -> list[dict[str, Any]]:
         }
         for model, meaning in MODELS.items()
     ]
-
-
-def _interval_mean(value: Pooled, factor: float, unit: str) -> str:
-    return f"{factor * value.mean:.3g}{unit}"
 
 
 def _interval(value: Pooled, factor: float, digits: int = 3) -> str:

@@ -45,7 +45,7 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
 
 
 def _plot(derivation: Derivation, path: Path) -> None:
-    """Radial profile beside the texel response; row 0 at the bottom."""
+    """Draw the radial profile and the texel response side by side, row 0 at the bottom."""
     from matplotlib.figure import Figure
 
     sensor = derivation.sensor

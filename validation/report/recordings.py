@@ -21,7 +21,7 @@ COLUMNS = (
     ("wasserstein_m", "Wasserstein-1", 1e3, "mm"),
     ("active_area_iou", "active-area IoU", 1.0, ""),
 )
-#: Models whose images stand beside the recorded one, followed by the best null model.
+#: Models whose images are shown next to the recorded one, followed by the best null model.
 _SHOWN = ("fast model", "fast model, texel gains", "reference")
 
 
@@ -47,7 +47,6 @@ def _split(scores: StampScores, split: str, array: TexelArray) -> dict[str, Any]
     rows = [row for row in scores.rows if row.split == split]
     example = next(example for example in scores.examples if example.split == split)
     return {
-        "name": split,
         "about": scores.about[split],
         "rows": [_row(row, null) for row in rows],
         "null": null,

@@ -87,7 +87,7 @@ def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, 
     """Edge of the largest equal squares about all texels that do not overlap, along x and y [m].
 
     For a flat array this is the smallest maximum norm of the distance between two centres.  A curved array has no
-    common x and y; there the Euclidean distance stands in, which is at least as large.
+    common x and y; there the Euclidean distance is used, which is at least as large.
     """
     from scipy.spatial import cKDTree
 

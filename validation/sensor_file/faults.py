@@ -81,7 +81,7 @@ def _keys_of_table(location: Sequence[int | str]) -> list[str]:
 
 
 def _table_at(table: type[Any], key: str) -> type[Any]:
-    """The dataclass of the table that stands at `key` of `table`."""
+    """The dataclass of the table under `key` in `table`."""
     if key in ("layer", "material"):
         return LayerTable if key == "layer" else MaterialTable
     hint = typing.get_type_hints(table)[key]

@@ -21,8 +21,9 @@ from validation.errors import InputError, nearest
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
 from validation.text.quantity import read_quantity
 
-#: Electronics of the SDH2's arrays.  Their load curve is not published: the slope of the WTS 0614-34 stands in, without
-#: its offset, because the firmware of the DSACON32m subtracts a threshold.  Recordings are scored with a fitted curve.
+#: Electronics of the SDH2's arrays.  Their load curve is not published, so the slope of the WTS 0614-34 is used.  Its
+#: offset is left out, because the firmware of the DSACON32m subtracts a threshold.  Recordings are scored with a fitted
+#: curve instead.
 _SDH2_ELECTRONICS = Electronics(rate_hz=31.25, sensitivity=WTS_0614_34.sensitivity, output_max=3512, bits=12)
 
 

@@ -20,7 +20,7 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
 
     Args:
         value: The text: `30 A`, `30 shore-a`.
-        place: Where the text stands; a message begins with it.
+        place: Option or key that holds the text; messages begin with it.
         bare: Whether a number without a scale is accepted.
 
     Raises:

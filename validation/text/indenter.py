@@ -72,7 +72,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
 
     Args:
         text: The description.
-        place: Where the text stands; a message begins with it.
+        place: Option or key that holds the text; messages begin with it.
 
     Raises:
         InputError: With one line per fault: an unknown shape, a parameter that is unknown, missing or given twice, a

@@ -46,7 +46,7 @@ def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
     Args:
         value: The text; a plain number is refused because it has no unit.
         kind: The kind of quantity.
-        place: Where the text stands; a message begins with it.
+        place: Option or key that holds the text; messages begin with it.
 
     Returns:
         The number in SI units, angles in radians.
@@ -77,7 +77,7 @@ def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", j
         value: The text.
         kind: The kind of each quantity.
         count: Number of quantities.
-        place: Where the text stands; a message begins with it.
+        place: Option or key that holds the text; messages begin with it.
         joint: Separator in the example of a message.
 
     Raises:

@@ -15,7 +15,7 @@ from validation.recordings.recording import RecordingError, Setup, make_array
 from validation.recordings.series import STAMP_EDGE, THRESHOLD, find_recordings_folder, find_stamp_files
 
 
-def test_temperature():
+def test_the_effect_of_temperature_is_found():
     recordings = [
         make_recording(f"{load}-{warm}", load, temperature=warm, slope=-0.01)
         for load in (2, 3, 4, 5)
@@ -46,7 +46,7 @@ def test_shares_under_a_flat_face():
         flat_shares(array, Sphere(radius=1e-3), at=(50e-3, 0))
 
 
-def test_too_little_is_refused():
+def test_recordings_that_cannot_be_calibrated_are_refused():
     with pytest.raises(RecordingError, match="its load is not known"):
         calibrate([replace(make_recording(0, 2.0), setup=Setup())], shares=SHARES)
     with pytest.raises(ValueError, match="at least 3 recordings"):

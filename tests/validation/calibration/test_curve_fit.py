@@ -51,7 +51,7 @@ def test_names_are_those_of_the_truth():
     assert FORM.names(4) == list(TRUTH)
 
 
-def test_intervals_cover():
+def test_intervals_contain_the_truth_about_as_often_as_they_claim():
     hits, widths = _coverage(100)
     assert all(90 <= hit <= 99 for hit in hits.values()), hits
     assert widths["c1"] < 0.01 * TRUTH["c1"]
@@ -64,8 +64,8 @@ def test_intervals_that_are_too_short_are_noticed():
     assert max(hits.values()) < 27
 
 
-def test_recordings_not_frames_are_the_evidence():
-    """Ten copies of every observation tell nothing new."""
+def test_copies_of_the_frames_do_not_shorten_the_intervals():
+    """Errors are shared within a recording, so ten copies of every observation add no evidence."""
     once = _synthetic(1)
     many = Observations(
         loads=np.tile(once.loads, 10),

@@ -29,7 +29,7 @@ def abs_in(pooled):
     return pooled.low <= 0 <= pooled.high
 
 
-def test_skill():
+def test_skill_is_one_less_the_ratio_of_the_mean_errors():
     assert skill([1, 1], [2, 2]).mean == 0.5
     assert skill([2, 1], [2, 1]).low == 0
     assert skill([4.0], [2.0]).mean == -1

@@ -83,7 +83,7 @@ def test_lengths_are_si():
     assert read_indenter("tip") == RoundedTip(radius=1e-3)
 
 
-def test_pose():
+def test_positions_and_yaw_are_si():
     assert read_position("0.7mm,-1.1mm") == pytest.approx((0.7e-3, -1.1e-3))
     assert read_yaw("-31deg") == pytest.approx(math.radians(-31))
 

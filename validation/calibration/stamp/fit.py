@@ -85,10 +85,10 @@ def fit(
         model: The forward model.
         cases: Recordings to fit.
         array: The texels.
-        output_max: Largest count after the threshold, known beforehand [-].
+        output_max: Largest count after the threshold; it is given, not fitted [-].
 
     Returns:
-        The fit with nothing per texel, and the one that starts there and adds a gain per texel.
+        The fit without texel gains, and a second fit that starts from it and adds a gain per texel.
     """
     data = _Data(
         loads=np.array([case.file.load for case in cases]),

@@ -224,7 +224,8 @@ class _SplitTable:
     def add_nulls(self) -> None:
         """Add the null models, fitted on the same recordings."""
         for name, make in NULLS.items():
-            self._add_predictor(name, make(self._fitted, self._sensor.electronics.output_max), kind="null")
+            predict = make(self._fitted, self._sensor.electronics.output_max)
+            self._add_row(name, self._score_cases(name, predict), kind="null")
 
     def add_repeats(self) -> None:
         """Add the difference between repeats of one weight, the noise floor of every model."""
@@ -234,15 +235,17 @@ class _SplitTable:
                 if first.file.weight == second.file.weight and first.file.repeat < second.file.repeat:
                     per_case.setdefault(first.file.weight, []).append(self._score(first, second.counts))
         if per_case:
-            self._add_row("repeat of the same weight", per_case, kind="floor", fitted=())
+            self._add_row("repeat of the same weight", per_case, kind="floor")
 
     def add_fit(self, name: str, found: StampFit) -> None:
         """Add a fitted model."""
-        self._add_predictor(
+        texel_gains = found.gains is not None
+        label = f"{name}, texel gains" if texel_gains else name
+        self._add_row(
             name,
-            found.counts,
+            self._score_cases(label, found.counts),
             kind="model",
-            texel_gains=found.gains is not None,
+            texel_gains=texel_gains,
             parameters={**found.parameters(), "rms_counts": found.rms},
             electronics=found.load_curve.electronics(self._sensor.electronics.rate_hz, found.gains),
         )
@@ -257,32 +260,13 @@ class _SplitTable:
             predicted=dict(self._images),
         )
 
-    def _add_predictor(
-        self,
-        name: str,
-        predict: Predictor,
-        *,
-        kind: str,
-        texel_gains: bool = False,
-        parameters: Mapping[str, float] = MappingProxyType({}),
-        electronics: Electronics | None = None,
-    ) -> None:
+    def _score_cases(self, label: str, predict: Predictor) -> dict[str, list[CountScore]]:
+        """Scores of every scored weight by condition and letter; the shown image is kept under the label."""
         per_case: dict[str, list[CountScore]] = {}
         for case in self._scored:
-            scores = per_case.setdefault(case.file.weight, [])
-            scores.append(self._score(case, predict(case.file.load)))
-        label = f"{name}, texel gains" if texel_gains else name
+            per_case.setdefault(case.file.weight, []).append(self._score(case, predict(case.file.load)))
         self._images[label] = self._grey_image(predict(self._shown.file.load))
-        fitted = tuple(case.file.name for case in self._fitted)
-        self._add_row(
-            name,
-            per_case,
-            kind=kind,
-            fitted=fitted,
-            texel_gains=texel_gains,
-            parameters=parameters,
-            electronics=electronics,
-        )
+        return per_case
 
     def _score(self, case: StampCase, predicted: FloatArray) -> CountScore:
         return score_counts(case.counts, predicted, full_scale=case.full_scale, array=self._sensor.array)
@@ -298,7 +282,6 @@ class _SplitTable:
         scores: Mapping[str, list[CountScore]],
         *,
         kind: str,
-        fitted: tuple[str, ...],
         texel_gains: bool = False,
         parameters: Mapping[str, float] = MappingProxyType({}),
         electronics: Electronics | None = None,
@@ -311,7 +294,7 @@ class _SplitTable:
                 model=name,
                 kind=kind,
                 texel_gains=texel_gains,
-                fitted=fitted,
+                fitted=() if kind == "floor" else tuple(case.file.name for case in self._fitted),
                 parameters=dict(parameters),
                 per_case=per_case,
                 pooled={metric: pool(list(values)) for metric, values in _by_metric(per_case.values())},

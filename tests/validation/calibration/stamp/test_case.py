@@ -60,7 +60,7 @@ def test_the_steady_frame_is_the_mean_of_the_stated_window(monkeypatch):
     assert case.counts.sum() == case.counts[50]
 
 
-def test_a_hand_that_bounces_before_it_lets_go_moves_the_onset(monkeypatch):
+def test_a_short_press_before_the_load_does_not_count_as_its_onset(monkeypatch):
     counts = pressed_counts()
     counts[10:20, 50] = 900
     assert read(monkeypatch, recording_of(("sdh2-distal", counts))).onset == pytest.approx(2.0)
