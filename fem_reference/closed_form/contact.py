@@ -73,6 +73,7 @@ def sphere(
     x, weight, matrix = _equation(cover, contact_radius, nodes)
 
     def transform_gap(t: npt.ArrayLike) -> FloatArray:
+        """Contribution of the indenter's gap to g, with the sign reversed [m]."""
         t = np.asarray(t, dtype=float)
         return t**2 / radius if paraboloid else t * np.arctanh(t / radius)
 

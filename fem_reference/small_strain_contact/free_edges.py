@@ -109,6 +109,7 @@ class SideEdges:
         unit = self.cover.thickness * self.cover.layers[-1].material.shear_modulus
 
         def displace(force: FloatArray) -> FloatArray:
+            """Split forces by parity, spread them to nodes, and sum the displacements of all parities."""
             out = np.zeros_like(force)
             for sign, flexibility in zip(signs, flexibilities, strict=True):
                 load = along[0].T @ (along[1] * (sign * force)[:, None])

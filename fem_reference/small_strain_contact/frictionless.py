@@ -99,6 +99,7 @@ def solve_contact(
     flat = indenter.is_flat
 
     def measure_gap(x: FloatArray, y: FloatArray) -> FloatArray:
+        """Gap of the indenter [m], inf beside it and beside the cover."""
         value = indenter.gap(x, y)
         return value if sides is None else np.where(sides.contain(x, y), value, np.inf)
 

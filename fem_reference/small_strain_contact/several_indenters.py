@@ -75,7 +75,7 @@ class SeveralIndentations:
 
     Attributes:
         texel_forces: Normal force on each texel, shape (n,) [N].
-        outside: Force that no active texel feels [N].
+        outside: Force that reaches no active texel [N].
         depths: Approach of each body's axis from first touch, shape (bodies,) [m].
         slopes: Tilts of each body: rise along x and along y, shape (bodies, 2) [-].
         contact: Touching cells: x, y in the array's frame [m] and force [N], shape (m, 3).

@@ -34,14 +34,14 @@ def differences(cover, array, shape, depth, cells=14):
     return abs(found.total_force / exact.total_force - 1), np.abs(found.texel_forces - forces).max() / forces.max()
 
 
-def test_they_reach_the_sphere_on_a_layer(bonded):
+def test_boundary_elements_equal_the_sphere_on_a_layer(bonded):
     for cover in (bonded(0.5), bonded(0.3, base="sliding")):
         exact = closed_form.sphere(cover, 10e-3, cover.thickness)
         found = pressed_shape(cover, Sphere(radius=10e-3), exact.depth, cells=16)
         assert found.total_force == pytest.approx(exact.force, rel=3e-3)
 
 
-def test_they_reach_the_square_punch_on_a_half_space(bonded):
+def test_boundary_elements_equal_the_square_punch_on_a_half_space(bonded):
     """The potential of a charged square plate of capacity 0.3667874 sides (Read 1997): force = pi C E* depth."""
     found = pressed_shape(bonded(0.3, thickness=1.0), SQUARE, 1e-5, cells=16).total_force
     assert found == pytest.approx(np.pi * 0.3667874 * 4e-3 * 1e6 / (1 - 0.3**2) * 1e-5, rel=3e-3)
@@ -61,7 +61,7 @@ def test_a_long_roller_presses_its_middle_evenly(bonded):
         assert found.force[band].sum() / (2 * (reach + rows[0])) == pytest.approx(more, rel=0.03)
 
 
-def test_a_planted_defect_is_seen(bonded, monkeypatch):
+def test_a_planted_defect_is_found(bonded, monkeypatch):
     """The layer taken for a half space: far too soft."""
     monkeypatch.setattr(boundary, "_tabulate_regular", lambda cover, reach: np.zeros_like)
     cover = bonded(0.49)
@@ -77,14 +77,14 @@ def test_a_planted_defect_is_seen(bonded, monkeypatch):
         for shape in SHAPES
     ],
 )
-def test_press_equals_them_on_a_bonded_layer(bonded, wts, nu, shape):
+def test_press_equals_boundary_elements_on_a_bonded_layer(bonded, wts, nu, shape):
     assert max(differences(bonded(nu), wts, *SHAPES[shape])) < 0.01
 
 
 @slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("nu", [0.3, 0.45, 0.5])
-def test_press_equals_them_on_a_sliding_layer(bonded, wts, nu, shape):
+def test_press_equals_boundary_elements_on_a_sliding_layer(bonded, wts, nu, shape):
     cover = bonded(nu, base="sliding")
     assert max(differences(cover, wts, *SHAPES[shape])) < 0.01
 
@@ -92,14 +92,14 @@ def test_press_equals_them_on_a_sliding_layer(bonded, wts, nu, shape):
 @slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
-def test_press_equals_them_under_a_stiff_foil(wts, base, shape):
+def test_press_equals_boundary_elements_under_a_stiff_foil(wts, base, shape):
     assert max(differences(foil_on_foam(base), wts, *SHAPES[shape])) < 0.01
 
 
 @slow
 @pytest.mark.parametrize("cover", ["layer", "foil"])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_they_are_converged_to_a_thousandth(bonded, cover, shape):
+def test_boundary_elements_are_converged_to_a_thousandth(bonded, cover, shape):
     made = bonded(0.5) if cover == "layer" else foil_on_foam()
     forces = [pressed_shape(made, *SHAPES[shape], cells=n).total_force for n in (16, 24, 36)]
     left = abs(forces[2] - forces[1]) / (1.5**2 - 1)  # second order
@@ -120,7 +120,7 @@ def test_estimates_of_press_cover_the_error_of_a_punch_and_a_sphere(bonded, wts,
         assert true <= found.error_estimate["total_force"] + 5e-5 < 0.01
 
 
-def test_a_masked_texel_feels_nothing(bonded, wts):
+def test_a_masked_texel_carries_no_force(bonded, wts):
     found = pressed_shape(bonded(0.45), SQUARE, 0.05e-3, cells=6)
     active = np.ones(wts.count, dtype=bool)
     active[wts.middle] = False

@@ -22,7 +22,7 @@ def test_recursion_equals_the_one_line_compliance(bonded, nu):
 
 
 @pytest.mark.parametrize("nu", RATIOS)
-def test_short_waves_see_a_half_space(bonded, nu):
+def test_short_waves_have_the_compliance_of_a_half_space(bonded, nu):
     cover = bonded(nu)
     k = np.array([20.0, 40.0]) / cover.thickness
     assert closed_form.transfer(cover, k).compliance == pytest.approx(

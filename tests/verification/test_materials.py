@@ -133,7 +133,7 @@ def test_energy_is_objective_and_isotropic(name):
 
 
 @every_energy
-def test_energy_knows_no_volume(name):
+def test_energy_does_not_depend_on_the_volume_ratio(name):
     assert volume_error(ENERGIES[name]) < 1e-12
 
 
@@ -242,7 +242,7 @@ def test_models_contain_one_another():
     ("name", "largest"),
     [(n, 4.0 if m.model == "yeoh" else 2.0) for n, m in MATERIALS.items() if not m.small_strain_only],
 )
-def test_library_stiffens_or_softens_but_never_gives_way(name, largest):
+def test_pulling_forces_of_the_library_grow_with_the_stretch(name, largest):
     """The pulling force grows with the stretch over the range of the fit, and in compression to a third."""
     stretch = np.linspace(0.33, largest, 200)
     assert (np.diff(tension(create_energy(MATERIALS[name]), stretch, -0.5) / stretch) > 0).all()
@@ -310,7 +310,7 @@ class Lopsided(NeoHookean):
         return Response(energy=found.energy, stress=found.stress, tangent=tangent)
 
 
-def test_planted_defects_are_seen():
+def test_planted_defects_are_found():
     assert derivative_error(Spoiled(energy=1.0001)) > 100 * TOLERANCE
     assert derivative_error(Spoiled(stress=1.0001)) > 100 * TOLERANCE
     assert derivative_error(Spoiled(tangent=1.0001)) > 100 * TOLERANCE

@@ -84,7 +84,7 @@ def test_masked_texels_count_as_outside(bonded, wts):
     assert lost == pytest.approx(spread.texel_influence(wts, centre)[0, wts.middle], abs=1e-3)
 
 
-def test_shape_is_free_of_the_modulus_and_scales_with_thickness(bonded):
+def test_shape_does_not_depend_on_the_modulus_and_scales_with_thickness(bonded):
     soft, stiff = point_spread(bonded(0.45)), point_spread(bonded(0.45, youngs_modulus=7e6))
     assert stiff.pressure_per_force == pytest.approx(soft.pressure_per_force, rel=1e-9, abs=1e-3)
     thick = point_spread(bonded(0.45, thickness=6e-3))
@@ -125,6 +125,6 @@ def test_error_estimates_cover_the_true_error(bonded, wts):
         assert spread.error_estimate["peak_texel"] < 1e-3
 
 
-def test_free_side_edges_are_refused_in_words(bonded):
+def test_free_side_edges_are_refused(bonded):
     with pytest.raises(ValueError, match="free side edges"):
         point_spread(bonded(0.4, size=(30e-3, 60e-3)))

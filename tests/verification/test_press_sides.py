@@ -45,7 +45,7 @@ def test_plate_wider_than_a_pad_without_lateral_strain_squeezes_it_evenly(bonded
     assert patch.force[inner] / patch.cell**2 == pytest.approx(1 / (PAD[0] * PAD[1]), rel=0.02)
 
 
-def test_cutting_the_surroundings_away_only_softens(bonded):
+def test_the_flexibility_that_sides_add_is_positive(bonded):
     """What the sides add is a symmetric, positive semidefinite flexibility for every parity."""
     _, _, table = sides(pad(bonded), BALL, at=(2e-3, 0.0), half=1e-3)._difference
     assert len(table) == 2
@@ -55,7 +55,7 @@ def test_cutting_the_surroundings_away_only_softens(bonded):
         assert values[-1] > 0
 
 
-def test_sides_yield_where_the_load_is_and_both_ways_alike(bonded):
+def test_sides_add_displacement_near_the_load_and_reciprocally(bonded):
     """A load near one side moves the top there, not near the opposite side; what it does is reciprocal."""
     edges = sides(pad(bonded), BALL, at=(1e-5, 0.0), half=3.2e-3)
     x, y = np.array([-3e-3, 3e-3, 1e-3]), np.array([0.0, 0.0, 0.0])
@@ -73,7 +73,7 @@ def test_softer_near_a_side(bonded):
     assert 1.1 * middle < side < 2 * middle
 
 
-def test_far_sides_leave_the_wide_answer_as_it_is(bonded):
+def test_far_sides_change_nothing(bonded):
     cover = bonded(0.49, size=(60e-3, 60e-3))
     wide = solve_contact(surface_compliance(replace(cover, size=None), 40e-3), BALL, cells=40, load=1.0)
     far = pressed(cover, BALL, at=(3e-3, -2e-3), half=bound_contact(BALL, cover.thickness)[0])

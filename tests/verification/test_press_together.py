@@ -1,4 +1,4 @@
-"""Several bodies in one contact problem, against single ones and against statics."""
+"""Several indenters in one contact problem, against single ones and against statics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_one_body_is_what_press_finds(bonded, wts):
     assert found.texel_forces.sum() + found.outside == pytest.approx(2.0)
 
 
-def test_far_bodies_superpose_and_near_ones_feel_one_another(bonded, wts):
+def test_far_bodies_superpose_and_near_ones_sink_deeper(bonded, wts):
     cover = bonded(0.3)
     alone = press_together(cover, wts, [Body(indenter=SQUARE, load=2.0, at=(0.0, -9e-3))])
     both = [Body(indenter=SQUARE, load=load, at=(0.0, y)) for load, y in ((2.0, -9e-3), (1.0, 9e-3))]
@@ -36,7 +36,7 @@ def test_far_bodies_superpose_and_near_ones_feel_one_another(bonded, wts):
     assert near.depths[0] > 1.02 * far.depths[0]
 
 
-def test_a_tilting_body_stands_where_its_weight_acts(bonded, wts):
+def test_the_centre_of_pressure_of_a_tilting_body_is_under_its_weight(bonded, wts):
     body = Body(indenter=SQUARE, load=2.0, at=(0.3e-3, 0.4e-3), yaw=0.5, guided=False, centre=(0.8e-3, -0.2e-3))
     found = press_together(bonded(0.45), wts, [body])
     x, y, force = found.contact.T
@@ -49,7 +49,7 @@ def test_a_tilting_body_stands_where_its_weight_acts(bonded, wts):
     assert not upright.slopes.any()
 
 
-def test_a_ball_turns_on_the_spot(bonded, wts):
+def test_a_ball_that_may_tilt_presses_like_a_guided_one(bonded, wts):
     """Tilting a ball about its centre of pressure changes nothing."""
     guided = press_together(bonded(0.3), wts, [Body(indenter=Sphere(radius=5e-3), load=1.0)])
     free = press_together(bonded(0.3), wts, [Body(indenter=Sphere(radius=5e-3), load=1.0, guided=False)])

@@ -1,4 +1,4 @@
-"""Covers with free side edges: against general elements, exact states, the wide cover and themselves."""
+"""Covers with free side edges: against general elements, exact solutions and the wide cover; symmetry, convergence."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def match_columns(found, expected):
 
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
-def test_quarter_and_dual_equal_the_whole_cover_loaded_at_a_point(bonded, nu, base):
+def test_quarter_and_adjoint_equal_the_whole_cover_loaded_at_a_point(bonded, nu, base):
     """A load on the whole cover, general elements, reactions recovered: the same discrete answer by another way."""
     cover = bonded(nu, size=(11e-3, 8e-3), base=base)
     solid = mesh_quarter(cover, SMALL, COARSE)
@@ -118,7 +118,7 @@ def test_texels_and_outside_add_up_to_the_load(bonded, nu):
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
-def test_even_pressure_on_a_sliding_cover_presses_evenly(bonded, nu):
+def test_uniform_pressure_on_a_sliding_cover_gives_uniform_base_pressure(bonded, nu):
     """Uniaxial stress is an exact state: every texel carries its part of the area."""
     cover = bonded(nu, size=(11e-3, 8e-3), base="sliding")
     solution = one_grid(cover, SMALL)
@@ -128,7 +128,7 @@ def test_even_pressure_on_a_sliding_cover_presses_evenly(bonded, nu):
     assert share == pytest.approx(np.full(len(share), 9e-6 / (11e-3 * 8e-3)), rel=1e-9)
 
 
-def test_mirrored_loads_have_mirrored_answers_and_a_square_can_be_turned(bonded):
+def test_mirrored_loads_give_mirrored_forces_and_a_square_can_be_turned(bonded):
     square = bonded(0.49, size=(11e-3, 11e-3))
     place = np.array([[1.2e-3, 4.1e-3]])
     solution = one_grid(square, THREE)
@@ -144,7 +144,7 @@ def test_exchanging_x_and_y_saves_work_and_changes_nothing(bonded, monkeypatch):
     assert np.abs(solve_adjoint(square, THREE, COARSE).texels - short).max() < 1e-11
 
 
-def test_an_array_off_the_middle_is_served_too(bonded):
+def test_an_array_off_the_middle_gets_its_forces_too(bonded):
     """One texel of an uneven array has the influence it has in an even one."""
     cover = bonded(0.45, size=(14e-3, 12e-3))
     shifted = replace(SMALL, centres=SMALL.centres + np.array([1.7e-3, 0, 0]))
@@ -214,7 +214,7 @@ def test_a_free_side_is_not_a_wide_cover(bonded):
     assert np.abs(free.texel_influence(covered, place) - wide).max() > 0.02
 
 
-def test_what_cannot_be_answered_is_refused_in_words(bonded, wts):
+def test_other_arrays_and_positions_beside_the_cover_are_refused(bonded, wts):
     solution = one_grid(bonded(0.45, size=(11e-3, 8e-3)), SMALL)
     with pytest.raises(ValueError, match="beyond the cover, which is 11 x 8 mm"):
         solution.texel_influence(SMALL, [[0.0, 4.2e-3]])
