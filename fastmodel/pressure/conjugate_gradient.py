@@ -35,8 +35,8 @@ IntArray = npt.NDArray[np.int64]
 _SQUARE = 4 * float(np.arcsinh(1.0))
 #: Fewest cells on which moments are prescribed: three points define a plane.
 _PLANE = 3
-#: Smallest size of a contact by which lever arms are divided [m].
-_SMALLEST = 1e-9
+#: Length by which the lever arms of moments are divided: the size of a typical contact [m].
+_LEVER = 1e-2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,12 +86,11 @@ class Load:
         x, y = samples.x[own], samples.y[own]
         if not self.tilts or len(x) < _PLANE:
             return np.ones((len(x), 1)), np.array([self.force])
-        # about the centre of pressure and over the size of the contact: the unknowns are then of similar magnitude
-        centre = self.moment / self.force
+        # about the centre of pressure and over a typical length: the unknowns are then of similar magnitude
+        centre = (self.moment / (self.force * _LEVER)).tolist()
         columns = np.ones((len(x), 3))
-        size = max(np.abs(x - centre[0]).max(), np.abs(y - centre[1]).max(), _SMALLEST)
-        columns[:, 1] = (x - centre[0]) / size
-        columns[:, 2] = (y - centre[1]) / size
+        columns[:, 1] = x / _LEVER - centre[0]
+        columns[:, 2] = y / _LEVER - centre[1]
         return columns, np.array([self.force, 0.0, 0.0])
 
 

@@ -31,6 +31,8 @@ _LEAST_FACTOR = 0.2
 _CORRECTIONS = 40
 #: Error of the balance, over the largest target, at which corrections end, and above which the iteration fails [-].
 _BALANCED, _UNBALANCED = 1e-9, 1e-3
+#: Error of the balance, over the largest target, up to which a correction leaves the displacements valid [-].
+_SLIGHT = 1e-6
 #: Square of the residual, over that of the displacement, below which only rounding is left [-].
 _ROUNDING = 1e-20
 #: Ridge added to small symmetric matrices, over their trace; keeps them regular [-].
@@ -200,7 +202,7 @@ def _balance(
     """Multiply forces by factors that are linear in the columns until columns.T @ forces = target.
 
     Returns:
-        The error that remains, over the largest target, and whether any force was changed.
+        The error that remains, over the largest target, and whether forces were changed by more than `_SLIGHT`.
     """
     k, changed, error, scale = len(target), False, np.inf, 0.0
     for a in range(k):
@@ -214,7 +216,7 @@ def _balance(
             error = max(error, abs(found[a]) / scale)
         if error <= _BALANCED:
             break
-        changed = True
+        changed = changed or error > _SLIGHT
         _solve_weighted(columns, forces, matrix, found)
         for i in range(len(forces)):
             factor = 1.0
