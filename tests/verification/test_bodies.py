@@ -1,4 +1,4 @@
-"""Bodies of triangles and polygon prisms pressed by the reference: as the shapes they stand for."""
+"""Bodies of triangles and polygon prisms give the results of the shapes that they approximate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_ball_of_facets_is_as_stiff_as_a_ball(bonded):
     assert (exact - coarse) / (exact - fine) == pytest.approx(4, rel=0.5)
 
 
-def test_a_prism_is_the_letter_it_outlines(bonded):
+def test_a_prism_presses_like_the_letter_of_the_same_outline(bonded):
     surface = surface_compliance(bonded(0.49), 60e-3)
     found, wanted = (
         solve_contact(surface, shape, cells=40, load=5.0) for shape in (H, LetterH(size=(12e-3, 16e-3), bar=4e-3))

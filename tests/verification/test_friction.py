@@ -1,4 +1,4 @@
-"""Friction: its law at every point, its derivative, and the closed form of a punch that does not slip."""
+"""Presses with friction: the closed form of a punch without slip, monotony, and limits of small and finite strain."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def pressed(indenter, friction, *, nu=0.3, depth=2e-6, elements=4, fillet=None):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.0, 0.3])
-def test_a_punch_that_does_not_slip_is_stiffer_as_mossakovskii_found(nu):
+def test_a_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     # Rigid flat punch on a half-space (Johnson 1985, section 3.8): ln(3 - 4 nu) (1 - nu) / (1 - 2 nu).
     small = Cylinder(radius=0.05e-3)  # against a layer of 2 mm
     ratio = pressed(small, np.inf, nu=nu, depth=1e-6)[0] / pressed(small, 0.0, nu=nu, depth=1e-6)[0]
     assert ratio == pytest.approx(np.log(3 - 4 * nu) * (1 - nu) / (1 - 2 * nu), rel=6e-3)
 
 
-def test_more_friction_never_softens_and_none_changes_nothing():
+def test_the_force_grows_with_friction():
     punch = Cylinder(radius=2e-3)
     forces = [pressed(punch, friction, depth=20e-6)[0] for friction in (0.0, 0.2, np.inf)]
     assert forces[0] < forces[1] < forces[2]
@@ -69,7 +69,7 @@ def test_a_thin_incompressible_layer_is_nearly_four_times_stiffer_without_slip()
 
 
 @pytest.mark.slow
-def test_a_sphere_with_friction_has_the_same_answer_for_small_and_finite_strain_of_a_small_load():
+def test_small_and_finite_strain_agree_at_a_small_load_with_friction():
     array = TexelArray.grid(4, 4, pitch=3.4e-3)
     ball = Sphere(radius=4e-3)
     small, finite = (
