@@ -71,16 +71,13 @@ def press(
     shape = collect(faults, lambda: read_indenter(indenter))
     position = collect(faults, lambda: read_position(at))
     angle = collect(faults, lambda: read_yaw(yaw))
-    coefficient = collect(faults, lambda: _read_friction(friction))
+    coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     force, approach = collect(faults, lambda: _read_force(load, depth)) or (None, None)
     if found and position:
         collect(faults, lambda: _check_position(found.array, position))
-    if coefficient and models and not needs_reference:
-        faults.append("--friction: the fast model has none; leave it out, or let --model name fem")
     if faults or not (found and shape and position and models) or angle is None or coefficient is None:
         raise InputError(*faults)
-    # With a depth, the load follows from the reference.
     case = Case(name="press", indenter=shape, shape=indenter, load=force or 0.0, at=position, yaw=angle)
     with Progress() as progress:
         comparison = compare_models(
@@ -124,21 +121,33 @@ def _read_models(text: str) -> tuple[str, ...]:
     return names
 
 
-def _read_friction(text: str) -> float:
-    """Coefficient of friction; infinite for no slip [-]."""
-    if text.strip() == "no-slip":
-        return math.inf
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 <= value < math.inf:
-        raise InputError(f"--friction: {text!r} is not zero, a positive number or no-slip; for example --friction 0.4")
+def _read_friction(text: str, *, used: bool) -> float:
+    """Read the coefficient of friction; infinite for no slip [-].
+
+    Args:
+        text: The option.
+        used: Whether the finite elements are asked for; the fast model has no friction.
+
+    Raises:
+        InputError: If the text is no coefficient, or there is friction and no model that uses it.
+    """
+    value = math.inf
+    if text.strip() != "no-slip":
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not 0 <= value < math.inf:
+            raise InputError(
+                f"--friction: {text!r} is not zero, a positive number or no-slip; for example --friction 0.4"
+            )
+    if value and not used:
+        raise InputError("--friction: the fast model has none; leave it out, or let --model name fem")
     return value
 
 
 def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
-    """The load [N] and the depth [m], of which one is None."""
+    """The load [N] and the depth [m], of which one is None; with a depth, the load follows from the reference."""
     from validation.text.indenter import read_depth, read_load
 
     if load is not None and depth is None:

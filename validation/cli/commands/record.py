@@ -67,10 +67,7 @@ def record(
     check_range("--interval-ms", interval_ms, _MOST_16_BIT)
     check_range("--threshold", threshold, _MOST_16_BIT)
     check_range("--gain", gain, _MOST_8_BIT)
-    path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
-    if path.exists():
-        raise InputError(f"--out: {path} exists; name a new file")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = _make_path(out)
     with interrupt_on_terminate(), Sensor(port, baud_rate=baud_rate) as sensor:
         if threshold is not None:
             sensor.set_threshold(threshold)
@@ -94,6 +91,15 @@ def record(
         print_json({**vars(done), "path": str(done.path), "rate_hz": done.rate})
     else:
         say(f"wrote {done.path}: {done.frames} frames, {done.rate:.1f} frames/s, {done.gaps} gaps ({done.ended})")
+
+
+def _make_path(out: Path) -> Path:
+    """Path of the new file, named by the time if `out` is a folder; its folder is made."""
+    path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
+    if path.exists():
+        raise InputError(f"--out: {path} exists; name a new file")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
 
 
 class _EventDisplay:

@@ -2,8 +2,12 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import fastmodel
+from validation.cli.commands.press import _read_friction
+from validation.errors import InputError
 
 
 def test_press_prints_the_keys_that_others_rely_on(softcover):
@@ -97,3 +101,21 @@ def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatc
     status, _, err = softcover(*press)
     assert status == 4
     assert "softcover: no convergence even at a depth of" in err.splitlines()[-1]
+
+
+@given(value=st.floats(0, 1e6))
+def test_a_coefficient_of_friction_reads_back_as_written(value):
+    assert _read_friction(repr(value), used=True) == value
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "-0.1", "1e999", "slip", ""])
+def test_what_is_no_coefficient_of_friction_is_refused(text):
+    with pytest.raises(InputError, match="is not zero, a positive number or no-slip"):
+        _read_friction(text, used=True)
+
+
+def test_no_slip_is_an_infinite_coefficient_that_only_the_finite_elements_use():
+    assert _read_friction("no-slip", used=True) == np.inf
+    assert _read_friction("0", used=False) == 0
+    with pytest.raises(InputError, match="the fast model has none"):
+        _read_friction("no-slip", used=False)
