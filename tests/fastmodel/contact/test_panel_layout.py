@@ -16,7 +16,7 @@ from tests.support.cover_data import WTS, cells, parameters
 
 PITCH = 3.4e-3
 CELLS = cells(WTS)
-#: So soft that a few micrometres of height are nothing.
+#: So soft that a few micrometres of height do not matter.
 SOFT = dataclasses.replace(CELLS, compliance=1e3 * CELLS.compliance, top_compliance=1e3 * CELLS.top_compliance)
 
 
@@ -30,9 +30,9 @@ def bent(radius, rows=7, columns=5, **changes):
 
 
 def shuffled(array, seed=1):
-    """The same texels in no order, and which went where."""
+    """The same texels in random order, and that order."""
     order = np.random.default_rng(seed).permutation(array.count)
-    anyhow = dataclasses.replace(
+    scattered = dataclasses.replace(
         array,
         centres=array.centres[order],
         normals=array.normals[order],
@@ -40,11 +40,11 @@ def shuffled(array, seed=1):
         rows=1,
         columns=array.count,
     )
-    return anyhow, order
+    return scattered, order
 
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
-@pytest.mark.parametrize("array", [bent(10e-3), shuffled(bent(10e-3))[0]], ids=["sheet", "anyhow"])
+@pytest.mark.parametrize("array", [bent(10e-3), shuffled(bent(10e-3))[0]], ids=["sheet", "scattered"])
 def test_a_curved_array_carries_the_load_as_a_vector(array, method):
     touched = set()
     for shape in (Sphere(radius=5e-3), Box(size=(8e-3, 12e-3, 5e-3))):
@@ -61,7 +61,7 @@ def test_a_curved_array_carries_the_load_as_a_vector(array, method):
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
 @pytest.mark.parametrize("shape", [Sphere(radius=5e-3), Box(size=(9e-3, 9e-3, 5e-3))], ids=["sphere", "box"])
-def test_a_flat_array_cut_in_two_answers_as_before(shape, method):
+def test_a_flat_array_in_two_panels_reads_as_one_panel(shape, method):
     lift = np.where(np.arange(WTS.count) < WTS.count // 2, 0.0, 4e-6)
     cut = dataclasses.replace(WTS, centres=WTS.centres + lift[:, None] * [0, 0, 1])
     assert (len(divide_into_panels(WTS, 0)), len(divide_into_panels(cut, 0))) == (1, 2)
@@ -75,7 +75,7 @@ def test_a_flat_array_cut_in_two_answers_as_before(shape, method):
 
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
-def test_a_cut_without_a_step_changes_nothing(method, monkeypatch):
+def test_two_coplanar_panels_read_as_one(method, monkeypatch):
     up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), cells=CELLS)
     shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
     whole = indent(up, shape, load=2.0, at=at, method=method)
@@ -92,10 +92,10 @@ def test_boxes_on_a_ridge_carry_too_little():
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
 def test_order_of_texels_does_not_matter_in_a_plane(method):
-    anyhow, order = shuffled(WTS)
+    scattered, order = shuffled(WTS)
     here, there = (
         indent(parameters(array, cells=CELLS), Box(size=(9e-3, 5e-3, 5e-3)), load=1.0, at=(9e-3, 2e-3), method=method)
-        for array in (WTS, anyhow)
+        for array in (WTS, scattered)
     )
     np.testing.assert_allclose(there.contact_forces, here.contact_forces[order], atol=1e-9)
     assert here.outside > 0.1
@@ -104,7 +104,7 @@ def test_order_of_texels_does_not_matter_in_a_plane(method):
         assert there.outside == pytest.approx(here.outside, abs=1e-6)
 
 
-def test_texels_off_the_lattice_feel_what_the_cover_carries_there():
+def test_scattered_texels_have_the_base_force_at_their_place():
     from scipy.special import erf
 
     places = np.array([[0, 0, 0], [4.1e-3, 0.29e-3, 0], [-1.3e-3, 3.7e-3, 0]])
@@ -120,7 +120,7 @@ def test_texels_off_the_lattice_feel_what_the_cover_carries_there():
 
 
 @pytest.mark.parametrize("radius", [12e-3, 40e-3])
-def test_springs_on_a_bent_sheet_are_those_of_the_curved_gap(radius):
+def test_foundation_on_a_bent_sheet_sees_both_curvatures(radius):
     """On a sheet of narrow rows: k (d - x^2 / 2 r - y^2 / 2 (1 / r + 1 / R)), both curvatures added."""
     ball, modulus, load = 8e-3, 1e9, 2.0
     array = bent(radius, rows=27, columns=5)
@@ -194,7 +194,7 @@ def test_a_free_body_presses_where_its_weight_stands_on_a_bent_array(method):
     assert pressed == pytest.approx(1e-3, abs=0.6e-3)
 
 
-def test_what_cannot_be_served_names_what_can():
+def test_a_table_on_a_bent_array_is_refused_with_the_alternatives():
     with_table = dataclasses.replace(CELLS, table=np.zeros((35, 28, 20)))
     with pytest.raises(ShapeError, match="'boxes', 'area' or Foundation"):
         parameters(bent(15e-3), cells=with_table)
