@@ -1,4 +1,7 @@
 import dataclasses
+import pathlib
+import subprocess
+import sys
 import warnings
 
 import mujoco
@@ -282,3 +285,36 @@ def test_any_linear_operator_serves_at_run_time():
     tabulated = dataclasses.replace(PARAMETERS, spread=fastmodel.Tabulated(matrix=matrix.copy()))
     one, other = run(*ball_on_array(), 100)[-1], run(*ball_on_array(tabulated), 100)[-1]
     assert np.array_equal(one.counts, other.counts)
+
+
+FIRST_TOUCHES = """
+import gc, sys, mujoco, fastmodel
+from tests.support.cover_data import parameters
+
+for shape, size in (("SPHERE", [5e-3, 0, 0]), ("BOX", [4e-3] * 3)):
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    sensor = fastmodel.attach(spec, "world", parameters(), contact=sys.argv[1], every=1)
+    body = spec.worldbody.add_body(pos=[0, 0, size[0] + 1e-4])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.add_geom(type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape}"), size=size, mass=0.1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    found = [value for value in gc.get_objects() if hasattr(type(value), "nopython_signatures")]
+    kernels = [kernel for kernel in found if kernel.py_func.__module__.startswith("fastmodel.contact")]
+    before = [len(kernel.signatures) for kernel in kernels]
+    for _ in range(30):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert before and sensor.carried() > 0.5
+    assert [len(kernel.signatures) for kernel in kernels] == before, (shape, before)
+"""
+
+
+@pytest.mark.parametrize("method", ["boxes", "cover"])
+def test_binding_compiles_the_kernels_for_every_number_of_contacts(method):
+    """A ball makes one contact and a block four: neither adds a compiled version of a kernel after binding."""
+    command = [sys.executable, "-c", FIRST_TOUCHES, method]
+    subprocess.run(command, check=True, cwd=pathlib.Path(__file__).parents[2])  # noqa: S603 -- ours
