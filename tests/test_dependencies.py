@@ -12,7 +12,11 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 PRODUCT = ("meshes", "fem_reference", "fastmodel", "validation")
-OWN = {*PRODUCT, "tests", "examples", "peers"}
+OWN = {
+    *PRODUCT,
+    "tests",
+    *(path.stem for folder in ("examples", "benchmarks") for path in (ROOT / folder).glob("*.py")),
+}
 #: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest.
 TOOLS = {"ruff", "mypy", "scipy-stubs", "pytest-xdist", "pytest-cov"}
 #: Packages that benchmarks compare with; each benchmark installs its own.
