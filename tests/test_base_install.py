@@ -52,6 +52,14 @@ def test_the_environment_holds_no_extra(run):
     assert str(ROOT) not in run("python", "-c", "import validation; print(validation.__file__)").stdout
 
 
+def test_the_description_on_a_package_index_has_no_broken_pictures_or_links(run):
+    description = run(
+        "python", "-c", "import importlib.metadata as m; print(m.metadata('softcover').get_payload())"
+    ).stdout
+    assert "# softcover" in description
+    assert re.findall(r"\]\((?!https?:)[^)]*\)", description) == []
+
+
 def test_the_example_of_the_readme_runs_without_a_warning(run):
     (example,) = re.findall(r"^```python\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
     done = run("python", "-W", "error", "-c", example)
