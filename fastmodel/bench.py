@@ -36,7 +36,7 @@ AVERAGE_TIME = 1.0
 LOAD_TOLERANCE = 1e-3
 #: Largest acceleration over gravity [-], and largest speed [m/s], at which an indenter counts as resting.
 REST = 1e-6
-#: Tolerance of MuJoCo's solver on the bench [-].
+#: Tolerance of MuJoCo's constraint solver in these simulated bench tests [-].
 SOLVER_TOLERANCE = 1e-12
 #: Radius of gyration of a guided indenter [m].  It never turns, so that any value serves.
 GYRATION_RADIUS = 1e-3

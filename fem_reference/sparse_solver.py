@@ -271,7 +271,7 @@ def _can_load_pardiso() -> bool:
 
 
 def _select_upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    """Upper triangle with all diagonal entries stored, including the zeros of incompressible materials."""
+    """Return the upper triangle of a matrix; all diagonal entries are stored, also zeros (incompressible materials)."""
     entries = matrix.tocoo()
     keep = entries.row <= entries.col
     every = np.arange(matrix.shape[0], dtype=entries.row.dtype)

@@ -25,7 +25,8 @@ Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 _BLOCK = 4
 #: Least share of a body's load that the last pressures on its present cells must add up to, to serve as a start [-].
 _USABLE = 0.5
-#: Smallest factor on a cell's force in one correction of the balance; keeps forces positive [-].
+#: Smallest factor by which one correction multiplies the force on a cell; this keeps forces positive [-].  Corrections
+#: restore the balance of force and moments between the cells and the body.
 _LEAST_FACTOR = 0.2
 #: Most corrections of the balance in one step.
 _CORRECTIONS = 40

@@ -20,7 +20,8 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Relative error of the factorised influence; far below the discretisation error, so that no texel shows it [-].
+#: Relative error of the low-rank factorisation of the influence (force on a texel per force on a cell) [-].  It is far
+#: below the discretisation error of the cells.
 _INFLUENCE_TOLERANCE = 1e-7
 #: Edge of the square patch on which the foundation modulus is matched, over the cover's thickness [-].
 _PATCH = 4

@@ -119,10 +119,10 @@ class Electronics:
         return 1.0 + self.temperature_coefficient * self.temperature_excess
 
     def apply_hysteresis(self, forces: FloatArray, play: FloatArray) -> FloatArray:
-        """Apply rate-independent hysteresis, same shape [N].
+        """Return texel forces with rate-independent hysteresis, shape (n,) [N].
 
-        A share of the force passes through a play operator: its output stays constant until the input is farther
-        away than the half width, and then follows at that distance.
+        The share `hysteresis_share` of each force passes through a play operator.  Its output stays constant while the
+        input differs from it by at most `hysteresis_width`; beyond, it follows the input at that distance.
         Source: Visintin, Differential Models of Hysteresis (1994), section III.2.
 
         Args:

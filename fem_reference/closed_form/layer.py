@@ -62,7 +62,8 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
     small = k * cover.thickness < _SMALL
     solved = _solve(cover, np.where(small, _SMALL / cover.thickness, k))
     limit_compliance, limit_base = _compute_uniform_limit(cover)
-    fraction = np.where(small, (k * cover.thickness / _SMALL) ** 2, 1.0)  # both are even in k
+    # Below `_SMALL`, interpolate in k^2 from the uniform limit: compliance and base pressure are even functions of k.
+    fraction = np.where(small, (k * cover.thickness / _SMALL) ** 2, 1.0)
     return Transfer(
         compliance=limit_compliance + fraction * (solved.compliance - limit_compliance),
         base=limit_base + fraction * (solved.base - limit_base),

@@ -1,4 +1,4 @@
-"""A loading path of a shape of revolution on a wide cover, in the plane of radius and height."""
+"""Loading path of an indenter of revolution on a laterally wide cover, solved axisymmetrically in the r-z plane."""
 
 from __future__ import annotations
 

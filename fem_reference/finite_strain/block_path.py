@@ -122,12 +122,12 @@ def lay_out_block(
 
 
 def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
-    """Mesh a block; each element lies in the region of its layer.
+    """Mesh a block of the cover with hexahedra; the region number of an element is the index of its layer.
 
     Args:
-        block: The block.
-        cover: The layers, in units of the cover's thickness.
-        elements_per_thickness: Elements through the cover; each layer gets at least two [-].
+        block: Extent of the block and element sizes along x and y.
+        cover: The layers; all lengths are divided by the thickness of the cover.
+        elements_per_thickness: Number of elements through the cover; each layer gets at least two [-].
     """
     counts = [max(_LAYER_ELEMENTS, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
     heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=block.size)

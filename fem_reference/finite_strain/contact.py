@@ -170,12 +170,18 @@ class SurfaceContact:
     def _return_to_cone(
         self, position: FloatArray, normal: FloatArray, pressure: FloatArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return the frictional traction, its derivative by the position, and which points stick.
+        """Compute the friction traction by a return mapping to Coulomb's cone.
+
+        Points are the q quadrature points of f facets in d dimensions.
 
         Args:
             position: Positions of the points in the indenter's frame, shape (f, q, d) [m].
-            normal: Direction of the pressure, with a vertical component of one, shape (f, q, d) [-].
-            pressure: Pressure along `normal`, per reference area, shape (f, q) [Pa].
+            normal: Surface normal, scaled so that its vertical component is 1, shape (f, q, d) [-].
+            pressure: Pressure along `normal` per unit reference area, shape (f, q) [Pa].
+
+        Returns:
+            The traction, shape (f, q, d) [Pa], its derivative with respect to the position, shape (f, q, d, d) [Pa/m],
+            and whether each point sticks, shape (f, q).
         """
         length = np.linalg.norm(normal, axis=-1)
         unit = normal / length[..., None]

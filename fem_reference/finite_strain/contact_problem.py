@@ -54,7 +54,8 @@ _ITERATIONS, _FRICTION_ITERATIONS = 24, 60
 _UNCURVED_ITERATIONS = 2
 #: Least number of steps to a target with friction, because slip depends on the loading history.
 _FRICTION_STEPS = 16
-#: Change of the contact pressures, relative to their sum, below which the friction cones have converged [-].
+#: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
+#: between two updates over their sum [-].
 _CONE_CHANGE = 1e-4
 #: Number of times that the first step of a path is halved.
 _FIRST_HALVINGS = 12

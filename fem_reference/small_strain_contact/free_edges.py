@@ -35,7 +35,8 @@ THROUGH, COARSENING = (2, 3, 4), (2.25, 1.5, 1.0)
 #: Distance from the contact beyond which free edges are ignored, and width of the surroundings, in decay lengths [-].
 #: The effect of an edge decays on the way there and on the way back.
 _NEAR, _FAR = 6.0, 8.0
-#: Element size at the sides over the distance of the contact from them, and its bounds in thicknesses [-].
+#: Element size at the sides of the cover over their distance from the contact, and the bounds of that element size over
+#: the thickness of the cover [-].
 _FINE, _SMALLEST, _LARGEST = 1 / 3, 1 / 8, 1 / 2
 #: Smallest distance from the sides that sets the element size, in widths of the contact [-].
 _CLEARANCE = 0.15

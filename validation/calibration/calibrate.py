@@ -142,16 +142,16 @@ def calibrate(
 def flat_shares(
     array: TexelArray, indenter: Indenter, *, at: tuple[float, float] = (0.0, 0.0), spread: Gaussian | None = None
 ) -> FloatArray:
-    """Shares of a load under a flat face, assuming uniform pressure.
+    """Return the share of a load that acts on each texel under a flat face with uniform pressure.
 
     Args:
         array: The texels.
         indenter: A shape with a flat lower face.
-        at: Its axis in the array's frame [m].
-        spread: Spread of force by the cover; none when not given.
+        at: Position of the indenter's axis in the array's frame [m].
+        spread: Spread of the force by the cover; without it the force is not spread.
 
     Returns:
-        Shape (texels,) [-]; the sum is less than 1 if force leaves the array.
+        Shares, shape (texels,) [-].  Their sum is less than 1 if part of the force acts outside the array.
 
     Raises:
         ValueError: If no part of a flat face lies on the array.

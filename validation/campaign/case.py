@@ -55,10 +55,10 @@ class Case:
 
     @classmethod
     def read(cls, name: str, shape: str, load: str, *, at: str = "0mm,0mm", yaw: str = "0deg") -> Case:
-        """Make a case from text, as on the command line.
+        """Create a case (one indentation that is scored) from strings in the format of the command line.
 
         Raises:
-            InputError: If a text cannot be read.
+            InputError: If one of the strings is not valid.
         """
         return cls(
             name=name,

@@ -33,18 +33,18 @@ COLOUR = [0.85, 0.5, 0.2, 0.6]
 
 
 class Scene:
-    """The simulation of an array and an indenter.
+    """A MuJoCo simulation of one tactile array and one indenter.
 
     Args:
-        parameters: The sensor.
+        parameters: Parameters of the sensor.
         indenter: Shape of the indenter.
         load: Weight of the indenter [N].
-        method: Contact method, by name or as settings.
+        method: Contact method, given by its name or as an object with its settings.
 
     Attributes:
         model: The compiled model.
         data: The state of the simulation.
-        sensor: The sensor, bound to the model.
+        sensor: The simulated sensor, bound to `model`.
 
     Raises:
         FastModelError: If the contact method needs data that the parameters lack.

@@ -102,7 +102,7 @@ def _influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach:
 def _mean_over_cells(
     influence: Callable[[FloatArray], FloatArray], x: FloatArray, y: FloatArray, cell: tuple[float, float]
 ) -> FloatArray:
-    """Force on each texel per unit force spread uniformly over each cell, shape (cells, n) [-]."""
+    """Return the influence, shape (cells, n): force on texel j per unit force spread uniformly over cell i [-]."""
     middles = np.column_stack([x.ravel(), y.ravel()])
     points, weights = gauss_points(cell, 3)
     return np.asarray(sum(w * influence(middles + point) for point, w in zip(points, weights, strict=True)))

@@ -1,7 +1,7 @@
 """Streams of `fastmodel.Frame` from a sensor on a port, from a recording or from a simulation.
 
-All three streams hold the same type, so that a program can use any of them.  `softcover emulate` shows the simulated
-one on a virtual sensor.
+All three yield objects of the same type, so a program can use any of them.  `softcover emulate` sends the simulated
+frames through an emulated Weiss sensor.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
 
 
 def replay_frames(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
-    """Frames of one array of a recording, as fast as they are read.
+    """Yield the frames of one array of a recording, without waiting between them.
 
     Args:
-        recording: From any reader of `validation.recordings`.
-        array: Index of the array.
+        recording: A recording opened by any reader of `validation.recordings`.
+        array: Index of the array in the recording.
     """
     recorded = recording.arrays[array]
     for time, counts in zip(recording.times, recorded.counts, strict=True):

@@ -99,7 +99,8 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             raise
         except OSError as error:
             raise self._abandon_file(error) from error
-        # two threads: fsync may block for seconds on a slow disk, and chunks must leave the process meanwhile
+        # Flush and fsync run in separate threads: fsync may block for seconds on a slow disk, and meanwhile finished
+        # chunks must still be handed to the operating system, where they survive the end of this process.
         tasks = ((_FLUSH_INTERVAL, self._flush), (_SYNC_INTERVAL, self._sync))
         self._threads = [threading.Thread(target=self._repeat, args=task, daemon=True) for task in tasks]
         for thread in self._threads:

@@ -19,9 +19,9 @@ SOURCE = (
     "github.com/peter-kiechle/tactile-sensors @7bbb341b2db445653477b82b908e2ef0175cf926 "
     "(P. Kiechle, University of Innsbruck, 2015)"
 )
-#: Edge of the square stamp of the weight series [m].
+#: Side length of the square stamp that carried known weights in the recordings [m].
 STAMP_EDGE = 10.5e-3
-#: Threshold that the firmware subtracted in the weight series, from the notes of their author [counts].
+#: Threshold that the firmware subtracted in these recordings, from the notes of their author [counts].
 THRESHOLD = 100
 #: Folders of a weight series, named after the temperature of the sensor.
 _CONDITIONS = ("room", "operating")
@@ -70,13 +70,16 @@ class StampFile:
 
 
 def find_recordings_folder(given: str | Path | None = None) -> Path | None:
-    """Find the folder with recordings: the one given, else `SOFTCOVER_RECORDINGS`, else `../shared/recordings`.
+    """Find the folder with recordings.
+
+    The argument comes first, then the environment variable `SOFTCOVER_RECORDINGS`, then `../shared/recordings` relative
+    to the current folder.
 
     Returns:
-        The folder; None if none is named and the last one does not exist.
+        The folder; None if neither argument nor variable is set and the default folder does not exist.
 
     Raises:
-        RecordingError: If the folder that is named does not exist.
+        RecordingError: If the folder named by the argument or by the variable does not exist.
     """
     named = given if given is not None else os.environ.get(_ENVIRONMENT_VARIABLE)
     if named is None:

@@ -158,10 +158,10 @@ def read_position(text: str, *, place: str = "--at") -> tuple[float, float]:
 
 
 def read_yaw(text: str, *, place: str = "--yaw") -> float:
-    """Read an angle [rad].
+    """Parse the yaw angle of an indenter, a number with its unit such as `31deg`, and return it in radians [rad].
 
     Raises:
-        InputError: If it is not an angle.
+        InputError: If the text is not an angle.
     """
     return read_quantity(text, "angle", place=place)
 

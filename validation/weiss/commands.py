@@ -16,7 +16,7 @@ from validation.weiss.messages import Message, encode_message
 from validation.weiss.unconfirmed import GAIN_FORMAT, RUN_LENGTH_FLAG, THRESHOLD_FORMAT
 
 _STATUS = struct.Struct("<H")
-#: Units in which the device gives lengths [1/m] and temperatures [1/K].
+#: Device units per metre [1/m] and per kelvin [1/K]: lengths come in 0.01 mm, temperatures in 0.1 K.
 _LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
 
 #: Values of a request or an answer, as its layout says.

@@ -1,10 +1,11 @@
-"""Messages on the line: `AA AA AA`, identifier, payload size (u16 LE), payload, checksum (u16 LE).
+"""Format of the messages on the serial line: `AA AA AA`, identifier, payload size (u16 LE), payload, checksum (u16 LE).
 
-The checksum is a cyclic redundancy check of 16 bits with the polynomial 0x1021 that starts at 0xFFFF and covers the
-message from the first AA on.  It takes its table from the plain form of the check but shifts as the reflected form
-does.  This mixture loses information: after a few bytes only 8192 different states remain.  It detects any damage
-within one byte, but of random damage to a payload one case in 8192 passes, not one in 65536.  Readers therefore also
-check the content of frames.
+The checksum is a 16-bit cyclic redundancy check (CRC) with the polynomial 0x1021 and the initial value 0xFFFF over the
+message from the first AA on.  The device combines the table of the normal (non-reflected) CRC with the shift direction
+of the reflected CRC.  This update is not invertible: after a few bytes the checksum takes only 8192 different values.
+Errors confined to one byte are always detected.  Of random errors in a payload one in 8192 is not detected; a standard
+CRC would miss one in 65536.  Code that decodes frames (the texel values of one instant) therefore also checks their
+content.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ _LARGEST_PAYLOAD = 0xFFFF
 
 
 def _make_table() -> tuple[int, ...]:
-    """Checksum of each single byte, in the plain form of the check."""
+    """Checksum of each single byte, by the normal (non-reflected) CRC."""
 
     def make_entry(byte: int) -> int:
         value = byte << 8

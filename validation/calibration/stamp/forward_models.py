@@ -55,12 +55,13 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampModel:
-    """A forward model.
+    """A model that predicts the texel forces under the stamp.
 
     Attributes:
-        name: Row title.
-        about: The pressure under the face and the spread by the cover, in a few words.
-        candidates: From a first guess of the stamp's position [m] to candidates.
+        name: Title of its row in the table of scores.
+        about: Short description of the assumed pressure under the face and of the spread by the cover.
+        candidates: Function from a first estimate of the stamp's position [m] to the parametrisations that are fitted
+            in turn; the best fit is kept.
     """
 
     name: str

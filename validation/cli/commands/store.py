@@ -1,4 +1,4 @@
-"""`softcover store list`, `verify` and `prune`: the results that the reference keeps."""
+"""The commands `softcover store list`, `verify` and `prune` list, check and delete stored finite-element results."""
 
 from __future__ import annotations
 
