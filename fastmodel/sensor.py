@@ -17,8 +17,6 @@ import math
 import threading
 import warnings
 from collections.abc import Iterator
-from types import SimpleNamespace
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -159,9 +157,7 @@ class Sensor:
         parameters = self.parameters
         reader = self._contact.bind(model, parameters.array, self.name, cells=parameters.cells)
         with _report_slow_compilation(self.name):
-            data = mujoco.MjData(model)
-            reader.compile_kernels(data)
-            reader.compile_kernels(_IdleContacts(data))
+            reader.compile_kernels(mujoco.MjData(model))
         every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
         self._running = _RunningSensor(self.name, parameters, reader, model, every)
         _warn_of_options(parameters, model, every)
@@ -336,28 +332,6 @@ def _make_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
         return Pose.of(position, quaternion)
     except ValueError as error:
         raise FastModelError(str(error)) from error
-
-
-class _IdleContacts:
-    """A state with two contacts that carry no force, for the compilation of kernels.
-
-    Kernels are compiled once per memory layout.  MuJoCo's arrays of up to one contact count as contiguous, and those of
-    several contacts as strided.
-    """
-
-    def __init__(self, data: mujoco.MjData) -> None:
-        self._data = data
-        self.ncon = 2
-        fields = ("geom", "efc_address", "dim", "frame", "friction", "pos")
-        arrays = {name: getattr(data.contact, name) for name in fields}
-        # Address -1 marks a contact without force.
-        self.contact = SimpleNamespace(
-            **{name: np.full((4, *array.shape[1:]), -1, array.dtype)[::2] for name, array in arrays.items()}
-        )
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 -- any attribute of the state
-        """All other attributes are those of the state without contacts."""
-        return getattr(self._data, name)
 
 
 @contextlib.contextmanager

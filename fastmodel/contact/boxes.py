@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.box_forces import press_boxes
+from fastmodel.contact.force_kernels import press_boxes, read_contacts
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import LifeCycleError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
@@ -137,22 +137,8 @@ class BoxReader:
 
     def _press(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """Forces against the boxes' normals, by contact, shape (k, 2), and by texel, shape (n,) [N]."""
-        contact = data.contact
-        geom = contact.geom
-        pressed, total = np.empty((len(geom), 2)), np.empty(self._count)
-        self._press_boxes(
-            geom,
-            contact.efc_address,
-            contact.dim,
-            contact.frame,
-            contact.friction,
-            data.efc_force,
-            data.geom_xmat,
-            self._texel_of,
-            self._pyramidal,
-            pressed,
-            total,
-        )
+        contacts = read_contacts(data, pyramidal=self._pyramidal)
+        pressed, total = self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._count)
         return pressed, total
 
 

@@ -15,8 +15,6 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.compiled import compile_kernel
-from fastmodel.contact.box_forces import decode_force
 from fastmodel.contact.panel_layout import PanelCells, PanelLayout
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.pressure.conjugate_gradient import Load
@@ -167,13 +165,6 @@ class PanelReader(PlateReader):
         self._panel_of_geom = np.full(self._model.ngeom + 1, -1)
         self._panel_of_geom[self._geoms] = np.arange(len(self._geoms))
         self._normals = np.array([part.panel.axes[:, 2] for part in self._panels])
-        self._decode = compile_kernel(decode_forces)
-
-    def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Call the kernels once, on a state without contacts."""
-        super().compile_kernels(data)
-        contact, none = data.contact, np.zeros(0, dtype=np.int64)
-        self._decode(none, contact.efc_address, contact.dim, contact.friction, data.efc_force, self._pyramidal)
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
         contact = data.contact
@@ -185,12 +176,12 @@ class PanelReader(PlateReader):
         side = second.astype(np.int64)
         body = self._body_of_geom[contact.geom[touches, 1 - side]]
         normal = self._normals[panels[touches, side]]
-        local = self._decode(
-            touches, contact.efc_address, contact.dim, contact.friction, data.efc_force, self._pyramidal
-        )
+        local = np.zeros((len(touches), 6))  # force and torque
+        for number, force in zip(touches.tolist(), local, strict=True):
+            mujoco.mj_contactForce(self._model, data, number, force)
         directions = contact.frame[touches].reshape(-1, 3, 3) @ axes
         pressure = local[:, :1] * directions[:, 0]
-        friction = np.einsum("ki,kij->kj", local[:, 1:], directions[:, 1:])
+        friction = np.einsum("ki,kij->kj", local[:, 1:3], directions[:, 1:])
         # friction counts by its component along the panel's normal only: the rest is no pressure
         forces = pressure + (friction * normal).sum(axis=1, keepdims=True) * normal
         forces[second] *= -1
@@ -273,27 +264,3 @@ def _is_near(part: PanelCells, pose: PosedBody, reach: float) -> bool:
     centre = pose.position + np.einsum("pij,pj->pi", pose.rotation, shape.centres)
     distance = np.linalg.norm(centre - part.panel.origin, axis=1) - np.linalg.norm(shape.halves, axis=1)
     return bool((distance <= part.radius + reach).any())
-
-
-def decode_forces(  # noqa: PLR0917 -- a kernel takes its arrays by position
-    contacts: IntArray,
-    address: IntArray,
-    dim: IntArray,
-    friction: FloatArray,
-    efc_force: FloatArray,
-    pyramidal: bool,
-) -> FloatArray:
-    """Kernel: normal and tangential forces of some contacts in their own frames, shape (k, 3) [N].
-
-    Args:
-        contacts: The contacts, shape (k,).
-        address: First row of each contact of the model in `efc_force`.
-        dim: Dimension of each.
-        friction: Friction coefficients of each [-].
-        efc_force: Constraint forces [N].
-        pyramidal: Whether friction cones are pyramidal.
-    """
-    forces = np.empty((len(contacts), 3))
-    for k in range(len(contacts)):
-        decode_force(contacts[k], address, dim, friction, efc_force, pyramidal, forces[k])
-    return forces

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.box_forces import decode_force
+from fastmodel.contact.force_kernels import read_contacts, sum_forces
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
 from fastmodel.errors import LifeCycleError, StateError
@@ -221,27 +221,10 @@ class PlateReader:
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
         """Bodies that press, and their loads; the force is nan if a force or moment is not finite."""
-        contact = data.contact
-        geom = contact.geom
-        bodies, sums = np.empty(len(geom), np.int64), np.empty((len(geom), 3))
-        count = self._sum_forces(
-            geom,
-            contact.efc_address,
-            contact.dim,
-            contact.frame,
-            contact.friction,
-            contact.pos,
-            data.efc_force,
-            self._pyramidal,
-            self._geom,
-            self._body_of_geom,
-            axes,
-            origin,
-            bodies,
-            sums,
-        )
+        contacts = read_contacts(data, pyramidal=self._pyramidal)
+        bodies, sums = self._sum_forces(contacts, self._geom, self._body_of_geom, axes, origin)
         pressing = []
-        for body, (force, x, y) in zip(bodies[:count].tolist(), sums[:count].tolist(), strict=True):
+        for body, (force, x, y) in zip(bodies.tolist(), sums.tolist(), strict=True):
             if not force <= 0:  # true for nan as well, which `find_contact` reports
                 tilts = self._joints.let_tilt(data, body, axes[:, 2])
                 pressing.append((body, Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts)))
@@ -264,71 +247,6 @@ class PlateReader:
         geoms = ((self._body_of_geom == body) & collides).nonzero()[0]
         solids = tuple(describe_solid(model, int(geom), self._edge) for geom in geoms)
         return geoms, BodyShape(solids=solids, edge=self._edge)
-
-
-def sum_forces(  # noqa: PLR0917 -- a kernel takes its arrays by position
-    geom: IntArray,
-    address: IntArray,
-    dim: IntArray,
-    frame: FloatArray,
-    friction: FloatArray,
-    pos: FloatArray,
-    efc_force: FloatArray,
-    pyramidal: bool,
-    plate: int,
-    body_of_geom: IntArray,
-    axes: FloatArray,
-    origin: FloatArray,
-    bodies: IntArray,
-    sums: FloatArray,
-) -> int:
-    """Kernel: sum contact forces against the plate's normal, and their moments, body by body.
-
-    Args:
-        geom: Both geoms of each contact, shape (k, 2).
-        address: First row of each contact in `efc_force`, -1 for none, shape (k,).
-        dim: Dimension of each contact, shape (k,).
-        frame: Axes of each contact as rows, normal first, shape (k, 9) [-].
-        friction: Friction coefficients, shape (k, 5) [-].
-        pos: Place of each contact in the world, shape (k, 3) [m].
-        efc_force: Constraint forces [N].
-        pyramidal: Whether friction cones are pyramidal.
-        plate: The plate's geom.
-        body_of_geom: Body that each geom moves with, shape (geoms,).
-        axes: Axes of the array in the world, as columns, shape (3, 3) [-].
-        origin: Origin of the array in the world, shape (3,) [m].
-        bodies: Where to put the ids of the bodies, shape (k,).
-        sums: Where to put force [N] and force times x and times y [N m] of each, shape (k, 3).
-
-    Returns:
-        The number of bodies.
-    """
-    count = 0
-    local = np.zeros(3)
-    for k in range(geom.shape[0]):
-        if address[k] < 0 or (geom[k, 0] != plate and geom[k, 1] != plate):
-            continue
-        decode_force(k, address, dim, friction, efc_force, pyramidal, local)
-        force, x, y = 0.0, 0.0, 0.0
-        for i in range(3):
-            for axis in range(3):
-                force += local[axis] * frame[k, 3 * axis + i] * axes[i, 2]
-            x += (pos[k, i] - origin[i]) * axes[i, 0]
-            y += (pos[k, i] - origin[i]) * axes[i, 1]
-        other = geom[k, 1]
-        if geom[k, 1] == plate:
-            force, other = -force, geom[k, 0]
-        body, slot = body_of_geom[other], 0
-        while slot < count and bodies[slot] != body:
-            slot += 1
-        if slot == count:
-            bodies[slot] = body
-            sums[slot] = 0.0
-            count += 1
-        sums[slot, 0] += force
-        sums[slot, 1] += force * x
-        sums[slot, 2] += force * y
-    return count
 
 
 def transform_poses(

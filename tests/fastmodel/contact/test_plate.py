@@ -4,7 +4,8 @@ import pytest
 
 import fastmodel
 from fastmodel import Plate, StateError
-from fastmodel.contact.plate import PlateReader, sum_forces, transform_poses
+from fastmodel.contact.force_kernels import read_contacts, sum_forces
+from fastmodel.contact.plate import PlateReader, transform_poses
 from fastmodel.pose import Pose
 from tests.support.cover_data import WTS
 from tests.support.posed_bodies import GRID
@@ -56,27 +57,12 @@ def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
 
 def test_kernels_do_in_python_as_they_do_compiled():
     reader, model, data = build_blocks(CONES["elliptic"])
-    contact, axes, origin = data.contact, np.eye(3), np.array([0.1, 0.2, 0.3])
-    bodies, sums = np.empty(len(contact.geom), np.int64), np.empty((len(contact.geom), 3))
-    count = sum_forces(
-        contact.geom,
-        contact.efc_address,
-        contact.dim,
-        contact.frame,
-        contact.friction,
-        contact.pos,
-        data.efc_force,
-        False,  # noqa: FBT003 -- kernels take positions
-        model.geom("pad/plate").id,
-        model.geom_bodyid,
-        axes,
-        origin,
-        bodies,
-        sums,
-    )
+    axes, origin = np.eye(3), np.array([0.1, 0.2, 0.3])
+    contacts = read_contacts(data, pyramidal=False)
+    bodies, sums = sum_forces(contacts, model.geom("pad/plate").id, model.geom_bodyid, axes, origin)
     found = reader.find_contact(data)
-    assert bodies[:count].tolist() == list(found.bodies)
-    np.testing.assert_allclose(sums[:count, 0], [load.force for load in found.loads], atol=1e-12)
+    assert bodies.tolist() == list(found.bodies)
+    np.testing.assert_allclose(sums[:, 0], [load.force for load in found.loads], atol=1e-12)
     rotation, position = transform_poses(np.array([1, 2]), data.geom_xmat, data.geom_xpos, axes, origin)
     np.testing.assert_allclose(rotation, [pose.rotation[0] for pose in found.poses], atol=1e-12)
     np.testing.assert_allclose(position, [pose.position[0] for pose in found.poses], atol=1e-12)
