@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.force_kernels import press_boxes, read_contacts
+from fastmodel.contact.geoms import check_box, describe_box, find_geoms
 from fastmodel.contact.interface import Reading
-from fastmodel.errors import LifeCycleError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
@@ -25,10 +25,8 @@ from meshes import TexelArray
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-#: Colours of measuring and of masked texels: red, green, blue, opacity [-].
-_ACTIVE_COLOUR, _MASKED_COLOUR = (0.25, 0.27, 0.3, 1.0), (0.5, 0.5, 0.5, 0.4)
-#: Highest collision bit: MuJoCo's collision masks are signed 32-bit numbers [-].
-_HIGHEST_BIT = 30
+#: Colour of masked texels: red, green, blue, opacity [-].
+_MASKED_COLOUR = (0.5, 0.5, 0.5, 0.4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,10 +53,7 @@ class BoxTexels:
         Raises:
             ValueError: If the height is not positive or the bit not 0..30.
         """
-        if not 0 < self.height < np.inf:
-            raise ValueError(f"height must be positive, not {self.height} m")
-        if not 0 <= self.contact_bit <= _HIGHEST_BIT:
-            raise ValueError(f"contact_bit must lie in 0..{_HIGHEST_BIT}, not {self.contact_bit}")
+        check_box(self.height, self.contact_bit)
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
@@ -66,19 +61,12 @@ class BoxTexels:
         turns = multiply(pose.quaternion, make_quaternions(np.stack([axis_x, axis_y, array.normals], axis=-1)))
         middles = array.centres - 0.5 * self.height * array.normals
         places = pose.position + rotate(pose.quaternion, middles)
-        bit = 1 << self.contact_bit
-        for index in range(array.count):
-            body.add_geom(
-                name=geom_name(name, index),
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=[array.pitch[0] / 2, array.pitch[1] / 2, self.height / 2],
-                pos=places[index],
-                quat=turns[index],
-                mass=0.0,
-                contype=bit,
-                conaffinity=0x7FFFFFFF & ~bit,
-                rgba=_ACTIVE_COLOUR if array.active[index] else _MASKED_COLOUR,
-            )
+        half = (array.pitch[0] / 2, array.pitch[1] / 2, self.height / 2)
+        box = describe_box(half, self.contact_bit)
+        for index, active in enumerate(array.active):
+            geom = body.add_geom(name=geom_name(name, index), pos=places[index], quat=turns[index], **box)
+            if not active:
+                geom.rgba = _MASKED_COLOUR
 
     def bind(
         self,
@@ -160,14 +148,7 @@ def find_boxes(model: mujoco.MjModel, array: TexelArray, name: str) -> IntArray:
     Raises:
         LifeCycleError: If a box is not in the model.
     """
-    names = [geom_name(name, index) for index in range(array.count)]
-    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names]
-    if min(ids) < 0:
-        raise LifeCycleError(
-            f"geom {names[ids.index(min(ids))]!r} is not in this model; bind a model compiled from the spec "
-            f"that sensor {name!r} was attached to"
-        )
-    return np.array(ids)
+    return find_geoms(model, [geom_name(name, index) for index in range(array.count)], name)
 
 
 def geom_name(name: str, index: int) -> str:

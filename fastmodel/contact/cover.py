@@ -8,7 +8,7 @@ cover between cells (`CoverContact`), which also gives the forces on the texels 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -21,10 +21,10 @@ from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.errors import ParametersError
 from fastmodel.pose import Pose
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
-from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
+from fastmodel.pressure.conjugate_gradient import CoverSolver, Load
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap import ELLIPSOID, Solid
-from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.gap_sampling import BodyShape, PosedBody, sample_gap
 from fastmodel.pressure.winkler import FoundationSolver
 from meshes import TexelArray
 
@@ -47,7 +47,24 @@ _CELLS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Foundation:
+class _PlateMethod:
+    """A contact method that puts one rigid plate under the array.
+
+    Attributes:
+        plate: The plate's geom.
+    """
+
+    plate: Plate = field(default_factory=Plate)
+
+    costly: ClassVar[bool] = True
+
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+        """Add the plate to a body of the spec."""
+        self.plate.attach(body, array, pose, name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Foundation(_PlateMethod):
     """One rigid plate; the force of each body distributed by an elastic foundation of cells.
 
     Attributes:
@@ -56,23 +73,11 @@ class Foundation:
         per_texel: Cells along each edge of a pitch; those of the cover data when not given, else 4 [-].
     """
 
-    plate: Plate = field(default_factory=Plate)
     modulus: float | None = None
     per_texel: int | None = None
 
-    costly: ClassVar[bool] = True
-
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
-        """Add the plate to a body of the spec."""
-        self.plate.attach(body, array, pose, name)
-
     def bind(
-        self,
-        model: mujoco.MjModel,
-        array: TexelArray,
-        name: str,
-        *,
-        cells: CoverCells | None = None,
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -93,7 +98,7 @@ class Foundation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CoverContact:
+class CoverContact(_PlateMethod):
     """One rigid plate; the force of each body distributed by the compliance of the cover, and passed on to its base.
 
     Attributes:
@@ -103,23 +108,11 @@ class CoverContact:
         steps: Most steps of the solver.
     """
 
-    plate: Plate = field(default_factory=Plate)
     tolerance: float = 2e-3
     steps: int = 100
 
-    costly: ClassVar[bool] = True
-
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
-        """Add the plate to a body of the spec."""
-        self.plate.attach(body, array, pose, name)
-
     def bind(
-        self,
-        model: mujoco.MjModel,
-        array: TexelArray,
-        name: str,
-        *,
-        cells: CoverCells | None = None,
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -177,23 +170,13 @@ class _Surface:
         return BaseForces(cells, self.grid, array)
 
 
-class _PressureSolver(Protocol):
-    """Distributes the loads of bodies over cells."""
-
-    def solve(self, samples: GapSamples, loads: tuple[Load, ...]) -> PressureSolution:
-        """Find the forces on cells."""
-
-    def reset(self) -> None:
-        """Forget the last contact."""
-
-
 class _PressureReader:
     """Reads the plate's contacts and turns them into texel forces: sample the gap, solve for cell forces, sum them."""
 
     def __init__(
         self,
         plate: PlateReader,
-        solver: _PressureSolver,
+        solver: CoverSolver | FoundationSolver,
         surface: _Surface,
         base: BaseForces | ScatteredBaseForces | None = None,
         *,

@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.force_kernels import read_contacts, sum_forces
+from fastmodel.contact.geoms import check_box, describe_box, find_geoms
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
-from fastmodel.errors import LifeCycleError, StateError
+from fastmodel.errors import StateError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
@@ -28,9 +29,6 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-#: Highest collision bit: MuJoCo's collision masks are signed 32-bit integers.
-_HIGHEST_BIT = 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +58,9 @@ class Plate:
             ValueError: If the height is not positive, the margin negative, the bit not 0..30, or only one of solref
                 and solimp given.
         """
-        if not 0 < self.height < np.inf:
-            raise ValueError(f"height must be positive, not {self.height} m")
+        check_box(self.height, self.contact_bit)
         if self.margin < 0 or self.margin != int(self.margin):
             raise ValueError(f"margin must be a whole number of pitches from 0 on, not {self.margin}")
-        if not 0 <= self.contact_bit <= _HIGHEST_BIT:
-            raise ValueError(f"contact_bit must lie in 0..{_HIGHEST_BIT}, not {self.contact_bit}")
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
@@ -78,21 +73,15 @@ class Plate:
             pose: The array's frame in the body's.
             name: The sensor's name, from which the geoms are named.
         """
-        bit = 1 << self.contact_bit
         # with priority, the touching geom does not change the softness of the contact
         soft = {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
         for panel, geom in zip(*self.divide(array, name), strict=True):
             middle = panel.origin - 0.5 * self.height * panel.axes[:, 2]
             body.add_geom(
                 name=geom,
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=[*panel.half, self.height / 2],
                 pos=pose.position + rotate(pose.quaternion, middle[None])[0],
                 quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]),
-                mass=0.0,
-                contype=bit,
-                conaffinity=0x7FFFFFFF & ~bit,
-                rgba=[0.25, 0.27, 0.3, 1.0],
+                **describe_box((*panel.half, self.height / 2), self.contact_bit),
                 **soft,
             )
 
@@ -165,12 +154,7 @@ class PlateReader:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
         panels, names = plate.divide(array, name)
-        self._geoms = np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in names], np.int64)
-        if self._geoms.min() < 0:
-            raise LifeCycleError(
-                f"geom {names[int(self._geoms.argmin())]!r} is not in this model; bind a model compiled from the spec "
-                f"that sensor {name!r} was attached to"
-            )
+        self._geoms = find_geoms(model, names, name)
         self._geom = int(self._geoms[0])
         self._model, self._edge, self._name, self._grid = model, edge, names[0], grid
         self._turn = panels[0].axes.T

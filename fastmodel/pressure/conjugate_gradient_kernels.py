@@ -229,13 +229,19 @@ def _balance(
 
 @called_by_kernels
 def _compute_residual(
-    active: FloatArray, overlap: FloatArray, columns: FloatArray, motion: FloatArray, residual: FloatArray
+    active: FloatArray,
+    overlap: FloatArray,
+    columns: FloatArray,
+    matrix: FloatArray,
+    motion: FloatArray,
+    residual: FloatArray,
 ) -> tuple[float, float, bool]:
-    """Subtract rigid motions from the overlap, into `residual` (m,) [m].
+    """Fit rigid motions to the overlap, into `motion` (k,) [m], and subtract them, into `residual` (m,) [m].
 
     Returns:
         Sums of squares of residual and overlap over the active cells [m2], and whether other cells overlap.
     """
+    _fit_motion(active, overlap, columns, matrix, motion)
     energy, size, grows = 0.0, 0.0, False
     for i in range(len(active)):
         residual[i] = overlap[i]
@@ -245,6 +251,35 @@ def _compute_residual(
         size += active[i] * overlap[i] * overlap[i]
         grows = grows or (active[i] == 0.0 and residual[i] < 0)
     return energy, size, grows
+
+
+@called_by_kernels
+def _measure_curvature(
+    active: FloatArray,
+    columns: FloatArray,
+    vectors: tuple[FloatArray, FloatArray, FloatArray],
+    matrix: FloatArray,
+    shifts: FloatArray,
+) -> tuple[float, float]:
+    """Second and first derivative of the energy along the search direction, without its rigid motions [m].
+
+    Args:
+        active: 1 for cells under pressure, else 0, shape (m,).
+        columns: Columns of the constraints, shape (m, k).
+        vectors: Residual, direction, and displacements under forces along the direction, each of shape (m,).
+        matrix: Scratch memory, shape (k, k).
+        shifts: Scratch memory, shape (k,).
+    """
+    residual, direction, image = vectors
+    _fit_motion(active, direction, columns, matrix, shifts)
+    curvature, slope = 0.0, 0.0
+    for i in range(len(active)):
+        free = direction[i]
+        for a in range(len(shifts)):
+            free -= active[i] * columns[i, a] * shifts[a]
+        curvature += image[i] * free
+        slope += residual[i] * direction[i]
+    return curvature, slope
 
 
 @called_by_kernels
@@ -265,6 +300,13 @@ def _advance(
 
 
 @called_by_kernels
+def _add_scaled(factor: float, added: FloatArray, values: FloatArray) -> None:
+    """Add a vector (m,), multiplied by a factor, to `values` (m,)."""
+    for i in range(len(values)):
+        values[i] += factor * added[i]
+
+
+@called_by_kernels
 def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
     """Sum of the changes of force since the last call [N]; updates `before` and `active`, 1 under pressure, else 0."""
     change = 0.0
@@ -274,7 +316,7 @@ def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> floa
     return change
 
 
-def minimise_energy(  # noqa: C901 -- one loop, with the steps of the method in order
+def minimise_energy(
     cover: Cover,
     gap: FloatArray,
     columns: FloatArray,
@@ -314,34 +356,23 @@ def minimise_energy(  # noqa: C901 -- one loop, with the steps of the method in 
         if converged or step == most:
             break
         if not error <= _UNBALANCED:  # true for nan as well
-            for i in range(count):
-                forces[i] = start[i]
+            forces[:] = start
             break
         # the residual is the overlap that no rigid motion of the bodies removes
         if other or corrected:
             _displace(cover, forces, room, overlap)
-            for i in range(count):
-                overlap[i] += gap[i]
-        _fit_motion(active, overlap, columns, matrix, motion)
-        energy, size, grows = _compute_residual(active, overlap, columns, motion, residual)
+            _add_scaled(1.0, gap, overlap)
+        energy, size, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
         # conjugate direction, restarted whenever cells are added
         for i in range(count):
             direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
         _displace(cover, direction, room, image)
-        _fit_motion(active, direction, columns, matrix, shifts)
-        curvature, slope = 0.0, 0.0
-        for i in range(count):
-            free = direction[i]
-            for a in range(k):
-                free -= active[i] * columns[i, a] * shifts[a]
-            curvature += image[i] * free
-            slope += residual[i] * direction[i]
+        curvature, slope = _measure_curvature(active, columns, (residual, direction, image), matrix, shifts)
         converged = not curvature > 0 or (energy <= _ROUNDING * size and not grows)
         if not converged:
             other = _advance(slope / curvature, active, residual, direction, forces)
             previous, conjugate, step = energy, 0.0 if grows else 1.0, step + 1
             if not other:
-                for i in range(count):
-                    overlap[i] -= slope / curvature * image[i]
+                _add_scaled(-slope / curvature, image, overlap)
     _spread_on_window(cover[0], cover[1], forces, room[0])
     return forces, room[0], motion, step, converged

@@ -1,0 +1,67 @@
+"""Box geoms without mass: texels and plates are made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.errors import LifeCycleError
+
+IntArray = npt.NDArray[np.int64]
+
+#: Colour of boxes that measure: red, green, blue, opacity [-].
+_COLOUR = (0.25, 0.27, 0.3, 1.0)
+#: Highest collision bit: MuJoCo's collision masks are signed 32-bit numbers [-].
+_HIGHEST_BIT = 30
+
+
+def check_box(height: float, contact_bit: int) -> None:
+    """Check the settings of a box.
+
+    Args:
+        height: Its height [m].
+        contact_bit: Its collision bit [-].
+
+    Raises:
+        ValueError: If the height is not positive or the bit not 0..30.
+    """
+    if not 0 < height < np.inf:
+        raise ValueError(f"height must be positive, not {height} m")
+    if not 0 <= contact_bit <= _HIGHEST_BIT:
+        raise ValueError(f"contact_bit must lie in 0..{_HIGHEST_BIT}, not {contact_bit}")
+
+
+def describe_box(half: Sequence[float], contact_bit: int) -> dict[str, Any]:
+    """Attributes of a box that touches every geom with a non-zero contype, except those on its own collision bit.
+
+    Args:
+        half: Half edge lengths, shape (3,) [m].
+        contact_bit: The collision bit, 0..30 [-].
+    """
+    bit = 1 << contact_bit
+    box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half, "mass": 0.0, "rgba": _COLOUR}
+    return {**box, "contype": bit, "conaffinity": 0x7FFFFFFF & ~bit}
+
+
+def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntArray:
+    """Ids of geoms in the compiled model, shape (n,).
+
+    Args:
+        model: The compiled model.
+        names: Their names.
+        sensor: Name of the sensor, for the message.
+
+    Raises:
+        LifeCycleError: If one is not in the model.
+    """
+    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in names]
+    if min(ids) < 0:
+        raise LifeCycleError(
+            f"geom {names[ids.index(-1)]!r} is not in this model; bind a model compiled from the spec "
+            f"that sensor {sensor!r} was attached to"
+        )
+    return np.array(ids)
