@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from meshes.array_types import FloatArray
+
 #: Safety factors where the grids converge as expected, and where they do not (Roache 1994) [-].
 _SAFETY, _UNSURE = 1.25, 3.0
 #: Relative deviation of a ratio of differences that rounding may cause [-].
@@ -58,7 +60,7 @@ def grid_convergence(
     return float((_SAFETY if inside else _UNSURE) * fine / ((sizes[1] / sizes[2]) ** order - 1))
 
 
-def extrapolate(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> npt.NDArray[np.float64]:
+def extrapolate(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> FloatArray:
     """Extrapolate a first-order sequence to its limit from the two finest values (Richardson).
 
     If a third, coarser value shows that the sequence is not monotonic, the finest value is returned.

@@ -27,8 +27,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 BACKENDS = ("pardiso", "metis", "plain")
 #: Entries in the upper triangle from which pardiso is chosen.  Smaller systems (2000 unknowns in 2-D, 600 in 3-D) are
@@ -311,7 +310,7 @@ def _number_entries(pointer: npt.NDArray[Any], index: npt.NDArray[Any]) -> IntAr
     return np.asarray(np.repeat(np.arange(n, dtype=np.int64), np.diff(pointer)) * n + index, dtype=np.int64)
 
 
-def _order_nodes(matrix: sp.csr_matrix) -> npt.NDArray[np.int64]:
+def _order_nodes(matrix: sp.csr_matrix) -> IntArray:
     """Nested dissection by METIS of groups of unknowns with the same neighbours (Karypis and Kumar 1998)."""
     import pymetis
 

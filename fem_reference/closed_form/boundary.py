@@ -12,14 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
 from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, point_response_spline, transfer
 from meshes import Cover, Indenter, TexelArray
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Most exchanges of the active set.
 _EXCHANGES = 60

@@ -20,8 +20,7 @@ import numpy.typing as npt
 
 from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, transfer
 from meshes import Cover, Layer
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

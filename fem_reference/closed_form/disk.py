@@ -18,7 +18,8 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.special import ive
 
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
+
 ComplexArray = npt.NDArray[np.complex128]
 
 #: Newton steps for the roots of sin 2 k = 2 k; they converge to rounding in far fewer.

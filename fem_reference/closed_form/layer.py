@@ -19,8 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
 from meshes import Cover, Layer
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Product of wave number and thickness below which a parabola to the exact limit at k = 0 replaces the linear systems,
 #: which lose digits there [-].

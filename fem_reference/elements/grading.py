@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Ratio of neighbouring elements below a surface with small elements, and around the edge of a contact in three
 #: dimensions [-].

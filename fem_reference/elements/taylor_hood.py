@@ -15,14 +15,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 import skfem
 
 from fem_reference.materials.invariants import EVERY_PLACE
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Displacement and pressure elements on each kind of mesh.
 _ELEMENTS = {

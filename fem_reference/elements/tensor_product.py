@@ -12,13 +12,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.line import Line, line_matrix
+from meshes.array_types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 #: A factor and the three line matrices, along x, y and z, of one Kronecker product.
 Term = tuple[float, Any, Any, Any]
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.elements.grading import grade_around_edge, grade_outward
 from fem_reference.elements.scaling import Units
@@ -19,8 +18,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
 from meshes import FlatPunch
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Contact penalty: pressure per penetration, in shear moduli per element size.  It must be much larger than the
 #: stiffness that the contact pressure takes from an element; below about 30, surfaces under high pressure wrinkle [-].

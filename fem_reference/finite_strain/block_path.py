@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.elements.grading import grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
@@ -20,8 +19,8 @@ from fem_reference.finite_strain.contact_problem import ContactEquilibrium
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
 from meshes import Cover, FlatPunch
+from meshes.array_types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
 #: Ascending positions along x, shape (m,), and y, shape (n,) [m], and base pressure on their grid, shape (m, n) [Pa].
 BasePressure = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -135,7 +134,7 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
     return prepare_elements(mesh, region=region)
 
 
-def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> npt.NDArray[np.int64]:
+def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> IntArray:
     """Return the constrained displacements of a meshed block.
 
     These are the base (all components if bonded, else the normal one), the outer boundary unless it is free, and the

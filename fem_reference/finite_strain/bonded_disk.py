@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import prepare_elements
@@ -30,9 +29,7 @@ from fem_reference.finite_strain.newton import (
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import mesh_cover
 from meshes import Cover, Layer, Material
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Elements through half the height on the three grids; the last one is the answer.
 GRIDS = (4, 6, 9)
@@ -153,7 +150,7 @@ class Disk:
         return solve_newton(linearise, here.state, iterations=_ITERATIONS)
 
     @cached_property
-    def _free(self) -> npt.NDArray[np.bool_]:
+    def _free(self) -> BoolArray:
         return find_free(self.solid.elements, self.constrained)
 
     @cached_property

@@ -17,15 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 import skfem
 
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from meshes.array_types import BoolArray, FloatArray
 
 #: Tangential over normal penalty where points may slide.  With a stiffer spring a point leaves the cone on one side and
 #: returns on the other, and Newton's method cycles.  The elastic slip of the soft spring is removed as slip is recorded

@@ -14,7 +14,6 @@ from functools import cached_property, partial
 from itertools import zip_longest
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.scaling import Units
@@ -34,8 +33,7 @@ from fem_reference.finite_strain.newton import (
     solve_newton,
     walk_to,
 )
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 
@@ -107,7 +105,7 @@ class ContactProblem:
 
     solid: Solid | SmallStrainSolid
     contact: SurfaceContact
-    constrained: npt.NDArray[np.int64]
+    constrained: IntArray
     units: Units
     load_scale: float = 1.0
     overlap: float = OVERLAP
@@ -313,7 +311,7 @@ class ContactProblem:
         return balanced and (load is None or abs(load - contact.total) < tolerance * load)
 
     @cached_property
-    def _free(self) -> npt.NDArray[np.bool_]:
+    def _free(self) -> BoolArray:
         return find_free(self.solid.elements, self.constrained)
 
     @cached_property

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.scaling import Units
@@ -25,8 +24,7 @@ from fem_reference.materials import Energy, create_finite_strain_energy
 from fem_reference.materials.energy import Response, Scaled
 from fem_reference.materials.invariants import Invariant, volume_ratio
 from meshes import Cover
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Quadrature points that are evaluated together: few enough that their tensors stay in the processor's cache.
 _POINTS = 1152

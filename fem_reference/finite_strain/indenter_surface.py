@@ -12,13 +12,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.finite_strain.smoothed_heightmap import SmoothedHeightmap
 from meshes import FlatPunch, Indenter
+from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Largest slope of the surface, that of 60 degrees: a cover that separates at an edge leaves it less steeply [-].
 STEEPEST = float(np.tan(np.radians(60)))

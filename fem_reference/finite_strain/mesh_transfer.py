@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import RegularGridInterpolator
 
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, Guess
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Decimal digits, relative to the largest coordinate, to which positions on one mesh line agree.
 _DIGITS = 9
@@ -90,6 +88,6 @@ def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray) 
     return np.asarray(RegularGridInterpolator(lines, table)(inside))
 
 
-def _find_pressures(elements: MixedElements, region: int) -> npt.NDArray[np.int64]:
+def _find_pressures(elements: MixedElements, region: int) -> IntArray:
     """Return the pressure unknowns of one region."""
     return np.unique(elements.pressure_cells[elements.region == region])

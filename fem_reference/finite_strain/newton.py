@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.taylor_hood import MixedElements
@@ -21,10 +20,7 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.sparse_solver import ConstrainedSystem
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 

@@ -9,12 +9,10 @@ lowest point is moved back to zero.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from meshes import Indenter
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Number of cells of the grid beyond the footprint, and largest number along the longer half of the footprint.
 _MARGIN, _MOST_CELLS = 5, 500

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference import result_store
 from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState
@@ -26,9 +25,9 @@ from fem_reference.indentation.grid_solution import (
     extrapolate_solutions,
 )
 from fem_reference.indentation.small_strain import CELLS
+from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-FloatArray = npt.NDArray[np.float64]
 #: A path solved on three grids, twice: the baseline and as asked for.  Each is a list of grids for every target.
 SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
 

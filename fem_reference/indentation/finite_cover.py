@@ -12,7 +12,6 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.elements.grading import fill_by_spacing
 from fem_reference.elements.line import Line
@@ -32,9 +31,8 @@ from fem_reference.indentation.grid_solution import GridStudy
 from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import FlatPunch, TexelArray
+from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Element size at the edge of a contact: over the fillet where the edge lies on mesh lines, else over the element size
 #: in the contact [-].

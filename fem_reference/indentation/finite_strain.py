@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import RectBivariateSpline
 
 from fem_reference import result_store
@@ -33,9 +32,9 @@ from fem_reference.indentation.rounding import choose_fillet, scale_fillet, stat
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import TexelArray
+from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None] | None
 
 #: Elements through the cover on the three axisymmetric grids; the last one is the answer [-].

@@ -17,9 +17,9 @@ from fem_reference.finite_strain.block_path import BasePressure
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import extrapolate, grid_convergence
 from meshes import TexelArray
+from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-FloatArray = npt.NDArray[np.float64]
 #: Normal force on each texel, shape (n,) [N], for an array and the indenter's pose over it.
 TexelForces = Callable[[TexelArray, PlanarPose], FloatArray]
 

@@ -11,15 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from meshes import Cover, Indenter, TexelArray
+from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Depth over thickness up to which small strain is accepted without remark; for spheres the force agrees with finite
 #: strain within 0.3 % there [-].

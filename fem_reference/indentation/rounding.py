@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from meshes import FlatPunch, Indenter
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Largest fillet over the cover's thickness and over the smallest half width of the indenter: in axisymmetric meshes,
 #: and in three dimensions, where elements are larger [-].

@@ -12,7 +12,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath
@@ -23,9 +22,9 @@ from fem_reference.linear_response.surface_compliance import SurfaceCompliance, 
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
 from meshes import TexelArray
+from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
-FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None] | None
 
 #: Cells across the contact on the three grids, coarsest first.  All are multiples of 16, because the edges of many

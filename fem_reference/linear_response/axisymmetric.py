@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import skfem
 from scipy.interpolate import CubicSpline
 
@@ -25,9 +24,7 @@ from fem_reference.elements.line import Line, recover_pressure
 from fem_reference.elements.taylor_hood import assemble_linear, mesh_layers, prepare_elements
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Distance from a boundary, in thicknesses, below which a node lies on it [-].
 _TOLERANCE = 1e-9

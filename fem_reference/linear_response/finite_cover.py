@@ -37,9 +37,7 @@ from fem_reference.linear_response.mirror_symmetry import (
 from fem_reference.linear_response.point_spread import load_texel
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray
 
 #: The three grids; the finest gives the result.
 GRIDS = (

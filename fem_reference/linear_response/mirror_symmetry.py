@@ -10,17 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Parities in x and y of the four parts of a load: 0 even, 1 odd.
 PARITIES = ((0, 0), (0, 1), (1, 0), (1, 1))

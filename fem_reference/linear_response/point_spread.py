@@ -22,8 +22,7 @@ from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import solve_point_load
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Elements through the thickness of the three grids; the finest gives the result.
 GRIDS = (8, 12, 18)
@@ -275,7 +274,7 @@ def _cut_panels(thickness: float, reach: float) -> FloatArray:
     return edges
 
 
-def _find_corners(array: TexelArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+def _find_corners(array: TexelArray) -> tuple[FloatArray, IntArray]:
     """Distinct texel corners, shape (c, 2) [m], and the four of each texel, shape (n, 4).
 
     The four are those at low x and low y, high x and low y, low x and high y, high x and high y.
@@ -292,7 +291,7 @@ def _find_corners(array: TexelArray) -> tuple[FloatArray, npt.NDArray[np.int64]]
     return every.reshape(-1, 2)[first], inverse.reshape(-1, 4)
 
 
-def _map_active_cells(array: TexelArray) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+def _map_active_cells(array: TexelArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """All texel edges along x and along y [m], and whether each cell between them lies on an active texel.
 
     A cell is added on each side, so that `searchsorted` of any position among the edges is the number of its cell.

@@ -12,15 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
 from fem_reference.elements.grading import layer_heights
 from fem_reference.elements.line import Line, gauss_points, line_matrix
 from meshes import Cover, Layer
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Product of wave number and thickness of the top layer beyond which the layers below have no effect: exp(-2 x) is
 #: below 1e-11 [-].

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.materials.invariants import Invariant
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

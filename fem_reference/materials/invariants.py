@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
+
 Places = tuple[tuple[int, int], ...]
 
 #: Row and column of all nine components, row by row.

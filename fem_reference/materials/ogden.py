@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.materials.energy import Response
 from fem_reference.materials.invariants import Invariant, pick_components
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Relative difference of two stretches below which the limit replaces the divided difference [-].
 _EQUAL = 1e-5

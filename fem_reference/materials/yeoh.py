@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from fem_reference.materials.energy import Response, respond_to_invariant
 from fem_reference.materials.invariants import Invariant, first_isochoric
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,9 +21,7 @@ from scipy import fft
 
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from meshes.array_types import BoolArray, FloatArray
 
 #: Most exchanges of cells, and exchanges of all cells at once that may pass without fewer wrong cells than ever [-].
 _EXCHANGES, _PATIENCE = 400, 10

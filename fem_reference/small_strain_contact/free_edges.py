@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fem_reference.elements.grading import fill_by_spacing, growing_steps, layer_heights
@@ -24,11 +23,8 @@ from fem_reference.linear_response.mirror_symmetry import PARITIES, build_solid,
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
+from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import PlanarPose
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 #: Elements through the cover on the three grids, and the element size of each over that of the finest.
 THROUGH, COARSENING = (2, 3, 4), (2.25, 1.5, 1.0)

@@ -10,16 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from meshes.array_types import BoolArray, FloatArray
 
 #: Samples of a round shape's height along its radius.
 _RADII = 10_001

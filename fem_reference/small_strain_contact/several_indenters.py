@@ -11,17 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.linear_response.point_spread import PointSpread, point_spread
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.frictionless import guess_touching
 from meshes import Cover, Indenter, TexelArray
+from meshes.array_types import FloatArray, IntArray
 from meshes.pose import PlanarPose
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 #: Cells along the thickness on the two grids; the error falls as the cell size under sharp edges.
 CELLS = (8, 16)
