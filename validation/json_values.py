@@ -13,12 +13,10 @@ def to_json_values(value: Any) -> Any:  # noqa: ANN401 -- JSON is untyped
     """Turn arrays and numpy numbers into lists and numbers; NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(key): to_json_values(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray):
-        return to_json_values(value.tolist())
     if isinstance(value, list | tuple):
         return [to_json_values(entry) for entry in value]
-    if isinstance(value, np.generic):
-        return to_json_values(value.item())
+    if isinstance(value, np.ndarray | np.generic):
+        return to_json_values(value.tolist())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

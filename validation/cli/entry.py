@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError
 
-from validation import __version__
+import validation
 from validation.cli.failures import DONE, INTERRUPTED, explain
 from validation.errors import InputError, nearest
 
@@ -41,7 +41,7 @@ app = App(
         "Start with `softcover demo`, or with `softcover init` and `softcover derive sensor.toml`."
     ),
     help_format="markdown",
-    version=__version__,
+    version=lambda: validation.__version__,
     default_parameter=Parameter(negative=()),
     suppress_keyboard_interrupt=False,
 )
@@ -61,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if not words or words[0] not in _COMMANDS:
-            _import_commands()
+            # The list of commands shows the first lines of their docstrings.
+            for name in _COMMANDS:
+                app[name]
         result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except Exception as raised:
         error = _clarify(raised, words)
@@ -77,12 +79,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stderr.write("softcover: interrupted\n")
         raise SystemExit(INTERRUPTED) from None
     raise SystemExit(result if isinstance(result, int) else DONE)
-
-
-def _import_commands() -> None:
-    """Import every command: the list of commands shows the first lines of their docstrings."""
-    for name in _COMMANDS:
-        app[name]
 
 
 def _clarify(error: Exception, words: Sequence[str]) -> Exception:

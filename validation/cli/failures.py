@@ -45,36 +45,25 @@ def explain(error: Exception) -> Explanation | None:
     Returns:
         None for a programming error, which only a traceback explains.
     """
-    if isinstance(error, ImportError):
-        return _explain_missing_module(error)
-    status = _find_status(error)
-    if status is None:
-        return None
-    if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
-        return Explanation(lines=(f"{where}{error.strerror or error}",), status=status)
-    if isinstance(error, CycloptsError):
-        return Explanation(lines=(" ".join(str(error).split()),), status=status)
-    return Explanation(lines=tuple(str(error).splitlines()), status=status)
-
-
-def _find_status(error: Exception) -> int | None:
-    if isinstance(error, ConvergenceError):
-        return NOT_CONVERGED
-    if isinstance(error, OSError):
-        return OUTSIDE_FAILED
-    # Every package raises subclasses of ValueError for bad input.
-    return BAD_INPUT if isinstance(error, ValueError | CycloptsError) else None
-
-
-def _explain_missing_module(error: ImportError) -> Explanation | None:
-    if isinstance(error, MissingExtraError):
-        return Explanation(lines=(str(error),), status=OUTSIDE_FAILED)
-    cause: BaseException | None = error
-    while cause is not None:
-        module = str(getattr(cause, "name", "")).split(".")[0]
-        if module in _EXTRAS:
-            missing = MissingExtraError(_EXTRAS[module], module)
-            return Explanation(lines=(str(missing),), status=OUTSIDE_FAILED)
-        cause = cause.__cause__
+    match error:
+        case ImportError():
+            missing = _find_missing_extra(error)
+            return None if missing is None else Explanation(lines=(str(missing),), status=OUTSIDE_FAILED)
+        case ConvergenceError():
+            return Explanation(lines=tuple(str(error).splitlines()), status=NOT_CONVERGED)
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            return Explanation(lines=(f"{where}{error.strerror or error}",), status=OUTSIDE_FAILED)
+        case CycloptsError():
+            return Explanation(lines=(" ".join(str(error).split()),), status=BAD_INPUT)
+        case ValueError():  # every package raises subclasses of it for bad input
+            return Explanation(lines=tuple(str(error).splitlines()), status=BAD_INPUT)
     return None
+
+
+def _find_missing_extra(error: BaseException | None) -> MissingExtraError | None:
+    """Find the missing module of an extra among an import error and its causes."""
+    while error is not None and not isinstance(error, MissingExtraError):
+        module = str(getattr(error, "name", "")).split(".")[0]
+        error = MissingExtraError(_EXTRAS[module], module) if module in _EXTRAS else error.__cause__
+    return error

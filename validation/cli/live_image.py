@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import TYPE_CHECKING, Self
 
 from validation.cli.output import say
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 PICTURE_INTERVAL, LINE_INTERVAL = 0.1, 5.0
 
 
-class LiveImage:
+class LiveImage(contextlib.ExitStack):
     """Shows the latest image and a line of text on a terminal; where there is no terminal, only the line.
 
     Args:
@@ -31,6 +31,7 @@ class LiveImage:
     """
 
     def __init__(self, *, columns: int, full_scale: int, quiet: bool = False) -> None:
+        super().__init__()
         self._columns = columns
         self._full_scale = full_scale
         self._quiet = quiet
@@ -43,16 +44,9 @@ class LiveImage:
             from rich.console import Console
             from rich.live import Live
 
-            self._live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
-            self._live.start()
+            live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+            self._live = self.enter_context(live)
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop the display."""
-        if self._live is not None:
-            self._live.stop()
 
     @property
     def is_due(self) -> bool:

@@ -31,21 +31,11 @@ def print_json(result: Mapping[str, Any]) -> None:
 
 def print_rows(rows: Iterable[tuple[str, str]], *, title: str | None = None) -> None:
     """Print a table of two columns, names and values; an empty name continues the row above."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=title and Text(title), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for name, value in rows:
-        # Plain strings in a table would be parsed for markup.
-        table.add_row(Text(name), Text(value))
-    Console(highlight=False).print(table)
+    print_table(None, rows, title=title, left=2)
 
 
 def print_table(
-    headings: Sequence[str],
+    headings: Sequence[str] | None,
     rows: Iterable[Sequence[str | Text]],
     *,
     title: str | None = None,
@@ -55,7 +45,7 @@ def print_table(
     """Print a table.
 
     Args:
-        headings: Of the columns.
+        headings: Of the columns; None for two columns without headings.
         rows: The cells of each row; text is printed as it is, without markup.
         title: Line above the table.
         caption: Line below the table.
@@ -65,12 +55,13 @@ def print_table(
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=title and Text(title), caption=caption and Text(caption))
-    for index, heading in enumerate(headings):
+    table = Table(title=title and Text(title), caption=caption and Text(caption), show_header=headings is not None)
+    for index, heading in enumerate(headings or ("", "")):
         table.add_column(
             Text(heading), justify="left" if index < left else "right", no_wrap=index == 0, overflow="fold"
         )
     for row in rows:
+        # Plain strings in a table would be parsed for markup.
         table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
     Console(highlight=False).print(table)
 

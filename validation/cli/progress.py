@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 LINE_INTERVAL = 2.0
 
 
-class Progress:
+class Progress(contextlib.ExitStack):
     """Shows what the program is doing.  Call it with the name of a stage, or call `step` within a counted stage."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._bar: RichProgress | None = None
         self._task: TaskID | None = None
         self._started = time.perf_counter()
@@ -32,16 +33,9 @@ class Progress:
             from rich.progress import Progress as Bar
 
             columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-            self._bar = Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
-            self._bar.start()
+            bar = Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+            self._bar = self.enter_context(bar)
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop the display."""
-        if self._bar is not None:
-            self._bar.stop()
 
     def __call__(self, stage: str) -> None:
         """Begin a stage of unknown length."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
 import threading
 import time
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -56,7 +56,7 @@ def find_window_fault() -> str | None:
     return (tried.stderr.strip().splitlines() or ["no reason given"])[-1]
 
 
-class Window:
+class Window(contextlib.ExitStack):
     """The viewer's window with a scene, as a context; check `find_window_fault` before.
 
     Args:
@@ -64,9 +64,9 @@ class Window:
     """
 
     def __init__(self, scene: Scene) -> None:
+        super().__init__()
         self._scene = scene
         self._viewer: Any = None
-        self._viewer_threads: set[threading.Thread] = set()
         self._next = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -77,20 +77,15 @@ class Window:
         self._viewer = viewer.launch_passive(
             self._scene.model, self._scene.data, show_left_ui=False, show_right_ui=False
         )
-        self._viewer_threads = set(threading.enumerate()) - others
+        # A program that ends while the viewer's threads draw may crash: close the window, then wait for them.
+        for thread in set(threading.enumerate()) - others:
+            self.callback(thread.join, TIMEOUT)
+        self.callback(self._viewer.close)
         with self._viewer.lock():
             camera = self._viewer.cam
             camera.azimuth, camera.elevation = AZIMUTH, ELEVATION
             camera.distance = CAMERA_DISTANCE * max(self._scene.sensor.parameters.array.extent)
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the window and wait for its threads: a program that ends while they draw may crash."""
-        self._viewer.close()
-        for thread in self._viewer_threads:
-            thread.join(TIMEOUT)
 
     @property
     def is_open(self) -> bool:

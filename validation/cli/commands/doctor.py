@@ -6,7 +6,6 @@ import os
 import platform
 import shutil
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
@@ -57,6 +56,8 @@ def doctor(
 
 def _find_distributions(extra: str) -> list[str]:
     """The distributions that the package declares for the base (`extra` empty) or an extra on this platform."""
+    from importlib import metadata
+
     from packaging.requirements import Requirement
 
     wanted = []
@@ -112,6 +113,8 @@ def _find_surroundings() -> dict[str, str]:
 
 
 def _find_version(distribution: str) -> str | None:
+    from importlib import metadata
+
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
