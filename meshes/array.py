@@ -90,14 +90,12 @@ class TexelArray:
         if rows < 1 or columns < 1:
             raise ValueError(f"rows and columns must be at least 1, not {rows} and {columns}")
         step = _as_pair(pitch)
-        x = (np.arange(columns) - (columns - 1) / 2) * step[0]
-        y = (np.arange(rows) - (rows - 1) / 2) * step[1]
-        centres = np.zeros((rows * columns, 3))
-        centres[:, 0] = np.tile(x, rows)
-        centres[:, 1] = np.repeat(y, columns)
+        x, y = np.meshgrid(
+            (np.arange(columns) - (columns - 1) / 2) * step[0], (np.arange(rows) - (rows - 1) / 2) * step[1]
+        )
         mask = np.ones(rows * columns, dtype=bool) if active is None else np.array(active, dtype=bool).ravel()
         return cls(
-            centres=centres,
+            centres=np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3),
             normals=np.tile([0.0, 0.0, 1.0], (rows * columns, 1)),
             texel_size=step if texel_size is None else _as_pair(texel_size),
             pitch=step,

@@ -33,16 +33,17 @@ _SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, f
     }
 )
 
-#: Young's modulus E [Pa] of natural rubber by hardness [IRHD], and its Poisson ratio nu = 1/2 - E / (6 K) [-] for a
+#: Young's modulus E [MPa] of natural rubber by hardness [IRHD], and its Poisson ratio nu = 1/2 - E / (6 K) [-] for a
 #: bulk modulus K of 1 GPa.
-_NATURAL_RUBBER: Mapping[int, tuple[float, float]] = MappingProxyType(
-    {
-        30: (0.92e6, 0.4998),
-        40: (1.50e6, 0.4997),
-        50: (2.20e6, 0.4996),
-        60: (4.45e6, 0.4993),
-        70: (7.35e6, 0.4988),
-    }
+_NATURAL_RUBBER = ((30, 0.92, 0.4998), (40, 1.50, 0.4997), (50, 2.20, 0.4996), (60, 4.45, 0.4993), (70, 7.35, 0.4988))
+
+#: Other materials: name, source, Young's modulus [MPa], half-width of its range over it [-], Poisson ratio and
+#: half-width of its range [-].
+_RUBBERS_AND_FOAMS = (
+    ("neoprene", "solid neoprene, 2..5 MPa, nu 0.49..0.499", 3, 0.5, (0.495, 0.005)),
+    ("neoprene-sponge", "neoprene sponge, 0.1..0.6 MPa, nu 0..0.3", 0.3, 0.6, (0.15, 0.15)),
+    ("silicone-foam", "silicone foam, 10..300 kPa, nu 0..0.3", 0.1, 0.8, (0.15, 0.15)),
+    ("polyurethane-foam", "polyurethane foam, 10..300 kPa, nu 0..0.3", 0.1, 0.8, (0.15, 0.15)),
 )
 
 
@@ -68,24 +69,22 @@ def _make_silicone(name: str, model: str, parameters: Mapping[str, float], fit: 
     )
 
 
-def _make_natural_rubbers() -> Iterator[Material]:
-    for hardness, (modulus, ratio) in _NATURAL_RUBBER.items():
-        source = f"Lindley, Engineering Design with Natural Rubber: E0 at {hardness} IRHD"
-        yield _make_elastic(f"natural-rubber-{hardness}", modulus, ratio, source, 0.15)
-
-
-def _make_elastic(
-    name: str, youngs_modulus: float, poisson_ratio: float, source: str, spread: float, *, poisson_spread: float = 0.0
-) -> Material:
+def _make_elastic(name: str, source: str, modulus_mpa: float, spread: float, poisson: tuple[float, float]) -> Material:
     return Material(
         name=name,
         model="linear-elastic",
-        parameters={"youngs_modulus": youngs_modulus},
-        poisson_ratio=poisson_ratio,
+        parameters={"youngs_modulus": modulus_mpa * 1e6},
+        poisson_ratio=poisson[0],
         source=source,
         spread=spread,
-        poisson_spread=poisson_spread,
+        poisson_spread=poisson[1],
     )
+
+
+def _make_natural_rubbers() -> Iterator[Material]:
+    for hardness, modulus, ratio in _NATURAL_RUBBER:
+        source = f"Lindley, Engineering Design with Natural Rubber: E0 at {hardness} IRHD"
+        yield _make_elastic(f"natural-rubber-{hardness}", source, modulus, 0.15, (ratio, 0.0))
 
 
 #: Materials by name.
@@ -95,18 +94,7 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
         for material in (
             *_make_silicones(),
             *_make_natural_rubbers(),
-            _make_elastic(
-                "neoprene", 3e6, 0.495, "solid neoprene, 2..5 MPa, nu 0.49..0.499", 0.5, poisson_spread=0.005
-            ),
-            _make_elastic(
-                "neoprene-sponge", 0.3e6, 0.15, "neoprene sponge, 0.1..0.6 MPa, nu 0..0.3", 0.6, poisson_spread=0.15
-            ),
-            _make_elastic(
-                "silicone-foam", 0.1e6, 0.15, "silicone foam, 10..300 kPa, nu 0..0.3", 0.8, poisson_spread=0.15
-            ),
-            _make_elastic(
-                "polyurethane-foam", 0.1e6, 0.15, "polyurethane foam, 10..300 kPa, nu 0..0.3", 0.8, poisson_spread=0.15
-            ),
+            *(_make_elastic(*row) for row in _RUBBERS_AND_FOAMS),
         )
     }
 )
@@ -117,7 +105,7 @@ ASSUMED_COVER = Cover(
     layers=(
         Layer(
             thickness=2e-3,
-            material=_make_elastic("assumed elastomer", 1e6, 0.49, "assumed: nobody published it", 0.5),
+            material=_make_elastic("assumed elastomer", "assumed: nobody published it", 1, 0.5, (0.49, 0.0)),
         ),
     ),
     assumed=True,

@@ -66,7 +66,11 @@ class Material:
         if wanted != set(self.parameters):
             raise ValueError(f"{self.model} takes {sorted(wanted)}, not {sorted(self.parameters)}")
         has_terms = self.model in SERIES_MODELS
-        values = {name: _read_value(f"{self.model} {name}", v, has_terms) for name, v in self.parameters.items()}
+        values: dict[str, Value] = {}
+        for name, value in self.parameters.items():
+            terms = value if isinstance(value, list | tuple) and has_terms else (value,)
+            numbers = tuple(_read_number(f"{self.model} {name}", term) for term in terms)
+            values[name] = numbers if has_terms else numbers[0]
         object.__setattr__(self, "parameters", _Parameters(values))
         if has_terms:
             self._check_terms()
@@ -156,17 +160,6 @@ class _Parameters(Mapping[str, Value]):
 
     def __repr__(self) -> str:
         return repr(self._values)
-
-
-def _read_value(label: str, value: object, has_terms: bool) -> Value:
-    """A finite number, or a tuple of them for a model of terms.
-
-    Raises:
-        ValueError: If a number is not finite or no number.
-    """
-    if has_terms:
-        return tuple(_read_number(label, term) for term in (value if isinstance(value, list | tuple) else [value]))
-    return _read_number(label, value)
 
 
 def _read_number(label: str, value: object) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from meshes.indenters.indenter import FloatArray, Indenter, Primitive
 from meshes.indenters.prism import require_axis_inside
 from meshes.surfaces.convex_hulls import split_into_hulls
-from meshes.surfaces.gap import TriangleGap, select_facing_down
+from meshes.surfaces.gap import TriangleGap, compute_volume, select_facing_down
 
 #: Volume, over the cube of the body's size, and height, over its size, that count as zero [-].
 _ZERO = 1e-9
@@ -46,8 +46,7 @@ class TriangleMesh(Indenter):
         if not np.isfinite(corners).all():
             raise ValueError("the corners of all triangles must be finite")
         size = float(np.ptp(corners, axis=(0, 1)).max())
-        volume = float(np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
-        if not volume > _ZERO * size**3:
+        if not compute_volume(corners) > _ZERO * size**3:
             raise ValueError("the surface holds no volume, or its triangles face inwards")
         if abs(corners[..., 2].min()) > _ZERO * size:
             raise ValueError(f"the lowest point must stand at z = 0, not at {corners[..., 2].min()} m")

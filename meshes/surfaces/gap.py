@@ -32,6 +32,19 @@ def select_facing_down(triangles: FloatArray) -> FloatArray:
     return np.asarray(triangles[ax * by - ay * bx < -_ZERO * size**2])
 
 
+def compute_volume(triangles: FloatArray) -> float:
+    """Volume that a closed surface of triangles encloses, negative if they face inwards, by the divergence theorem.
+
+    Args:
+        triangles: Corners, shape (n, 3, 3) [m].
+
+    Returns:
+        The volume [m3].
+    """
+    corners = triangles - triangles[0, 0]
+    return float(np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
+
+
 class TriangleGap:
     """Height of the lowest of many triangles that face down.
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshes.indenters.polygons import cross
 from meshes.indenters.prism import Prism
 from meshes.indenters.triangle_mesh import TriangleMesh
-from meshes.surfaces.gap import select_facing_down
+from meshes.surfaces.gap import compute_volume, select_facing_down
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -59,7 +59,7 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
             f"{source.name} would be {1e3 * size:.3g} mm long, no size for an indenter "
             f"({1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm); give the unit of the file, for example unit=mm or unit=inch"
         )
-    volume = _compute_volume(corners)
+    volume = compute_volume(corners)
     if abs(volume) <= _ZERO**2 * size**3:
         raise ValueError(f"{source.name} holds no volume: it is a sheet, not a body; export a solid")
     if volume < 0:  # all triangles face inwards, as after mirroring: turn them round
@@ -168,12 +168,6 @@ def _list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     directed = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
     _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
     return directed, edge.reshape(-1), count
-
-
-def _compute_volume(corners: FloatArray) -> float:
-    """Volume that triangles (n, 3, 3) enclose, negative if they face inwards, by the divergence theorem [m3]."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.einsum("ni,ni->", corners[:, 0] - corners[0, 0], normal) / 6)
 
 
 def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:

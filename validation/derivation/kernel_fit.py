@@ -59,12 +59,7 @@ def uncut_sigma(influence: Influence, grid: TexelArray) -> float:
         influence: The reference's response.
         grid: Texels on a regular grid.
     """
-    fit = fit_gaussian(
-        _middle_response(influence, grid, "uniform"),
-        (grid.rows // 2, grid.columns // 2),
-        active=grid.image(grid.active),
-    )
-    return fit.estimates["least-squares-uniform-uncut"][0]
+    return fit_kernel(influence, grid).estimates["least-squares-uniform-uncut"][0]
 
 
 def fitting_grid(array: TexelArray) -> TexelArray:

@@ -35,22 +35,15 @@ def list_undetermined(cover: Cover, fit: Fit, depth: DepthFits | None) -> tuple[
     if depth is None:
         lines.append("foundation modulus and contact parameters: near free side edges depth depends on the position")
         return tuple(lines)
-    return (*lines, _foundation_line(depth), _mujoco_line(depth))
-
-
-def _foundation_line(depth: DepthFits) -> str:
-    foundation = depth.foundation
+    foundation, contact = depth.foundation, depth.contact
     lightest, heaviest = (foundation.estimates[name] / foundation.modulus for name in ("lightest", "heaviest"))
-    return (
+    lines.append(
         f"one foundation modulus for all loads: the lightest load alone gives {lightest:.2g} of the fitted one, the "
         f"heaviest {heaviest:.2g}"
     )
-
-
-def _mujoco_line(depth: DepthFits) -> str:
-    contact = depth.contact
-    return (
+    lines.append(
         f"MuJoCo's depth under other loads: fitted to a free body of {1e3 * contact.mass:.3g} g only; in MuJoCo bodies "
         f"of all masses sink equally deep, here {contact.misses.max():+.0%} to {contact.misses.min():+.0%} off over "
         f"{depth.load.min():.2g}..{depth.load.max():.2g} N"
     )
+    return tuple(lines)

@@ -18,7 +18,7 @@ from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.recordings import best_null, recordings_contents
-from validation.report.tactile_image import Outline, Scale, colour_bar, tactile_image
+from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -168,30 +168,25 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
         ("fast \u2212 reference", tactile_image(array, difference, apart)),
     ]
     return {
-        "name": case.name,
-        "shape": case.shape,
-        "load": case.load,
-        "pose": case.pose,
+        "case": case,
+        "reference": reference,
         "images": images,
         "bars": colour_bar(force) + colour_bar(apart),
         "score": fast.score.as_json(),
         "bare": bare.score.as_json(),
-        "depth": reference.depth,
-        "errors": reference.error_estimate,
         "lit": fast.score.pixels_lit_line,
     }
 
 
-def _contact_outline(contact: np.ndarray[Any, np.dtype[np.float64]]) -> Outline:
+def _contact_outline(contact: FloatArray) -> FloatArray:
     """The convex hull of the cells in contact."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = contact[:, :2]
     try:
-        corners = points[ConvexHull(points).vertices]
+        return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):  # fewer than three cells, or all on one line
-        corners = points
-    return Outline(x=corners[:, 0], y=corners[:, 1])
+        return points
 
 
 def _pooled(campaign: CampaignResult) -> list[dict[str, Any]]:

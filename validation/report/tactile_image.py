@@ -48,34 +48,21 @@ class Scale:
     def colour(self, value: float) -> str:
         """The colour of one value."""
         share = value / self.peak if self.peak > 0 else 0.0
-        colours = self.colours
-        place = float(np.clip(0.5 + share / 2 if self.difference else share, 0, 1)) * (len(colours) - 1)
-        lower = min(int(place), len(colours) - 2)
-        low, high = (np.array([int(colours[lower + i][k : k + 2], 16) for k in (1, 3, 5)]) for i in (0, 1))
-        return "#" + "".join(f"{round(float(part)):02x}" for part in low + (place - lower) * (high - low))
+        place = 0.5 + share / 2 if self.difference else share
+        steps = np.linspace(0, 1, len(self.colours))
+        channels = ([int(colour[k : k + 2], 16) for colour in self.colours] for k in (1, 3, 5))
+        return "#" + "".join(f"{round(float(np.interp(place, steps, channel))):02x}" for channel in channels)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outline:
-    """A closed line over an image, in the array's frame.
-
-    Attributes:
-        x: Along the columns, shape (m,) [m].
-        y: Along the rows, shape (m,) [m].
-    """
-
-    x: FloatArray
-    y: FloatArray
-
-
-def tactile_image(array: TexelArray, values: FloatArray, scale: Scale, *, outline: Outline | None = None) -> str:
+def tactile_image(array: TexelArray, values: FloatArray, scale: Scale, *, outline: FloatArray | None = None) -> str:
     """Draw one value per texel.
 
     Args:
         array: The texels.
         values: One value per texel, shape (n,).
         scale: Colour scale.
-        outline: Line over the image, for example around the contact area; none when not given.
+        outline: Corners of a closed line over the image, for example around the contact area, in the array's frame,
+            shape (m, 2) [m]; none when not given.
     """
     cells = "".join(_cell(array, index, float(value), scale) for index, value in enumerate(values))
     width, height = array.columns * _CELL, array.rows * _CELL
@@ -113,10 +100,8 @@ def _cell(array: TexelArray, index: int, value: float, scale: Scale) -> str:
     )
 
 
-def _line(array: TexelArray, outline: Outline) -> str:
-    left = array.centres[:, 0].min() - array.pitch[0] / 2
-    bottom = array.centres[:, 1].min() - array.pitch[1] / 2
-    x = (outline.x - left) / array.pitch[0] * _CELL
-    y = (array.rows - (outline.y - bottom) / array.pitch[1]) * _CELL
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+def _line(array: TexelArray, outline: FloatArray) -> str:
+    low = array.centres[:, :2].min(axis=0) - np.array(array.pitch) / 2
+    x, y = ((outline - low) / array.pitch).T
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x * _CELL, (array.rows - y) * _CELL, strict=True))
     return f'<polygon points="{points}" class="outline"/>'

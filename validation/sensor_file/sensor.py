@@ -143,7 +143,10 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
     if faults := [f"{source}: {fault}" for fault in _electronics_faults(tables.electronics)]:
         raise InputError(*faults)
     name = tables.name or source.stem
-    array, cover = build_array(tables.array, name=name, source=source), _build_cover(tables)
+    array = build_array(tables.array, name=name, source=source)
+    # The validator of the tables has already turned names and parameters into a Material.
+    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)  # type: ignore[arg-type]
+    cover = Cover(layers=layers, base=tables.cover.base, size=tables.cover.size)
     _refuse_uncovered(array, cover, source)
     low_pass, gains = tables.filter, tables.electronics.gains
     if gains is not None and len(gains) != array.count:
@@ -157,15 +160,6 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
         spread=None if tables.spread is None else Gaussian(**dataclasses.asdict(tables.spread)),
         source=str(source),
     )
-
-
-def _build_cover(tables: SensorTables) -> Cover:
-    layers = tuple(
-        # The validator of the table has already turned names and parameters into a Material.
-        Layer(thickness=layer.thickness, material=layer.material)  # type: ignore[arg-type]
-        for layer in tables.cover.layer
-    )
-    return Cover(layers=layers, base=tables.cover.base, size=tables.cover.size)
 
 
 def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
@@ -196,19 +190,11 @@ def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
 
 
 def _build_electronics(table: ElectronicsTable) -> Electronics:
-    return Electronics(
-        rate_hz=table.rate,
-        # With a characteristic the slope has no effect, but `Electronics` requires a positive number.
-        sensitivity=table.sensitivity or 1.0,
-        offset=table.offset,
-        output_max=table.output_max or 2**table.bits - 1,
-        bits=table.bits,
-        noise=table.noise,
-        threshold=table.threshold,
-        saturation_band=table.saturation_band,
-        characteristic=None if table.characteristic is None else tuple(table.characteristic),
-        gains=None if table.gains is None else tuple(table.gains),
-    )
+    given: dict[str, Any] = dataclasses.asdict(table)
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+    # With a characteristic the slope has no effect, but `Electronics` requires a positive number.
+    values |= {"sensitivity": table.sensitivity or 1.0, "output_max": table.output_max or 2**table.bits - 1}
+    return Electronics(rate_hz=values.pop("rate"), **values)
 
 
 def _replace_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:

@@ -114,8 +114,6 @@ def _lengths(value: object) -> tuple[float, float]:
 
 def _material(value: object, read_table: Callable[[object], Any]) -> Material:
     """Read the name of a material in the library, or a table of parameters."""
-    if isinstance(value, Material):
-        return value
     if isinstance(value, str):
         if value not in MATERIALS:
             raise ValueError(f"unknown material {value!r}; {nearest(value, MATERIALS)}")

@@ -189,7 +189,6 @@ def _read_value(shape: str, name: str, parameter: _Parameter, text: str, place: 
             if count == 1:
                 return read_quantity(text, kind, place=where)
             return read_quantities(text, kind, count, place=where, joint="," if shape == "mesh" else "x")
-    raise AssertionError(f"{shape}.{name} measures {parameter.kind}")
 
 
 def _read_points(text: str, where: str) -> tuple[tuple[float, float], ...]:

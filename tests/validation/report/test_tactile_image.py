@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from meshes.catalogue import ARRAYS
 from validation.cli.heat_map import draw_force_images
-from validation.report.tactile_image import Outline, Scale, tactile_image
+from validation.report.tactile_image import Scale, tactile_image
 
 
 def test_row_0_is_at_the_bottom():
@@ -32,8 +32,8 @@ def test_masked_texels_are_told_apart():
 
 def test_outline_lies_where_the_texels_are():
     array = ARRAYS["wts-0614-34"]
-    centre = Outline(x=array.centres[[0, 5, 83], 0], y=array.centres[[0, 5, 83], 1])
-    svg = tactile_image(array, np.zeros(84), Scale(peak=1.0), outline=centre)
+    outline = array.centres[[0, 5, 83], :2]
+    svg = tactile_image(array, np.zeros(84), Scale(peak=1.0), outline=outline)
     assert 'points="7.5,202.5 82.5,202.5 82.5,7.5"' in svg
 
 
