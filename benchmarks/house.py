@@ -115,9 +115,9 @@ def walk_cover() -> None:
 
     import fem_reference
     from meshes import Box, Cover, Layer, Sphere
-    from meshes.catalogue import ARRAYS, COVERS, MATERIALS
+    from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
 
-    array, wide = ARRAYS["wts-0614-34"], COVERS["wts-0614-34"]
+    array, wide = ARRAYS["wts-0614-34"], ASSUMED_COVER
     soft = Cover(layers=(Layer(thickness=2e-3, material=MATERIALS["dragon-skin-30"]),))
     ball, box = Sphere(radius=4e-3), Box(size=(6e-3, 6e-3, 5e-3))
     for title, cover, shape in (
