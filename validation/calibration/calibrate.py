@@ -23,6 +23,7 @@ from fastmodel.signal.point_spread import Gaussian
 from meshes import Indenter, TexelArray
 from validation.calibration.curve_fit import CurveForm, FittedCurve, Observations, fit_curve
 from validation.calibration.noise_and_drift import Estimate, find_load_onset, measure_noise_and_drift
+from validation.metrics import centre_of_pressure
 from validation.recordings.recording import Recording, RecordingError
 
 FloatArray = npt.NDArray[np.float64]
@@ -124,9 +125,12 @@ def calibrate(
     observations = _join_observations(parts, texels)
     line = _fit_line(observations, threshold, confidence)
     gains, half_widths = _gains_of_array(line, texels, len(shares))
+    polynomial = None
+    if len(np.unique(observations.loads)) >= _DEGREE + 2:
+        polynomial = fit_curve(observations, replace(line.form, degree=_DEGREE), confidence=confidence)
     return Calibration(
         line=line,
-        polynomial=_fit_polynomial(observations, line, confidence),
+        polynomial=polynomial,
         estimates={
             **_line_estimates(line, observations),
             **measure_noise_and_drift(recordings, parts, line, array=array, texels=texels, confidence=confidence),
@@ -179,8 +183,8 @@ def find_pressed_position(recordings: Sequence[Recording], array: int) -> tuple[
     mean = np.mean(images, axis=0)
     if not mean.any():
         raise RecordingError(f"{recordings[0].path}: array {array} reads zero; name the array that was pressed")
-    x, y = mean @ texels.centres[:, :2] / mean.sum()
-    return float(x), float(y)
+    x, y = centre_of_pressure(mean, texels.centres[:, :2]).tolist()
+    return x, y
 
 
 def _check_alike(recordings: Sequence[Recording], array: int) -> None:
@@ -273,13 +277,6 @@ def _fit_line(observations: Observations, threshold: float, confidence: float) -
     gain = counts.size * np.log(max(straight.residual, 1e-9) / max(bent.residual, 1e-9)) * 2
     credible = bent.value("output_max") < _LARGEST_EXTRAPOLATION * float(counts.max())
     return bent if credible and gain > 10 + 2 * np.log(counts.size) else straight
-
-
-def _fit_polynomial(observations: Observations, line: FittedCurve, confidence: float) -> FittedCurve | None:
-    """The characteristic of degree 5; None if there are too few loads."""
-    if len(np.unique(observations.loads)) < _DEGREE + 2:
-        return None
-    return fit_curve(observations, replace(line.form, degree=_DEGREE), confidence=confidence)
 
 
 def _line_estimates(line: FittedCurve, observations: Observations) -> dict[str, Estimate]:

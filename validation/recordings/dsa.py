@@ -21,16 +21,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from validation.recordings import bzip2
-from validation.recordings.dsa_fields import (
-    MATRIX_FIELDS,
-    FrameArray,
-    decode_counts,
-    limit_counts,
-    read_array,
-    read_number,
-    read_whole_number,
-)
+from validation.recordings import bzip2, dsa_fields
 from validation.recordings.recording import (
     RecordedArray,
     Recording,
@@ -60,7 +51,7 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
     "root": ("sensor", "data"),
     "root/sensor": ("generated_by", "hw_revision", "serial_nr", "num_matrices", "converter_resolution", "matrix"),
-    "root/sensor/matrix": MATRIX_FIELDS,
+    "root/sensor/matrix": dsa_fields.MATRIX_FIELDS,
     "root/data": ("frame_count", "frame"),
     "root/data/frame": ("time_stamp", "frame_data"),
     "root/temperatures": ("temp_count", "temp"),
@@ -102,8 +93,8 @@ class _Collector:
         self.arrays: list[RecordedArray] = []
         self.serial = ""
         #: Largest count of each texel of all arrays; None before the end of `<sensor>`.
-        self.limits: FrameArray | None = None
-        self.frames: list[FrameArray] = []
+        self.limits: dsa_fields.FrameArray | None = None
+        self.frames: list[dsa_fields.FrameArray] = []
         self.stamps: list[int] = []
         self.temperatures: list[list[float]] = []
         self.temperature_stamps: list[int] = []
@@ -115,10 +106,10 @@ class _Collector:
                 name = f"array {len(self.arrays)}"
                 if len(self.arrays) == _MAX_ARRAYS or self.limits is not None:
                     self.fail(f"unexpected {name}; expected at most {_MAX_ARRAYS}, before the frames")
-                self.arrays.append(read_array(fields, name, self.fail))
+                self.arrays.append(dsa_fields.read_array(fields, name, self.fail))
             case "root/sensor":
                 self.serial = fields["serial_nr"].strip()
-                self.limits = np.concatenate([limit_counts(array) for array in self.arrays])
+                self.limits = np.concatenate([dsa_fields.limit_counts(array) for array in self.arrays])
             case "root/data/frame":
                 self._add_frame(fields)
             case "root/temperatures/temp":
@@ -160,10 +151,10 @@ class _Collector:
         if (len(self.frames) + 1) * len(self.limits) > MAX_VALUES:
             self.fail(f"more than the {MAX_VALUES} values accepted, frames times texels")
         self.stamps.append(self._read_stamp(fields, self.stamps))
-        self.frames.append(decode_counts(fields["frame_data"], self.limits, self.fail))
+        self.frames.append(dsa_fields.decode_counts(fields["frame_data"], self.limits, self.fail))
 
     def _add_temperature(self, fields: Mapping[str, str]) -> None:
-        readings = [read_number(part, "temp_data", self.fail) for part in fields["temp_data"].split(",")]
+        readings = [dsa_fields.read_number(part, "temp_data", self.fail) for part in fields["temp_data"].split(",")]
         if self.temperatures and len(readings) != len(self.temperatures[0]):
             self.fail(f"{len(readings)} temperatures; expected {len(self.temperatures[0])} as before")
         if len(readings) > MAX_CHANNELS or len(self.temperatures) == MAX_READINGS:
@@ -173,7 +164,7 @@ class _Collector:
 
     def _read_stamp(self, fields: Mapping[str, str], before: list[int]) -> int:
         """Read the time stamp of an element [ms]; it must not lie before those of the elements before."""
-        stamp = read_whole_number(fields["time_stamp"], "time_stamp", self.fail)
+        stamp = dsa_fields.read_whole_number(fields["time_stamp"], "time_stamp", self.fail)
         if before and stamp < before[-1]:
             self.fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
         return stamp
@@ -268,7 +259,7 @@ class _XmlReader:
         if missing:
             self._fail(f"<{path.rpartition('/')[2]}> lacks {', '.join(missing)}")
         for tag in set(_SCHEMA[path]) & set(_COUNT_OF):
-            announced = read_whole_number(fields[_COUNT_OF[tag]], _COUNT_OF[tag], self._fail)
+            announced = dsa_fields.read_whole_number(fields[_COUNT_OF[tag]], _COUNT_OF[tag], self._fail)
             if announced != counts.get(tag, 0):
                 self._fail(f"{_COUNT_OF[tag]} is {announced}, found {counts.get(tag, 0)}")
 

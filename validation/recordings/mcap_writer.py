@@ -101,7 +101,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             raise self._abandon_file(error) from error
         # Flush and fsync run in separate threads: fsync may block for seconds on a slow disk, and meanwhile finished
         # chunks must still be handed to the operating system, where they survive the end of this process.
-        tasks = ((_FLUSH_INTERVAL, self._flush), (_SYNC_INTERVAL, self._sync))
+        tasks = ((_FLUSH_INTERVAL, self._flush), (_SYNC_INTERVAL, lambda: os.fsync(self._file.descriptor)))
         self._threads = [threading.Thread(target=self._repeat, args=task, daemon=True) for task in tasks]
         for thread in self._threads:
             thread.start()
@@ -225,9 +225,6 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             except OSError as error:
                 self._failure = self._failure or error
                 return
-
-    def _sync(self) -> None:
-        os.fsync(self._file.descriptor)
 
     def _flush(self) -> None:
         with self._lock:

@@ -13,7 +13,7 @@ from enum import IntEnum
 from types import MappingProxyType
 
 from validation.weiss.messages import Message, encode_message
-from validation.weiss.unconfirmed import GAIN_FORMAT, RUN_LENGTH_FLAG, THRESHOLD_FORMAT
+from validation.weiss.unconfirmed import GAIN_FORMAT, THRESHOLD_FORMAT
 
 _STATUS = struct.Struct("<H")
 #: Device units per metre [1/m] and per kelvin [1/K]: lengths come in 0.01 mm, temperatures in 0.1 K.
@@ -214,11 +214,6 @@ def describe_status(status: int) -> str:
         return f"{Status(status).name.lower().replace('_', ' ')} ({status})"
     except ValueError:
         return f"unknown status ({status})"
-
-
-def make_frame_flags(*, run_length: bool) -> int:
-    """Flags of the commands that ask for frames."""
-    return RUN_LENGTH_FLAG if run_length else 0
 
 
 def join_bytes(values: Values) -> bytes:

@@ -57,7 +57,7 @@ def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False)
     values = np.asarray(counts).ravel()
     if values.size and (int(values.min()) < 0 or int(values.max()) > LARGEST_COUNT):
         raise ValueError(f"texel values must lie in 0..{LARGEST_COUNT}, not {values.min()}..{values.max()}")
-    head = _HEAD.pack(ticks & 0xFFFFFFFF, RUN_LENGTH_FLAG if run_length else 0)
+    head = _HEAD.pack(ticks & 0xFFFFFFFF, RUN_LENGTH_FLAG * run_length)
     texels = values.astype("<u2")
     return head + (compress(texels) if run_length else texels.tobytes())
 

@@ -10,29 +10,16 @@ content.
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from dataclasses import dataclass
 
 #: First bytes of every message.
 PREAMBLE = b"\xaa\xaa\xaa"
 #: Number of bytes before and after the payload.
 HEAD_SIZE, CHECKSUM_SIZE = 6, 2
-_POLYNOMIAL = 0x1021
 _LARGEST_PAYLOAD = 0xFFFF
-
-
-def _make_table() -> tuple[int, ...]:
-    """Checksum of each single byte, by the normal (non-reflected) CRC."""
-
-    def make_entry(byte: int) -> int:
-        value = byte << 8
-        for _ in range(8):
-            value = (value << 1) ^ _POLYNOMIAL if value & 0x8000 else value << 1
-        return value & 0xFFFF
-
-    return tuple(make_entry(byte) for byte in range(256))
-
-
-_TABLE = _make_table()
+#: Checksum of each single byte, by the normal (non-reflected) CRC; `crc_hqx` uses the polynomial 0x1021.
+_TABLE = tuple(crc_hqx(bytes([byte]), 0) for byte in range(256))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +44,8 @@ def compute_checksum(data: bytes, state: int = 0xFFFF) -> int:
         data: The bytes, from the first AA on.
         state: Checksum of the bytes before these.
     """
-    table = _TABLE
     for byte in data:
-        state = table[(state ^ byte) & 0xFF] ^ (state >> 8)
+        state = _TABLE[(state ^ byte) & 0xFF] ^ (state >> 8)
     return state
 
 

@@ -25,15 +25,11 @@ class Counters:
         bytes_seen: Bytes received [-].
         messages: Messages found [-].
         skipped: Bytes that belong to no message [-].
-        checksum_failures: Possible heads of messages whose checksum did not fit [-].
-        malformed: Messages whose checksum fitted but whose content cannot be a frame [-].
     """
 
     bytes_seen: int = 0
     messages: int = 0
     skipped: int = 0
-    checksum_failures: int = 0
-    malformed: int = 0
 
 
 class Parser:
@@ -111,11 +107,8 @@ class Parser:
         size = HEAD_SIZE + payload_size + CHECKSUM_SIZE
         if available < size:
             return incomplete
-        if compute_checksum(bytes(buffer[start : start + size])):
-            self.counters.checksum_failures += 1
-            return 0
-        if not self._is_possible(identifier, bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])):
-            self.counters.malformed += 1
+        payload = bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
+        if compute_checksum(bytes(buffer[start : start + size])) or not self._is_possible(identifier, payload):
             return 0
         return size
 

@@ -13,8 +13,8 @@ from validation.weiss.continuity import Continuity, Gap
 from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
 from validation.weiss.messages import Message
-from validation.weiss.parser import Counters, Parser
-from validation.weiss.unconfirmed import TARE, UNTARE
+from validation.weiss.parser import Parser
+from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
 
 #: Largest number of readings and gaps kept while the consumer of a stream sends commands in between [-].
 _MOST_EVENTS = 8192
@@ -76,11 +76,6 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Stop the stream and close the port."""
         self.close()
 
-    @property
-    def counters(self) -> Counters:
-        """Totals of the bytes and messages received up to now."""
-        return self._parser.counters
-
     def read_info(self) -> SystemInfo:
         """Ask for kind, hardware revision, firmware version and serial number."""
         return commands.decode_system_info(self.ask(Command.SYSTEM_INFO))
@@ -135,7 +130,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         Args:
             run_length: Whether to ask for run-length encoding.
         """
-        values = self.ask(Command.READ_SINGLE_FRAME, commands.make_frame_flags(run_length=run_length))
+        values = self.ask(Command.READ_SINGLE_FRAME, RUN_LENGTH_FLAG * run_length)
         return decode_frame(commands.join_bytes(values), host_time=time.monotonic_ns())
 
     def ask(self, command: Command, *values: int | bytes) -> Values:
@@ -178,7 +173,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         Raises:
             LinkLostError: If the port goes away and does not come back in time.
         """
-        values = (commands.make_frame_flags(run_length=run_length), interval_ms)
+        values = (RUN_LENGTH_FLAG * run_length, interval_ms)
         silence = max(_SILENT_TIMEOUTS * self.timeout, _SILENT_INTERVALS * interval_ms * 1e-3)
         self._start_stream(values)
         try:
@@ -208,7 +203,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
-            seen = self.counters.bytes_seen
+            seen = self._parser.counters.bytes_seen
             reason = (
                 f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
                 if seen

@@ -6,6 +6,7 @@ real device answers, it follows `unconfirmed`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from random import Random
@@ -26,7 +27,7 @@ from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, TICK
 Source = Callable[[float], npt.ArrayLike]
 
 WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
-#: Temperature of the device at the start and after a long time [degC], and time constant of its rise [s].
+#: Temperature of the device at the start and after a long time [degC], and time constant of its exponential rise [s].
 _COLD, _WARM, _WARMING_TIME = 25.0, 35.0, 1200.0
 #: The pattern `blob`: count at its centre [-], and twice the variance of its shape [texels^2].
 _BLOB_PEAK, _BLOB_SPREAD = 3000, 4.0
@@ -182,12 +183,13 @@ class VirtualSensor:
 
     def _report_state(self, now: float) -> Mapping[Command, Values]:
         """Values of the answers to commands that only ask for a property of the device."""
+        degrees = _WARM - (_WARM - _COLD) * math.exp(-now / _WARMING_TIME)
         return {
             Command.MATRIX_INFO: commands.encode_matrix_info(self.matrix),
             Command.GET_THRESHOLD: (self._threshold,),
             Command.GET_GAIN: (self._gain,),
             Command.SENSOR_TYPE: (self._type.encode("ascii"),),
-            Command.TEMPERATURE: commands.encode_temperature(_compute_temperature(now)),
+            Command.TEMPERATURE: commands.encode_temperature(degrees),
             Command.SYSTEM_INFO: (1, 1, 0x1000, 1),
             Command.GET_TAG: (self._tag,),
         }
@@ -304,8 +306,3 @@ def show_frames(frames: Iterable[HasCounts]) -> Source:
         return shown.counts
 
     return show
-
-
-def _compute_temperature(now: float) -> float:
-    """Temperature of the device at a time since the start [s]: an exponential rise [degC]."""
-    return float(_WARM - (_WARM - _COLD) * np.exp(-now / _WARMING_TIME))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import detrend
 
 from meshes import TexelArray
 from validation.calibration.noise_and_drift import find_load_onset
@@ -104,7 +105,5 @@ def _noise(frames: FloatArray) -> float:
     lit = frames[:, frames.min(axis=0) > 0]
     if len(lit) < _FEWEST_FRAMES or not lit.shape[1]:
         return 0.0
-    time = np.linspace(-1, 1, len(lit))
-    trend = np.polynomial.polynomial.polyfit(time, lit, 1)
-    rest = lit - np.polynomial.polynomial.polyval(time, trend).T
+    rest = detrend(lit, axis=0)
     return float(np.sqrt((rest**2).sum() / (rest.size - 2 * lit.shape[1])))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from meshes import TexelArray
 from validation.calibration.stamp.case import StampCase
 from validation.calibration.stamp.forward_models import Candidate, StampModel, uniform
 from validation.calibration.stamp.load_curve import LOWER, START, UPPER, LoadCurve
+from validation.metrics import centre_of_pressure
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -97,33 +99,23 @@ def fit(
         output_max=output_max,
     )
     # The forces on box texels jump with the pose and have no usable gradient: the pose comes from uniform pressure.
-    place = _fit(uniform(array, _pressure_centre(array, data)), data).shape
-    fits = [_fit(candidate, data) for candidate in model.candidates((float(place[0]), float(place[1])))]
+    x, y = centre_of_pressure(data.counts.sum(axis=0), array.centres[:, :2]).tolist()
+    x, y, *_ = _fit(uniform(array, (x, y)), data).shape.tolist()
+    fits = [_fit(candidate, data) for candidate in model.candidates((x, y))]
     plain = min(fits, key=lambda each: each.rms)
     return plain, _with_gains(plain, data)
 
 
-def _pressure_centre(array: TexelArray, data: _Data) -> tuple[float, float]:
-    """Centre of pressure of the summed images [m]."""
-    weight = data.counts.sum(axis=0)
-    x, y = weight @ array.centres[:, :2] / weight.sum()
-    return (float(x), float(y))
-
-
 def _fit(candidate: Candidate, data: _Data) -> StampFit:
     split = len(candidate.start)
-    latest: dict[bytes, FloatArray] = {}
 
-    def forces(shape: FloatArray) -> FloatArray:
-        # Finite differences in the load curve leave the forces unchanged: keep the latest forces.
-        key = shape.tobytes()
-        if key not in latest:
-            latest.clear()
-            latest[key] = np.outer(data.loads, candidate.texel_forces(shape))
-        return latest[key]
+    # Finite differences in the load curve leave the forces unchanged: keep the latest forces.
+    @lru_cache(maxsize=1)
+    def forces(*shape: float) -> FloatArray:
+        return np.outer(data.loads, candidate.texel_forces(np.array(shape)))
 
     def misfit(vector: FloatArray) -> FloatArray:
-        predicted = LoadCurve.from_vector(vector[split:], data.output_max).counts(forces(vector[:split]))
+        predicted = LoadCurve.from_vector(vector[split:], data.output_max).counts(forces(*vector[:split]))
         return (predicted - data.counts) / _UNIT
 
     def residual(vector: FloatArray) -> FloatArray:

@@ -160,29 +160,15 @@ def _box_candidates(array: TexelArray, guess: tuple[float, float]) -> list[Candi
             place = np.clip(np.add(start, (step_x, step_y)) * grain, low, high)
             for yaw in _TURNS:
                 pose = (float(place[0]), float(place[1]), yaw)
-                pattern = _contact_pattern(_HashableArray(array), *pose)
+                pattern = _contact_pattern(array, *pose)
                 found.setdefault(tuple(np.round(pattern, 3)), (pattern, []))[1].append(pose)
     return [_pattern_candidate(array, pattern, np.array(poses)) for pattern, poses in found.values()]
 
 
-class _HashableArray:
-    """An array as the key of a cache: equal to another if the texels are equal."""
-
-    def __init__(self, array: TexelArray) -> None:
-        self.array = array
-        self._key = (array.rows, array.columns, array.pitch, array.texel_size, array.active.tobytes())
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _HashableArray) and other._key == self._key
-
-
 @cache
-def _contact_pattern(hashable: _HashableArray, x: float, y: float, yaw: float) -> FloatArray:
+def _contact_pattern(array: TexelArray, x: float, y: float, yaw: float) -> FloatArray:
     """Contact forces of the fast model at rest, per newton of weight, shape (n,) [-]."""
-    parameters = Parameters(array=hashable.array, spread=Gaussian.from_sigma(1.0), electronics=WTS_0614_34)
+    parameters = Parameters(array=array, spread=Gaussian.from_sigma(1.0), electronics=WTS_0614_34)
     stamp = Box(size=(STAMP_EDGE, STAMP_EDGE, STAMP_EDGE))
     result = indent(parameters, stamp, load=5.0, at=(x, y), yaw=yaw)
     return result.contact_forces / result.total_force

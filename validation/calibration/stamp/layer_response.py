@@ -86,12 +86,11 @@ def thickness_of_sigma(array: TexelArray, sigma: float) -> dict[float, float]:
         array: A flat grid of texels.
         sigma: Width of the fast model's kernel [pitches].
     """
-    out = {}
-    for poisson_ratio in POISSON_RATIOS:
-        thickness, sigmas = _sigma_table(poisson_ratio, array.pitch, array.texel_size)
-        inside = sigmas[0] <= sigma <= sigmas[-1]
-        out[poisson_ratio] = float(np.interp(sigma, sigmas, thickness)) if inside else float("nan")
-    return out
+    tables = {ratio: _sigma_table(ratio, array.pitch, array.texel_size) for ratio in POISSON_RATIOS}
+    return {
+        ratio: float(np.interp(sigma, sigmas, thickness, left=np.nan, right=np.nan))
+        for ratio, (thickness, sigmas) in tables.items()
+    }
 
 
 @cache

@@ -41,7 +41,10 @@ class Split:
         Raises:
             RecordingError: If a condition was recorded but some of its weights are missing.
         """
-        sides = [[case for case in cases if _belongs(case, side)] for side in (self.fitted, self.scored)]
+        sides = [
+            [case for case in cases if case.file.condition == condition and case.file.letter in letters]
+            for condition, letters in (self.fitted, self.scored)
+        ]
         if not all(sides):
             return [], []
         for side, found in zip((self.fitted, self.scored), sides, strict=True):
@@ -50,11 +53,6 @@ class Split:
                 names = ", ".join(f"{letter}1.dsa" for letter in sorted(missing))
                 raise RecordingError(f"{found[0].file.path.parent}: {names} missing; the series needs all weights")
         return sides[0], sides[1]
-
-
-def _belongs(case: StampCase, side: tuple[str, str]) -> bool:
-    """Whether condition and letter of a case are those of a side."""
-    return case.file.condition == side[0] and case.file.letter in side[1]
 
 
 #: The three tests.  The first interpolates, where tables do well; the other two extrapolate.
