@@ -23,9 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.signal.electronics import WHITE, WTS_0614_34, grey_levels
-from meshes import TexelArray
+from meshes.array import FloatArray, TexelArray
 
-FloatArray = npt.NDArray[np.float64]
 GreyArray = npt.NDArray[np.uint8]
 
 #: A texel counts as active in `active_area_iou` above this share of the largest reference texel [-].

@@ -24,9 +24,7 @@ from meshes import Indenter, TexelArray
 from validation.calibration.curve_fit import CurveForm, FittedCurve, Observations, fit_curve
 from validation.calibration.noise_and_drift import Estimate, find_load_onset, measure_noise_and_drift
 from validation.metrics import centre_of_pressure
-from validation.recordings.recording import Recording, RecordingError
-
-FloatArray = npt.NDArray[np.float64]
+from validation.recordings.recording import FloatArray, Recording, RecordingError
 
 #: Texels with less than this share of the largest are left out: noise and dead zone dominate their counts [-].
 _LEAST_SHARE = 0.15

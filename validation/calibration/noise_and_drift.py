@@ -12,9 +12,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from validation.calibration.curve_fit import FittedCurve, Observations
-from validation.recordings.recording import Recording
-
-FloatArray = npt.NDArray[np.float64]
+from validation.recordings.recording import FloatArray, Recording
 
 #: The load counts as applied when the sum of counts exceeds this share of its final value for good [-].
 _APPLIED_SHARE = 0.5

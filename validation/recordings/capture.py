@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -165,10 +166,8 @@ class _Session:
 
         Called before and after the stream only: no source says whether a device answers while it streams.
         """
-        try:
+        with suppress(SensorError):
             writer.add_temperatures(time.time_ns(), [self._sensor.read_temperature()])
-        except SensorError:
-            return
 
 
 def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
@@ -183,8 +182,6 @@ def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
     }
     properties: dict[str, str | int | float] = {"serial": info.serial_number, "firmware": info.firmware}
     for name, ask in questions.items():
-        try:
+        with suppress(SensorError):
             properties[name] = ask()
-        except SensorError:
-            continue
     return properties

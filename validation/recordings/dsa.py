@@ -180,8 +180,8 @@ class _XmlReader:
         self._paths = [""]
         self._fields: list[dict[str, str]] = [{}]
         self._counts: list[dict[str, int]] = [{}]
-        self._text: list[str] = []
-        self._text_length = 0
+        #: Text since the last tag.
+        self._text = ""
         #: Bytes since the last tag or text.
         self._markup_bytes = 0
         self._expat = expat.ParserCreate()
@@ -212,10 +212,9 @@ class _XmlReader:
 
     def _add_text(self, text: str) -> None:
         self._markup_bytes = 0
-        self._text_length += len(text)
-        if self._text_length > MAX_TEXT:
+        self._text += text
+        if len(self._text) > MAX_TEXT:
             self._fail(f"more than the {MAX_TEXT} characters accepted in one element")
-        self._text.append(text)
 
     def _start_element(self, tag: str, attributes: dict[str, str]) -> None:
         self._markup_bytes = 0
@@ -243,8 +242,7 @@ class _XmlReader:
             return
         if tag in self._fields[-1]:
             self._fail(f"<{tag}> for the second time; expected one")
-        self._fields[-1][tag] = "".join(self._text)
-        self._clear_text()
+        self._fields[-1][tag], self._text = self._text, ""
 
     def _check_index(self, tag: str, index: str | None) -> None:
         """Check and advance the running number of a repeated element."""
@@ -264,13 +262,9 @@ class _XmlReader:
                 self._fail(f"{_COUNT_OF[tag]} is {announced}, found {counts.get(tag, 0)}")
 
     def _check_no_text(self) -> None:
-        if "".join(self._text).strip():
+        if self._text.strip():
             self._fail("text between elements; expected none")
-        self._clear_text()
-
-    def _clear_text(self) -> None:
-        self._text.clear()
-        self._text_length = 0
+        self._text = ""
 
     def _fail(self, fault: str) -> NoReturn:
         self._collector.place = f"line {self._expat.CurrentLineNumber}"

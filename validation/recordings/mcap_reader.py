@@ -163,7 +163,6 @@ class _Collector:
         # a file without frames counts its times from the start of the recording
         start = series[0][0][0] if count else labels.start
         clocks = [frame for _, frame in series[0][:count]]
-        temperatures = np.array([degrees for _, degrees in self.temperatures])
         return Recording(
             path=self.path,
             sha256=hash_contents(self.path),
@@ -179,7 +178,7 @@ class _Collector:
                 )
                 for array, frames in zip(labels.arrays, series, strict=True)
             ),
-            temperatures=temperatures if temperatures.size else np.empty((0, 0)),
+            temperatures=np.array([degrees for _, degrees in self.temperatures] or np.empty((0, 0))),
             temperature_times=count_seconds(self.temperatures, start),
             setup=labels.setup,
             gaps=tuple(self.gaps),

@@ -29,8 +29,6 @@ DEFAULT_FULL_SCALE = 4095
 #: Two texel centres closer than this are the same [m].
 _SAME_POSITION = 1e-6
 _SECONDS_PER_NANOSECOND = 1e-9
-#: Bytes that are read at a time to hash a file.
-_PIECE_BYTES = 2**20
 
 
 class RecordingError(ValueError):
@@ -202,6 +200,5 @@ def hash_contents(path: Path) -> str:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     for each in files:
         with each.open("rb") as file:
-            while piece := file.read(_PIECE_BYTES):
-                digest.update(piece)
+            hashlib.file_digest(file, lambda: digest)
     return digest.hexdigest()

@@ -33,8 +33,6 @@ from validation.recordings.recording import (
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
 #: Optional columns between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
-#: Lines that are read at most, so that a wrong file does not fill the memory.
-_MOST_FRAMES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ def _read_table(path: Path) -> _Table:
                 _check_header(place, header)
     if not header:
         raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
-    values = np.array(list(_read_lines(header, lines[: _MOST_FRAMES + 1]))).reshape(-1, len(header))
+    values = np.array(list(_read_lines(header, lines))).reshape(-1, len(header))
     return _Table(notes, header, values)
 
 

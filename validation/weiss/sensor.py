@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 
 from validation.weiss import commands
 from validation.weiss.commands import Command, MatrixInfo, SystemInfo, Values
@@ -217,10 +217,8 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def _ask_unless_refused(self, command: Command, *values: int | bytes) -> None:
         """Send a command that a device may refuse because it is in the wanted state already."""
-        try:
+        with suppress(SensorError):
             self.ask(command, *values)
-        except SensorError:
-            return
 
     def _set(self, command: Command, value: int) -> None:
         self.ask(command, value)
@@ -281,11 +279,9 @@ class Sensor(AbstractContextManager["Sensor"]):
         if not self._streaming:
             return
         self._streaming = False
-        try:
+        # a device that is gone or does not answer has nothing left to stop
+        with suppress(PortError):
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
-        except PortError:
-            # the device is gone or does not answer: there is nothing left to stop
-            return
 
     def _await_events(self, silence: float, values: tuple[int, int]) -> Iterator[Reading | Gap]:
         """Wait for events and yield them; after a silence [s] report it and ask for frames again."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import detrend
 
-from meshes import TexelArray
+from meshes.array import FloatArray, TexelArray
 from validation.calibration.noise_and_drift import find_load_onset
 from validation.recordings import RecordedArray, Recording, RecordingError, dsa
 from validation.recordings.series import StampFile
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Ages of the load between which frames are averaged [s].  Counts drift under a constant weight (about a fifth between
 #: 2 s and 12 s), so every recording is read at the same age; every recording lasts to the end of this window.

@@ -10,13 +10,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from meshes import TexelArray
+from meshes.array import FloatArray, TexelArray
 from validation.calibration.stamp.case import StampCase
 from validation.calibration.stamp.forward_models import Candidate, StampModel, uniform
 from validation.calibration.stamp.load_curve import LOWER, START, UPPER, LoadCurve
 from validation.metrics import centre_of_pressure
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Unit of the residuals, so that they are of order one [counts].
 _UNIT = 100.0
@@ -177,10 +175,8 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
         columns = [(misfit(vector + step) - base)[:, data.active].ravel() / _STEP for step in steps]
         # A gain affects its own texel only, so one difference gives the derivatives by all gains.
         slope = (misfit(vector + _STEP * (np.arange(len(vector)) >= shared)) - base) / _STEP
-        for texel in places:
-            own = np.zeros_like(slope)
-            own[:, texel] = slope[:, texel]
-            columns.append(own[:, data.active].ravel())
+        texels = np.arange(len(data.active))
+        columns += [np.where(texels == texel, slope, 0.0)[:, data.active].ravel() for texel in places]
         prior = np.hstack([np.zeros((len(places), shared)), np.eye(len(places)) / _GAIN_SPREAD])
         return np.vstack([np.column_stack(columns), prior])
 

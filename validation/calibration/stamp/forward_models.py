@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel import WTS_0614_34, Gaussian, Parameters, indent
-from meshes import Box, TexelArray
+from meshes import Box
+from meshes.array import FloatArray, TexelArray
 from validation.calibration.stamp import layer_response
 from validation.recordings.series import STAMP_EDGE
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Range of the fitted sigma of the kernel [pitches].
 _SIGMA = (0.15, 3.0)

@@ -9,16 +9,14 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel import fit_gaussian
 from fem_reference import PointSpread, point_spread
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.frictionless import solve_contact
-from meshes import Box, Cover, Layer, Material, TexelArray
+from meshes import Box, Cover, Layer, Material
+from meshes.array import FloatArray, TexelArray
 from validation.recordings.series import STAMP_EDGE
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Poisson ratios that are tried, of foam and rubber [-]: the recordings hardly distinguish even these two.
 POISSON_RATIOS = (0.0, 0.49)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.signal.electronics import Electronics, saturate
+from meshes.array import FloatArray
 from validation.recordings.series import THRESHOLD
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Start of the fit: ln(sensitivity [1/N]), ln(dead force [N]), logit(saturation band / largest count).
 START = np.array([np.log(6000.0), np.log(0.05), 1.0])

@@ -11,11 +11,10 @@ from functools import partial
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.array import FloatArray
 from validation.calibration.stamp.case import StampCase
 
-FloatArray = npt.NDArray[np.float64]
 #: From a load [N] to counts, shape (n,).
 Predictor = Callable[[float], FloatArray]
 

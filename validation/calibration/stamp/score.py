@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from fastmodel import Electronics
 from fastmodel.signal.electronics import grey_levels
-from meshes import TexelArray
+from meshes.array import FloatArray, TexelArray
 from validation import metrics
 from validation.calibration.stamp.case import WINDOW, StampCase, read_case
 from validation.calibration.stamp.fit import StampFit, fit
@@ -22,8 +22,6 @@ from validation.calibration.stamp.split import SPLITS, Split
 from validation.campaign.pooling import Pooled, pool, skill
 from validation.recordings.series import SOURCE, find_stamp_files
 from validation.sensor_file import BUILT_IN, SensorDescription
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Name of the built-in sensor whose array the recordings were made with.
 DEFAULT_SENSOR = "sdh2-distal"
