@@ -13,7 +13,7 @@ from validation.weiss.continuity import Continuity, Gap
 from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
 from validation.weiss.messages import Message
-from validation.weiss.parser import Parser
+from validation.weiss.parser import Counters, Parser
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
 
 #: Largest number of readings and gaps kept while the consumer of a stream sends commands in between [-].
@@ -75,6 +75,11 @@ class Sensor(AbstractContextManager["Sensor"]):
     def __exit__(self, *_: object) -> None:
         """Stop the stream and close the port."""
         self.close()
+
+    @property
+    def counters(self) -> Counters:
+        """Totals of the bytes and messages received up to now; they start again after a reconnection."""
+        return self._parser.counters
 
     def read_info(self) -> SystemInfo:
         """Ask for kind, hardware revision, firmware version and serial number."""
@@ -203,7 +208,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
-            seen = self._parser.counters.bytes_seen
+            seen = self.counters.bytes_seen
             reason = (
                 f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
                 if seen
