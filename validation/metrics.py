@@ -25,8 +25,6 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import WHITE, WTS_0614_34, grey_levels
 from meshes.array import FloatArray, TexelArray
 
-GreyArray = npt.NDArray[np.uint8]
-
 #: A texel counts as active in `active_area_iou` above this share of the largest reference texel [-].
 AREA_THRESHOLD = 0.1
 
@@ -254,7 +252,7 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
 # --- grey levels --------------------------------------------------------------------------------------------
 
 
-def grey_by_line(forces: npt.ArrayLike) -> GreyArray:
+def grey_by_line(forces: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """Grey levels after the published line of the WTS 0614-34, same shape [-].
 
     Args:

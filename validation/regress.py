@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -119,30 +120,22 @@ def compare_baselines(baseline: Baseline, now: Baseline) -> list[Change]:
             f"--baseline: belongs to sensor {baseline.sensor!r} with another array, cover or list of cases than "
             f"{now.sensor!r}; write one for this sensor with --update"
         )
-    changes = [
-        change
-        for case, before in baseline.scores.items()
-        for metric, tolerance in TOLERANCES.items()
-        if (change := _change(case, metric, before.get(metric), now.scores.get(case, {}).get(metric), tolerance))
-    ]
-    return sorted(changes, key=lambda change: (not change.worse, -_growth(change)))
+    moved: list[tuple[float, Change]] = []
+    for case, scores in baseline.scores.items():
+        for metric, tolerance in TOLERANCES.items():
+            before, present = scores.get(metric), now.scores.get(case, {}).get(metric)
+            growth = _measure_growth(before, present)
+            if abs(growth) > tolerance:
+                change = Change(case=case, metric=metric, before=before, now=present, worse=growth > 0)
+                moved.append((abs(growth) / tolerance, change))
+    return [change for _, change in sorted(moved, key=lambda each: (not each[1].worse, -each[0]))]
 
 
-def _change(case: str, metric: str, before: float | None, now: float | None, tolerance: float) -> Change | None:
-    if before is None or now is None:
-        if before is now:
-            return None
-        return Change(case=case, metric=metric, before=before, now=now, worse=now is None)
-    if abs(now - before) <= tolerance:
-        return None
-    return Change(case=case, metric=metric, before=before, now=now, worse=now > before)
-
-
-def _growth(change: Change) -> float:
-    """Size of the change in tolerances; infinite for a score that vanished."""
-    if change.before is None or change.now is None:
-        return float("inf")
-    return abs(change.now - change.before) / TOLERANCES[change.metric]
+def _measure_growth(before: float | None, now: float | None) -> float:
+    """Growth of a score; infinite for one that vanished, minus infinite for a new one."""
+    if before is None:
+        return 0.0 if now is None else -math.inf
+    return math.inf if now is None else now - before
 
 
 def _fingerprint(sensor: SensorDescription, campaign: CampaignResult) -> str:

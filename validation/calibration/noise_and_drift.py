@@ -73,7 +73,9 @@ def measure_noise_and_drift(
         `noise` [counts], `drift` and `hysteresis` [-].
     """
     found: dict[str, Estimate] = {}
-    ceiling = _saturation_knee(line)
+    # counts above the ceiling bend into saturation
+    bent = line.form.saturation
+    ceiling = line.value("output_max") - abs(line.value("saturation_band")) if bent else math.inf
     noise = [_frame_noise(each.arrays[array].counts[:, texels], ceiling) for each in recordings]
     drift = [_drift(each, each.arrays[array].counts[:, texels].astype(np.float64)) for each in recordings]
     for name, measured, unit in (("noise", noise, "counts"), ("drift", drift, "share, 2 s to 12 s")):
@@ -120,13 +122,6 @@ def _frame_noise(counts: npt.NDArray[np.int32], ceiling: float) -> float:
     steady = counts[len(counts) // 2 :]
     live = steady[:, (steady > 0).all(axis=0) & (steady < ceiling).all(axis=0)].astype(np.float64)
     return float(np.sqrt(np.mean(np.diff(live, axis=0) ** 2) / 2)) if live.size else np.nan
-
-
-def _saturation_knee(line: FittedCurve) -> float:
-    """Counts above which the line bends into saturation; infinite if no saturation was fitted."""
-    if not line.form.saturation:
-        return math.inf
-    return line.value("output_max") - abs(line.value("saturation_band"))
 
 
 def _drift(recording: Recording, counts: FloatArray) -> float:

@@ -39,11 +39,10 @@ _NANOSECONDS_PER_SECOND = 1_000_000_000
 
 @dataclass(frozen=True)
 class _ArrayFrame:
-    """One frame of one array: counts of shape (rows * columns,)."""
+    """One frame of one array: its rows and columns, and its counts, shape (rows * columns,)."""
 
     array: str
-    rows: int
-    columns: int
+    shape: tuple[int, int]
     counts: CountArray
 
 
@@ -155,7 +154,7 @@ def _find_frames(
         return []
     if not np.isfinite(values).all() or (values < 0).any() or (values != np.round(values)).any():
         raise RecordingError(f"{path}: {name}: values are no counts; expected whole numbers of 0 or more")
-    return [_ArrayFrame(name, *shape, values.astype(np.int32))]
+    return [_ArrayFrame(name, shape, values.astype(np.int32))]
 
 
 def _read_image(path: Path, name: str, message: Any) -> _ArrayFrame:  # noqa: ANN401 -- rosbags creates message types at run time
@@ -167,7 +166,7 @@ def _read_image(path: Path, name: str, message: Any) -> _ArrayFrame:  # noqa: AN
             f"expected {rows} rows of {step} bytes"
         )
     lines = np.asarray(message.data).reshape(rows, step)[:, : columns * pixel.itemsize]
-    return _ArrayFrame(name, rows, columns, np.ascontiguousarray(lines).view(pixel).astype(np.int32).ravel())
+    return _ArrayFrame(name, (rows, columns), np.ascontiguousarray(lines).view(pixel).astype(np.int32).ravel())
 
 
 def _find_shape(message: object, rows: int | None, columns: int | None) -> tuple[int, int] | None:
@@ -188,12 +187,11 @@ def _find_attribute(message: object, names: Sequence[str]) -> object:
 
 def _add_frames(path: Path, collector: _Collector, time: int, frames: Sequence[_ArrayFrame]) -> None:
     for frame in frames:
-        shape = (frame.rows, frame.columns)
-        first = collector.shapes.setdefault(frame.array, shape)
-        if first != shape:
+        first = collector.shapes.setdefault(frame.array, frame.shape)
+        if first != frame.shape:
             raise RecordingError(
-                f"{path}: {frame.array}: the array changes from {first[0]} x {first[1]} to {shape[0]} x {shape[1]} "
-                f"texels; expected the same size in all frames"
+                f"{path}: {frame.array}: the array changes from {first[0]} x {first[1]} to "
+                f"{frame.shape[0]} x {frame.shape[1]} texels; expected the same size in all frames"
             )
         collector.frames[frame.array].append((time, frame.counts))
 
