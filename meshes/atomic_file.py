@@ -136,7 +136,7 @@ def _lock(handle: int, *, wait: bool) -> None:
 
     Raises:
         BlockingIOError: If another process holds the lock and `wait` is false.
-        OSError: If the file system knows no locks.
+        OSError: If the file system has no locks.
     """
     if sys.platform != "win32":
         import fcntl

@@ -62,7 +62,7 @@ def _make_work_folder(target: Path) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Remove what killed runs left beside `target`.  Younger folders may belong to a run that is still going on."""
+    """Remove the folders of killed runs beside `target`; younger folders may belong to a run that is still going on."""
     for folder in target.parent.glob(f".{glob.escape(target.name)}-*"):
         is_ours = (folder / target.name / _MARKER).is_file() or (folder / "before" / _MARKER).is_file()
         if is_ours and time.time() - folder.stat().st_mtime > _STALE_AGE:

@@ -22,7 +22,7 @@ _MOST_DIRECTIONS = 8
 
 
 def split_into_convex_parts(polygons: Sequence[Polygon]) -> list[FloatArray]:
-    """Split what lies inside an odd number of polygons into convex ones.
+    """Split the set of points inside an odd number of polygons into convex polygons.
 
     Parallel lines through all corners cut the outline into slabs, and each slab into trapezoids.  Trapezoids of
     neighbouring slabs that are convex together are merged.  Lines along each of the longest sides are tried; the

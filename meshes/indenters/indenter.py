@@ -1,4 +1,4 @@
-"""What every rigid indenter offers; each shape has a file of its own beside this one.
+"""Base classes of rigid indenters; each shape has a file of its own in this folder.
 
 A shape is defined once and serves both models.  The reference model reads `gap`, the height of the lower surface.  The
 fast model reads `primitives`, convex solids that become geoms of a MuJoCo model.  In the indenter's frame the origin
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -40,10 +40,8 @@ class Primitive:
 class Indenter(ABC):
     """A rigid body that presses on a cover along its axis, the z axis of its frame."""
 
-    @property
-    def axisymmetric(self) -> bool:
-        """Whether a rotation about the axis leaves the shape unchanged."""
-        return False
+    #: Whether a rotation about the axis leaves the shape unchanged.
+    axisymmetric: ClassVar[bool] = False
 
     @property
     def is_flat(self) -> bool:
@@ -127,6 +125,7 @@ def quantity_field(quantity: Literal["length", "angle"], **options: Any) -> Any:
 class AxisymmetricIndenter(Indenter):
     """An indenter whose surface is one of revolution; `radius` is its largest [m]."""
 
+    axisymmetric: ClassVar[bool] = True
     radius: float = quantity_field("length")
 
     def __post_init__(self) -> None:
@@ -136,11 +135,6 @@ class AxisymmetricIndenter(Indenter):
             ValueError: If it is not positive.
         """
         require_positive(self, self.radius)
-
-    @property
-    def axisymmetric(self) -> bool:
-        """Always true."""
-        return True
 
     @property
     def mirror_symmetry(self) -> tuple[bool, bool]:

@@ -22,7 +22,7 @@ _RELATIVE_TOLERANCE, _TOLERANCE = 1e-6, 1e-9
 
 
 class PolygonalPunch(FlatPunch):
-    """A flat punch whose face is what lies inside an odd number of polygons."""
+    """A flat punch whose face is the set of points inside an odd number of polygons."""
 
     @property
     @abstractmethod

@@ -119,13 +119,6 @@ def list_sides(polygons: Sequence[Polygon]) -> FloatArray:
     return np.concatenate([np.stack([each, np.roll(each, -1, axis=0)], axis=1) for each in polygons])
 
 
-def compute_area(polygon: Polygon) -> float:
-    """Area of a polygon, positive if its corners go counterclockwise, by the shoelace formula [m2]."""
-    corners = np.array(polygon, dtype=float)
-    x, y = (corners - corners[0]).T
-    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
-
-
 def check_polygon(polygon: Polygon) -> None:
     """Check that a polygon is simple; its corners may go either way round.
 

@@ -20,8 +20,8 @@ class Prism(PolygonalPunch):
 
     Attributes:
         points: Corners (x, y) of the outline, in either order, shape (n, 2) [m].
-        holes: Further outlines, inside the first for holes, or beside it for a face in several pieces: what lies
-            inside an odd number of outlines is solid [m].
+        holes: Further outlines.  One inside the first bounds a hole; one beside it bounds another piece of the face.
+            Points inside an odd number of outlines are solid [m].
     """
 
     points: Outline = field(metadata={"quantity": "points"})

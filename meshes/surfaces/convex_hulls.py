@@ -142,7 +142,7 @@ class _Underside:
     def measure_error(self, hull: FloatArray) -> FloatArray:
         """Distance from the lower surface of a hull up to the body, where the hull fills empty space.
 
-        It is the smaller of the vertical distance and the distance to what is beside the point.
+        It is the smaller of the vertical distance and the distance to the nearest part of the body beside the point.
 
         Args:
             hull: Height of the hull's lower surface at each point, inf beside the hull, shape (n,) [m].
@@ -220,7 +220,10 @@ class _Piece:
         )
 
     def cut(self, underside: _Underside) -> tuple[_Piece, _Piece] | None:
-        """Both halves of the best of several cuts, through the worst place or along the wall; None if no cut works."""
+        """Try several cuts, through the place of the largest error or along the wall; return the halves of the best.
+
+        None if no cut leaves two halves with a volume.
+        """
         best: tuple[_Piece, _Piece] | None = None
         least = np.inf
         cuts = [(np.array([np.cos(angle), np.sin(angle)]), self.worst) for angle in _CUT_ANGLES]

@@ -1,1 +1,1 @@
-"""Campaigns: cases pressed by the reference and by the fast model, their scores, and means over cases."""
+"""Campaigns: each case is computed by the reference and by the fast model, then scored; scores are averaged."""

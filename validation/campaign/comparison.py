@@ -53,12 +53,8 @@ class Comparison:
             models["fast"] = {
                 "texel_forces": image(self.fast.texel_forces),
                 "contact_forces": image(self.fast.contact_forces),
-                "outside": self.fast.outside,
-                "total_force": self.fast.total_force,
-                "method": self.fast.method,
-                # None with rigid boxes, whose penetration depends on a setting of the physics engine.
-                "depth": self.fast.depth,
-                "seconds": self.fast.seconds,
+                # The depth is None with rigid boxes, whose penetration depends on a setting of the physics engine.
+                **{name: getattr(self.fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
             }
         return {
             "sensor": sensor.array.name,

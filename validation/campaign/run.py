@@ -73,8 +73,8 @@ class CaseResult:
 
     Attributes:
         case: The indentation.
-        reference: By the finite elements.
-        predictions: By model name.
+        reference: Result of the finite elements.
+        predictions: Result and score of each other model, by its name.
     """
 
     case: Case
@@ -235,16 +235,9 @@ def score_forces(
 
 def describe_reference(reference: Indentation) -> dict[str, Any]:
     """A reference indentation under the names that JSON shows."""
-    return {
-        "texel_forces": reference.texel_forces,
-        "outside": reference.outside,
-        "total_force": reference.total_force,
-        "depth": reference.depth,
-        "contact_area": reference.contact_area,
-        "error_estimate": dict(reference.error_estimate),
-        "assumptions": dict(reference.assumptions),
-        "seconds": reference.seconds,
-    }
+    numbers = ("texel_forces", "outside", "total_force", "depth", "contact_area", "seconds")
+    texts = {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}
+    return {name: getattr(reference, name) for name in numbers} | texts
 
 
 def _summarise(results: Sequence[CaseResult], skipped: Sequence[SkippedCase]) -> CampaignResult:

@@ -33,14 +33,14 @@ _EXTRAS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """What to print, line by line, and the exit status."""
+    """The lines to print, and the exit status."""
 
     lines: tuple[str, ...]
     status: int
 
 
 def explain(error: Exception) -> Explanation | None:
-    """Say what went wrong.
+    """Describe an error to the user.
 
     Returns:
         None for a programming error, which only a traceback explains.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from meshes import TexelArray
@@ -78,15 +78,10 @@ def draw_force_images(array: TexelArray, images: Sequence[tuple[str, FloatArray]
     for _, forces in images:
         image = np.asarray(array.image(forces))
         maps.append(draw_heat_map(np.rint(1e3 * image).astype(np.int64), image / peak, active))
-    table = Table.grid(padding=(0, GAP))
-    if len(images) * (CELL * array.columns + GAP) <= width:
-        for _ in images:
-            table.add_column(no_wrap=True)
-        table.add_row(*titles)
-        table.add_row(*maps)
-    else:
-        table.add_column(no_wrap=True)
-        for title, drawn in zip(titles, maps, strict=True):
-            table.add_row(title)
-            table.add_row(drawn)
+    rows = [titles, maps]
+    if len(images) * (CELL * array.columns + GAP) > width:
+        rows = [[each] for pair in zip(titles, maps, strict=True) for each in pair]
+    table = Table.grid(*(Column(no_wrap=True) for _ in rows[0]), padding=(0, GAP))
+    for row in rows:
+        table.add_row(*row)
     return table

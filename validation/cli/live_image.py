@@ -48,6 +48,9 @@ class LiveImage(contextlib.ExitStack):
             self._live = self.enter_context(live)
         return self
 
+    #: Whether the display is still there; only a window can be closed by the user.
+    is_open = True
+
     @property
     def is_due(self) -> bool:
         """Whether it is time to show the next image or line."""

@@ -114,7 +114,7 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
 
 
 def read_setup(indenter: str, load: str | None, note: str) -> Setup:
-    """Read what the user says about a measurement; it is kept in the recording.
+    """Read the options that describe a measurement; they are kept in the recording.
 
     Raises:
         InputError: If the indenter or the load cannot be read.

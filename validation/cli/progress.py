@@ -16,7 +16,10 @@ LINE_INTERVAL = 2.0
 
 
 class Progress(contextlib.ExitStack):
-    """Shows what the program is doing.  Call it with the name of a stage, or call `step` within a counted stage."""
+    """Shows the current stage of a computation.
+
+    Call it with the name of a stage, or call `step` within a counted stage.
+    """
 
     def __init__(self) -> None:
         super().__init__()

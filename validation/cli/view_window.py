@@ -97,24 +97,23 @@ class Window(contextlib.ExitStack):
         """Whether it is time to draw."""
         return time.monotonic() >= self._next
 
-    def show(self, text: str) -> None:
-        """Draw the scene in its present state, the tactile image and a line of text."""
+    def show(self, counts: npt.NDArray[np.integer], text: str) -> None:
+        """Draw the scene in its present state, the counts of all texels, shape (n,), and a line of text."""
         import mujoco
 
         started = time.monotonic()
-        sensor = self._scene.sensor
-        frame = sensor.frame()
-        image = _enlarge(frame.counts.reshape(frame.image.shape), sensor.parameters.electronics.output_max)
+        parameters = self._scene.sensor.parameters
+        image = _enlarge(counts.reshape(-1, parameters.array.columns), parameters.electronics.output_max)
         rectangle = mujoco.MjrRect(MARGIN, MARGIN, image.shape[1], image.shape[0])
         self._viewer.set_images((rectangle, image))
-        self._viewer.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, text, ""))
+        self._viewer.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, text.strip(), ""))
         self._viewer.sync()
         # On slow machines, leave at least three quarters of the time to the simulation.
         now = time.monotonic()
         self._next = now + max(DRAW_INTERVAL, 3 * (now - started))
 
 
-def _enlarge(counts: npt.NDArray[np.int64], full_scale: int) -> npt.NDArray[np.uint8]:
+def _enlarge(counts: npt.NDArray[np.integer], full_scale: int) -> npt.NDArray[np.uint8]:
     """Make a picture of the counts, shape (height, width, 3), top row first; row 0 of `counts` is the lowest."""
     pixels = max(1, IMAGE_HEIGHT // max(counts.shape))
     return to_colours(counts[::-1] / full_scale).repeat(pixels, axis=0).repeat(pixels, axis=1)

@@ -19,7 +19,8 @@ FloatArray = npt.NDArray[np.float64]
 _SPHERE_RADIUS = 5e-3
 #: Contact radii at which depths are computed, over the thickness of the cover [-].
 _CONTACTS_BY_THICKNESS = (0.25, 0.5, 0.75, 1.0, 1.5)
-#: Largest contact radius over the radius of the sphere: Hertz's parabola replaces the sphere up to about here [-].
+#: Largest contact radius over the radius of the sphere.  The closed form replaces the sphere by a parabola, which is
+#: acceptable up to about this ratio [-].
 _LARGEST_CONTACT = 0.8
 #: Contact radii over the radius of the sphere for thick covers, where the list above has fewer than three sizes [-].
 _CONTACTS_BY_RADIUS = (0.2, 0.4, _LARGEST_CONTACT)

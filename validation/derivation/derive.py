@@ -1,7 +1,7 @@
 """From the description of a sensor to the parameters of the fast model.
 
 The finite elements give the response of the cover to loads on it.  The Gaussian kernel of the fast model is fitted to
-that response.  The result also holds what a reader needs to judge it: every estimator's value, the residual, the force
+that response.  The result also holds the figures by which to judge it: every estimator's value, the residual, the force
 beyond the kernel, the error estimate of the reference, resolution and sensitivities.
 """
 
@@ -97,15 +97,12 @@ class Derivation:
 
     def as_json(self) -> dict[str, Any]:
         """The result under the names that the command line prints."""
-        gaussian, spread = self.fit.gaussian, self.point_spread
+        spread = self.point_spread
         return {
             "sensor": self.sensor.name,
             "cover": self.sensor.describe_cover(),
             "psf": {
-                "sigma_x": gaussian.sigma_x,
-                "sigma_y": gaussian.sigma_y,
-                "ksize_x": gaussian.ksize_x,
-                "ksize_y": gaussian.ksize_y,
+                **dataclasses.asdict(self.fit.gaussian),
                 "estimator": self.fit.estimator,
                 "estimates": {name: list(pair) for name, pair in self.fit.estimates.items()},
                 "residual": self.fit.residual,
@@ -161,6 +158,10 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     cells = None if sensor.spread else _tabulate_cells(sensor, influence)
     depth = fit_depth(cover) if wide else None
     undetermined = list_undetermined(cover, fit, depth)
+    tables: dict[str, FloatArray] = {}
+    if (spread := radial_profile(influence)) is not None:
+        tables["point_response_radius"] = np.asarray(spread.radius)
+        tables["point_response_pressure"] = np.asarray(spread.pressure_per_force)
     return Derivation(
         sensor=sensor,
         influence=influence,
@@ -175,7 +176,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
             electronics=sensor.electronics,
             provenance=_describe_provenance(sensor, fit, depth, undetermined),
             cells=cells,
-            tables=_radial_tables(influence),
+            tables=tables,
         ),
         error_estimate=influence.error_estimate,
         depth=depth,
@@ -212,17 +213,6 @@ def _force_outside(influence: Influence, array: TexelArray) -> tuple[float, floa
         )
     points, weights = gauss_points(array.texel_size, 12)
     return float(influence.outside(array, centre)[0]), float(weights @ influence.outside(array, centre + points))
-
-
-def _radial_tables(influence: Influence) -> dict[str, FloatArray]:
-    """The radial profile for the parameter folder: radii [m] and pressure per force [1/m²]; empty with side edges."""
-    spread = radial_profile(influence)
-    if spread is None:
-        return {}
-    return {
-        "point_response_radius": np.asarray(spread.radius),
-        "point_response_pressure": np.asarray(spread.pressure_per_force),
-    }
 
 
 def _describe_provenance(

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from fem_reference.linear_response.point_spread import PointSpread
 
 FloatArray = npt.NDArray[np.float64]
-#: The reference's response to loads on the cover: of a wide cover one radial profile, of a cover with free side edges
-#: a solution for every texel.
+#: The reference's response to loads on the cover.  That of a wide cover is one radial profile; that of a cover with
+#: free side edges is a separate solution for each texel.
 Influence: TypeAlias = "PointSpread | SolidInfluence"
 
 #: Rows and columns of the grid on which the kernel is fitted if the array itself is no grid: wider than any kernel [-].

@@ -40,7 +40,8 @@ def texel_separation(spread: PointSpread, array: TexelArray) -> float:
     """Smallest separation along x at which a texel between the loads reads less than both peaks [m].
 
     The texels are those of a long row with the array's pitch and texel size, so that the edges of the array have no
-    effect.  The dip must appear at every alignment of the loads with the texels.  NaN if it never does.
+    effect.  The dip must appear at every alignment of the loads with the texels.  The result is NaN if no
+    separation fulfils this.
     """
     row = TexelArray.grid(1, 2 * _HALF_ROW + 1, array.pitch, texel_size=array.texel_size)
     step = array.pitch[0] / _ALIGNMENTS

@@ -49,24 +49,22 @@ def _thickness_slope(thickness: float, grid: TexelArray, spread: PointSpread) ->
 
 def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: int) -> float:
     """Derivative by the Poisson ratio of one layer: slope of the parabola through three ratios inside 0..0.5."""
+    from fem_reference.closed_form import point_response
+
     ratio = cover.layers[layer].material.poisson_ratio
     middle = float(np.clip(ratio, _POISSON_STEP, 0.5 - _POISSON_STEP))
 
     def sigma_at(poisson_ratio: float) -> float:
-        return uncut_sigma(_exact_spread(_with_poisson_ratio(cover, layer, poisson_ratio), spread), grid)
+        changed = _with_poisson_ratio(cover, layer, poisson_ratio)
+        # The closed-form layer solution at the same radii: two more finite-element solves would triple the time.
+        response = point_response(changed, spread.radius)
+        return uncut_sigma(dataclasses.replace(spread, pressure_per_force=response, coarse=()), grid)
 
     low, high = sigma_at(middle - _POISSON_STEP), sigma_at(middle + _POISSON_STEP)
     slope = (high - low) / (2 * _POISSON_STEP)
     if ratio == middle:  # at its middle point a parabola has the slope of its chord
         return slope
     return slope + (ratio - middle) * (high - 2 * sigma_at(middle) + low) / _POISSON_STEP**2
-
-
-def _exact_spread(cover: Cover, spread: PointSpread) -> PointSpread:
-    """The closed-form layer solution at the same radii: two more finite-element solves would triple the time."""
-    from fem_reference.closed_form import point_response
-
-    return dataclasses.replace(spread, pressure_per_force=point_response(cover, spread.radius), coarse=())
 
 
 def _scaled_array(array: TexelArray, factor: float) -> TexelArray:

@@ -1,4 +1,4 @@
-"""Quantities that cover and reference leave open, as text for tables, JSON and the parameter folder."""
+"""Quantities that the reference cannot determine, as text for tables, JSON and the parameter folder."""
 
 from __future__ import annotations
 

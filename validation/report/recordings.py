@@ -12,7 +12,7 @@ from meshes import TexelArray
 from validation.calibration.stamp import StampExample, StampRow, StampScores
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
 
-#: Metrics of a row: name, heading, factor to the unit, unit.
+#: Columns of the tables: name of the metric, heading, factor to the printed unit, printed unit.
 COLUMNS = (
     ("image_changed_percent", "image changed", 1.0, "%"),
     ("relative_l2", "relative L2", 100.0, "%"),

@@ -56,7 +56,7 @@ def format_path(location: Sequence[int | str]) -> str:
 
 
 def _explain(details: ErrorDetails) -> str:
-    """What is wrong and what would be accepted."""
+    """Describe the fault and name accepted values."""
     kind, given = details["type"], details["input"]
     key = str(details["loc"][-1])
     if kind == "value_error":

@@ -51,7 +51,7 @@ class SensorDescription:
 
     def describe_cover(self) -> dict[str, Any]:
         """The cover as JSON values, with its label where it is assumed."""
-        cover = self.cover
+        cover, names = self.cover, ("model", "youngs_modulus", "poisson_ratio", "source", "spread")
         return {
             "assumed": cover.assumed,
             "base": cover.base,
@@ -61,11 +61,7 @@ class SensorDescription:
                 {
                     "thickness_m": layer.thickness,
                     "material": layer.material.name,
-                    "model": layer.material.model,
-                    "youngs_modulus": layer.material.youngs_modulus,
-                    "poisson_ratio": layer.material.poisson_ratio,
-                    "source": layer.material.source,
-                    "spread": layer.material.spread,
+                    **{name: getattr(layer.material, name) for name in names},
                 }
                 for layer in cover.layers
             ],

@@ -28,7 +28,7 @@ _PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for nam
 
 
 def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
-    """Read a text with a unit."""
+    """Make a validator that reads a text with a unit."""
 
     def convert(value: object) -> float:
         number = read_quantity(value, kind)
@@ -40,7 +40,7 @@ def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
 
 
 def _terms(read_one: Callable[[object], float]) -> BeforeValidator:
-    """Read one number, or a list with one number for each term of a series."""
+    """Make a validator that reads one number, or a list with one number for each term of a series."""
 
     def convert(value: object) -> tuple[float, ...]:
         return tuple(read_one(part) for part in (value if isinstance(value, list) else [value]))
@@ -55,7 +55,7 @@ def _exponent(value: object) -> float:
 
 
 def _choice(*names: str) -> BeforeValidator:
-    """Accept one of the names."""
+    """Make a validator that accepts one of the names."""
 
     def check(value: object) -> object:
         if value not in names:
@@ -66,7 +66,7 @@ def _choice(*names: str) -> BeforeValidator:
 
 
 def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
-    """Accept a number between two limits."""
+    """Make a validator that accepts a number between two limits."""
 
     def check(value: float) -> float:
         if not lowest <= value <= highest:

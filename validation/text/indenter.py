@@ -19,34 +19,23 @@ from validation.text.quantity import Kind, read_quantities, read_quantity
 
 #: Number of values of the parameters that have more than one [-].
 _VALUE_COUNTS = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
-#: An accepted text for each shape, for messages.
-_EXAMPLES = {
-    "sphere": "sphere:radius=5mm",
-    "cylinder": "cylinder:radius=4mm",
-    "box": "box:size=10mmx10mmx5mm",
-    "tip": "tip:radius=1mm",
-    "roller": "roller:radius=4mm,length=12mm",
-    "cone": "cone:angle=120deg,radius=4mm",
-    "nut": "nut:across=13mm,bore=8mm",
-    "h": "h:size=12mmx16mm,bar=4mm",
-    "prism": "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm",
-    "mesh": "mesh:path=part.stl,unit=mm",
-}
-#: The function that makes each shape, by the name that sensor files and the command line use.
-SHAPES: Mapping[str, Any] = MappingProxyType(
+#: The function that makes each shape, by the name that sensor files and the command line use, and an accepted text.
+_SHAPES_AND_EXAMPLES: Mapping[str, tuple[Any, str]] = MappingProxyType(
     {
-        "sphere": Sphere,
-        "cylinder": Cylinder,
-        "box": Box,
-        "tip": RoundedTip,
-        "roller": Roller,
-        "cone": Cone,
-        "nut": Nut,
-        "h": LetterH,
-        "prism": Prism,
-        "mesh": read_stl,
+        "sphere": (Sphere, "sphere:radius=5mm"),
+        "cylinder": (Cylinder, "cylinder:radius=4mm"),
+        "box": (Box, "box:size=10mmx10mmx5mm"),
+        "tip": (RoundedTip, "tip:radius=1mm"),
+        "roller": (Roller, "roller:radius=4mm,length=12mm"),
+        "cone": (Cone, "cone:angle=120deg,radius=4mm"),
+        "nut": (Nut, "nut:across=13mm,bore=8mm"),
+        "h": (LetterH, "h:size=12mmx16mm,bar=4mm"),
+        "prism": (Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
+        "mesh": (read_stl, "mesh:path=part.stl,unit=mm"),
     }
 )
+SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
+_EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
 #: A comma before the name of a parameter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from meshes.indenters.polygons import (
     check_polygon,
-    compute_area,
     compute_distance_from_inset,
     compute_signed_distance,
     find_inside,
     make_hexagon,
 )
+from tests.support.polygon_area import compute_area
 
 SQUARE = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0))
 HOLE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))

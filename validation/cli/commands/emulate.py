@@ -16,7 +16,6 @@ from validation.errors import InputError, nearest
 if TYPE_CHECKING:
     from meshes import TexelArray
     from validation.weiss.commands import MatrixInfo
-    from validation.weiss.serve import PseudoTerminal, SerialEnd
     from validation.weiss.virtual import Misbehaviour, Source
 
 #: Patterns that can be shown.
@@ -63,7 +62,7 @@ def emulate(
         softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01
         softcover emulate /tmp/wts --show wts-0614-34 --indenter sphere:radius=5mm --load 8N
     """
-    from validation.weiss.serve import serve
+    from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
     from validation.weiss.virtual import WTS_0614_34, VirtualSensor
 
     check_range("--seconds", seconds)
@@ -71,7 +70,8 @@ def emulate(
     source, matrix = _find_source(show, array, indenter, load)
     sensor = VirtualSensor(source, matrix=matrix or WTS_0614_34, rate=rate, misbehaviour=misbehaviour)
     with interrupt_on_terminate(), contextlib.ExitStack() as stack:
-        end = _open_port(port)
+        is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
+        end = SerialEnd(port) if port and is_device else PseudoTerminal(port)
         stack.callback(end.close)
         if json:
             print_json({"port": end.name, "rate_hz": rate, "show": show})
@@ -80,14 +80,6 @@ def emulate(
         with contextlib.suppress(KeyboardInterrupt):
             serve(sensor, end, seconds=seconds)
     say(f"{sensor.frames_sent} frames sent")
-
-
-def _open_port(port: str | None) -> PseudoTerminal | SerialEnd:
-    from validation.weiss.serve import PseudoTerminal, SerialEnd
-
-    if port and ("://" in port or port.startswith(("/dev/", "COM"))):
-        return SerialEnd(port)
-    return PseudoTerminal(port)
 
 
 def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbehaviour:

@@ -49,11 +49,15 @@ def export(
         softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm
         softcover export derived --format gazebo
     """
+    from validation.campaign.comparison import METHODS
     from validation.cli.sensors import find_parameters, read_sensor
     from validation.output_folder import new_folder
 
     faults: list[str] = []
-    collect(faults, lambda: _check_format(format, method))
+    collect(faults, lambda: check_choice("--format", "format", format, FORMATS))
+    collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    if not faults and format == "gazebo" and method != METHODS[0]:
+        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
     found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness))
     if faults or found is None:
         raise InputError(*faults)
@@ -73,22 +77,10 @@ def export(
         say(f"wrote {', '.join(files)} to {out}")
 
 
-def _check_format(form: str, method: str) -> None:
-    from validation.campaign.comparison import METHODS
-
-    faults: list[str] = []
-    collect(faults, lambda: check_choice("--format", "format", form, FORMATS))
-    collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
-    if not faults and form == "gazebo" and method != METHODS[0]:
-        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
-    if faults:
-        raise InputError(*faults)
-
-
 def _check_gazebo(found: SensorDescription | Parameters) -> None:
     """Refuse an array or electronics that a plugin block cannot describe, before the parameters are derived.
 
-    The spread plays no part in this, so any kernel can stand in for the one that is not derived yet.
+    The check does not depend on the spread, so it uses an arbitrary kernel: the real one is not derived yet.
     """
     from fastmodel import Gaussian, Parameters
 

@@ -116,7 +116,7 @@ def import_recording(
 
 
 def _list_facts(recording: Recording) -> dict[str, Any]:
-    """List what a recording says about itself, for `--json`."""
+    """List the properties of a recording, for `--json`."""
     return {
         "path": str(recording.path),
         "sha256": recording.sha256,

@@ -244,7 +244,7 @@ def _is_usable(entry: Entry) -> bool:
 
 
 def _describe_inputs(inputs: Mapping[str, Any]) -> str:
-    """Describe in one line what a result was computed from."""
+    """Describe in one line the inputs of a result."""
     parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
     return ", ".join(parts) or "unknown"
 

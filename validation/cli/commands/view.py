@@ -28,6 +28,7 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
+    from validation.cli.view_window import Window
 
 #: Where the live image can be shown.
 DISPLAYS = ("auto", "window", "terminal")
@@ -118,36 +119,31 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
     """Simulate: in real time if the image is shown, else as fast as possible."""
     if seconds is None:
         seconds = _UNWATCHED_SECONDS if place == "nowhere" else math.inf
-    if place == "window":
-        _play_in_window(scene, seconds)
-        return
-    parameters, start = scene.sensor.parameters, time.monotonic()
-    columns, full_scale = parameters.array.columns, parameters.electronics.output_max
-    with LiveImage(columns=columns, full_scale=full_scale, quiet=place == "nowhere") as live:
-        for now in scene.run(seconds):
-            if place == "terminal":
-                time.sleep(max(0.0, now - (time.monotonic() - start)))
-            if live.is_due:
-                live.show(scene.sensor.frame().counts, _describe_state(scene))
-
-
-def _play_in_window(scene: Scene, seconds: float) -> None:
-    """Simulate in real time until the window is closed or the time is over."""
-    from validation.cli.view_window import Window
-
-    say("close the window or press Ctrl-C to end")
     start = time.monotonic()
-    with Window(scene) as window:
+    with _open_display(scene, place) as display:
         for now in scene.run(seconds):
-            time.sleep(max(0.0, now - (time.monotonic() - start)))
-            if not window.is_open:
+            if place != "nowhere":
+                time.sleep(max(0.0, now - (time.monotonic() - start)))
+            if not display.is_open:
                 return
-            if window.is_due:
-                window.show(_describe_state(scene).strip())
+            if display.is_due:
+                display.show(scene.sensor.frame().counts, _describe_state(scene))
                 if scene.data.time < now:
                     # The user reset the simulation with the viewer's own key.
                     scene.restart()
                     start = time.monotonic()
+
+
+def _open_display(scene: Scene, place: str) -> LiveImage | Window:
+    """Make the display, a window or an image in the terminal."""
+    if place == "window":
+        from validation.cli.view_window import Window
+
+        say("close the window or press Ctrl-C to end")
+        return Window(scene)
+    parameters = scene.sensor.parameters
+    columns, full_scale = parameters.array.columns, parameters.electronics.output_max
+    return LiveImage(columns=columns, full_scale=full_scale, quiet=place == "nowhere")
 
 
 def _describe_state(scene: Scene) -> str:
