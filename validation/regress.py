@@ -97,7 +97,7 @@ def load_baseline(path: Path) -> Baseline:
 
 
 def make_baseline(sensor: SensorDescription, campaign: CampaignResult) -> Baseline:
-    """The fast model's scores of a campaign as a baseline."""
+    """Make a baseline from the scores of the fast model in a campaign."""
     scores = {result.case.name: result.predictions["fast"].score.as_json() for result in campaign.cases}
     scores[MEAN] = {name: to_json_values(value.mean) for name, value in campaign.pooled["fast"].items()}
     return Baseline(

@@ -108,7 +108,7 @@ def calibrate(
         shares: Share of the load on each texel of the array, shape (texels,) [-].
         array: Index of the array in the recordings.
         threshold: Counts that the firmware subtracts; from the labels when not given [-].
-        window: Ages of the load between which frames are averaged [s].
+        window: Times after the load was applied between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor.
         confidence: Confidence of the intervals, 0..1 [-].
 

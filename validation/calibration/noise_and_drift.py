@@ -18,7 +18,7 @@ from validation.recordings.recording import FloatArray, Recording
 _APPLIED_SHARE = 0.5
 #: Length of the last part of a recording, whose median is the final value [s].
 _FINAL_PERIOD = 2.0
-#: Ages of the load between which drift is measured [s].
+#: Times after the load was applied between which drift is measured [s].
 _DRIFT_AGES = (2.0, 12.0)
 #: Frames within this time of such an age are averaged [s].
 _HALF_WINDOW = 0.5

@@ -63,8 +63,8 @@ def read(
     Args:
         path: File or folder.
         topic: Topic with the frames; may be left out if only one topic has any.
-        rows: Number of texels along y, for messages that do not tell it [-].
-        columns: Number of texels along x, for messages that do not tell it [-].
+        rows: Number of texels along y, for messages that do not contain it [-].
+        columns: Number of texels along x, for messages that do not contain it [-].
 
     Raises:
         RecordingError: If it cannot be read, or if no topic or several topics hold tactile frames.
@@ -170,7 +170,7 @@ def _read_image(path: Path, name: str, message: Any) -> _ArrayFrame:  # noqa: AN
 
 
 def _find_shape(message: object, rows: int | None, columns: int | None) -> tuple[int, int] | None:
-    """Rows and columns as the message tells them; those given if it does not."""
+    """Rows and columns stated in the message; the given ones if it states none."""
     own_rows, own_columns = _find_attribute(message, _ROW_NAMES), _find_attribute(message, _COLUMN_NAMES)
     if isinstance(own_rows, int) and isinstance(own_columns, int):
         return own_rows, own_columns

@@ -162,7 +162,7 @@ class _Session:
             self._on_event(event)
 
     def _write_temperature(self, writer: RecordingWriter) -> None:
-        """Ask for the temperature and write it, if the sensor tells it.
+        """Ask for the temperature and write it, if the sensor reports it.
 
         Called before and after the stream only: no source says whether a device answers while it streams.
         """

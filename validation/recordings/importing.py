@@ -29,8 +29,8 @@ def open_recording(
     Args:
         path: File or folder.
         topic: Topic with the frames, for bags of other programs.
-        rows: Number of texels along y, for files that do not tell it [-].
-        columns: Number of texels along x, for files that do not tell it [-].
+        rows: Number of texels along y, for files that do not contain it [-].
+        columns: Number of texels along x, for files that do not contain it [-].
 
     Raises:
         RecordingError: If it is missing, damaged or of an unknown format.

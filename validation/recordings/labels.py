@@ -19,7 +19,7 @@ FORMAT = "softcover-recording/1"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Labels:
-    """All that a recording's file tells beside the frames.
+    """The data in the file of a recording other than the frames.
 
     Attributes:
         setup: How the recording was made.

@@ -34,7 +34,7 @@ _LARGEST_LIFT = 0.95
 def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
     """Frames of a real sensor as they arrive.
 
-    Frames that were lost on the way are left out: the times of the others tell where.
+    Lost frames are left out; they show as gaps in the times of the others.
 
     Args:
         sensor: An open sensor.

@@ -248,7 +248,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
 
 
 class _File:
-    """Output of the MCAP library.  Each flush writes to the disk at once; a flush that failed can be cut off again.
+    """Output of the MCAP library.  Each flush writes to the disk at once; the bytes of a failed flush can be removed.
 
     The first flush creates the file, so that a killed recorder leaves either no file or one with its set-up.
     """

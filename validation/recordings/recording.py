@@ -1,7 +1,7 @@
 """The data types that every reader of recordings returns.
 
 A `Recording` holds the frames of one file: the counts of each texel array over time.  Temperatures, the readings of a
-force sensor and a `Setup`, which tells how the recording was made, stand beside them where the file has them.
+force sensor and a `Setup`, which states how the recording was made, stand beside them where the file has them.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class RecordedArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """The frames of one file, with everything that the file tells about them.
+    """The frames of one file, with all other data in the file.
 
     Attributes:
         path: The file.

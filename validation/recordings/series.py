@@ -1,4 +1,4 @@
-"""Finds series of recordings in which the name of each file tells the load.
+"""Finds series of recordings in which the name of each file gives the load.
 
 A weight series is a square stamp under dead weights: folders `room` and `operating` with files `A1.dsa` .. `H2.dsa`.
 A..H stand for 200..900 g in steps of 100 g, the digit counts the repeats.

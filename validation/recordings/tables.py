@@ -59,8 +59,8 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
 
     Args:
         path: The CSV file.
-        rows: Number of texels along y; as the file tells if not given [-].
-        columns: Number of texels along x; as the file tells if not given [-].
+        rows: Number of texels along y; taken from the file if not given [-].
+        columns: Number of texels along x; taken from the file if not given [-].
 
     Raises:
         RecordingError: If the file cannot be read; the message names the line.

@@ -19,7 +19,7 @@ _STATUS = struct.Struct("<H")
 #: Device units per metre [1/m] and per kelvin [1/K]: lengths come in 0.01 mm, temperatures in 0.1 K.
 _LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
 
-#: Values of a request or an answer, as its layout says.
+#: Values of a request or an answer, in the order of its `Layout`.
 Values = tuple[int | bytes, ...]
 
 

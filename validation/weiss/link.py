@@ -18,9 +18,10 @@ BUFFER_BYTES = 256 * 1024
 #: Longest wait for a byte, after which the reader checks whether it should stop [s].
 _READ_TIMEOUT = 0.05
 _WRITE_TIMEOUT = 1.0
-#: A socket does not tell how many bytes wait: the reader asks for this many [bytes], at most for this long [s].
+#: The number of waiting bytes is unknown for a socket: the reader asks for this many [bytes], and waits at most this
+#: long [s].
 _SOCKET_BYTES, _SOCKET_TIMEOUT = 64, 0.005
-#: Ports that can be named, for error messages.
+#: Accepted names of ports, for error messages.
 _ACCEPTED = "accepted: a port such as /dev/ttyACM0, or a pyserial URL"
 
 

@@ -94,7 +94,7 @@ class Parser:
         return messages
 
     def _measure_message(self, start: int, *, final: bool) -> int | None:
-        """Size of the message at `start` [bytes]: 0 if there is none, None if more bytes are needed to tell."""
+        """Size of the message at `start` [bytes]: 0 if there is none, None if more bytes are needed to decide."""
         buffer = self._buffer
         available = len(buffer) - start
         incomplete = 0 if final else None

@@ -167,8 +167,8 @@ class Sensor(AbstractContextManager["Sensor"]):
     ) -> Generator[Reading | Gap, None, None]:
         """Yield frames as the device sends them, and a `Gap` wherever frames are missing.
 
-        The stream ends if the caller closes it or by an error.  In either case the device is told to stop.  Commands
-        may be sent between two frames.
+        The stream ends if the caller closes it or by an error.  In either case the device gets the command to stop.
+        Commands may be sent between two frames.
 
         Args:
             run_length: Whether to ask for run-length encoding.

@@ -1,7 +1,7 @@
 """A virtual sensor: answers the protocol as a WTS does and shows given texel values.
 
-`VirtualSensor` turns bytes and times into bytes and needs no port; `serve` runs it on one.  Where no source tells how a
-real device answers, it follows `unconfirmed`.
+`VirtualSensor` turns bytes and times into bytes and needs no port; `serve` runs it on one.  Where no source states
+how a real device answers, it follows `unconfirmed`.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ TIMES = np.arange(0, 15, 0.1)
 
 
 @given(st.integers(1, 120), st.floats(1, 1e4), st.floats(0, 0.45), st.floats(-1e3, 1e3))
-def test_onset_is_found_whatever_the_scale_the_offset_and_the_start(onset, counts, before, start):
+def test_onset_is_found_for_any_scale_offset_and_start(onset, counts, before, start):
     total = np.where(np.arange(len(TIMES)) < onset, before, 1.0) * counts
     frames = np.column_stack([0.25 * total, 0.75 * total])
     assert find_load_onset(TIMES + start, frames) == pytest.approx(TIMES[onset] + start)

@@ -36,7 +36,7 @@ def test_a_file_that_exists_or_has_no_folder_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("call", ["write", "fsync"])
-def test_a_disk_that_fails_is_told_once_and_the_chunks_before_are_kept(tmp_path, monkeypatch, call):
+def test_a_disk_failure_is_reported_once_and_the_chunks_before_are_kept(tmp_path, monkeypatch, call):
     path = tmp_path / "a.mcap"
     writer = _open_writer(path)
     for number in range(5):

@@ -155,7 +155,7 @@ def test_a_port_that_stays_away_ends_the_stream(plug_in):
             list(stream)
 
 
-def test_another_device_on_the_port_is_told_from_none():
+def test_errors_distinguish_another_device_on_the_port_from_none():
     pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
     with answer_always(os.urandom(64)) as port, pytest.raises(NoAnswerError, match=r"bytes came and none"):
         Sensor(port, timeout=0.3)

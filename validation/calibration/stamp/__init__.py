@@ -6,7 +6,7 @@ error of a model.  Extrapolation separates a model from a table, so it is scored
 from room to operating temperature.  A recording that was fitted is never scored.
 
 The recorded counts have three properties.  The firmware has subtracted a threshold of 100, they saturate softly, and
-they drift under a constant weight; so every recording is read at the same age of its load.
+they drift under a constant weight; so every recording is read at the same time after its load was applied.
 """
 
 from validation.calibration.stamp.score import (

@@ -12,8 +12,8 @@ from validation.calibration.noise_and_drift import find_load_onset
 from validation.recordings import RecordedArray, Recording, RecordingError, dsa
 from validation.recordings.series import StampFile
 
-#: Ages of the load between which frames are averaged [s].  Counts drift under a constant weight (about a fifth between
-#: 2 s and 12 s), so every recording is read at the same age; every recording lasts to the end of this window.
+#: Times after the load was applied between which frames are averaged [s].  Counts drift under a constant weight (about
+#: a fifth between 2 s and 12 s), so the same window is used for every recording; every recording lasts to its end.
 WINDOW = (6.0, 9.0)
 #: Fewest frames of which the noise about a straight trend can be estimated [-].
 _FEWEST_FRAMES = 3

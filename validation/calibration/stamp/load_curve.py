@@ -12,9 +12,9 @@ from validation.recordings.series import THRESHOLD
 
 #: Start of the fit: ln(sensitivity [1/N]), ln(dead force [N]), logit(saturation band / largest count).
 START = np.array([np.log(6000.0), np.log(0.05), 1.0])
-#: Lower bounds of the fit, in the same order.
+#: Lower bounds of the fitted parameters, in the order of `START`.
 LOWER = np.array([np.log(100.0), np.log(1e-5), -6.0])
-#: Upper bounds of the fit, in the same order.
+#: Upper bounds of the fitted parameters, in the order of `START`.
 UPPER = np.array([np.log(1e5), np.log(1.0), 6.0])
 
 

@@ -107,7 +107,7 @@ class StampScores:
         examples: One scored recording per split.
         about: One line on each model and each split, by name.
         files: sha256 of each recording by its name.
-        window: Ages of the load between which frames are averaged [s].
+        window: Times after the load was applied between which frames are averaged [s].
         noise: Root mean square over recordings of a texel's noise in the window [counts].
         source: Origin of the recordings.
     """

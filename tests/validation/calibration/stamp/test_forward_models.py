@@ -52,7 +52,7 @@ def test_a_rigid_punch_loads_its_edges_more_than_uniform_pressure_does():
     assert edge_share("edge-loaded punch", np.log(2e-3)) > edge_share("reference", np.log(2e-3))
 
 
-def test_box_texels_split_by_contact_points_whatever_the_place():
+def test_box_texels_split_the_load_by_contact_points_at_any_place():
     """The known defect of the fast model: sixteen touched texels share alike, and a millimetre changes nothing."""
     candidates = by_name("fast model").candidates((0.0, 8e-3))
     shape = np.array([np.log(0.15)])
