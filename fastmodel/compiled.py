@@ -16,7 +16,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 #: needed.  Both shorten compilation.
 _OPTIONS: Any = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
-#: Functions that kernels call and that numba has not been told of yet.
+#: Functions that kernels call and that are not registered with numba yet.
 _CALLED: list[Callable[..., Any]] = []
 
 

@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.errors import FastModelError
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -32,14 +34,14 @@ class Pose:
             quaternion: Orientation, scalar first, of any length but zero, shape (4,) [-].
 
         Raises:
-            ValueError: If a shape is wrong, a number not finite, or the quaternion zero.
+            FastModelError: If a shape is wrong, a number not finite, or the quaternion zero.
         """
         origin, rotation = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
         if origin.shape != (3,) or rotation.shape != (4,):
-            raise ValueError(f"a pose takes 3 and 4 numbers, not shapes {origin.shape} and {rotation.shape}")
+            raise FastModelError(f"a pose takes 3 and 4 numbers, not shapes {origin.shape} and {rotation.shape}")
         length = np.linalg.norm(rotation)
         if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
-            raise ValueError(
+            raise FastModelError(
                 f"a pose takes finite numbers and a quaternion other than zero, not {origin} and {rotation}"
             )
         return cls(position=origin, quaternion=rotation / length)

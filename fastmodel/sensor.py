@@ -93,7 +93,7 @@ def attach(
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     refuse_overlaps(parameters.array)
-    method.attach(_find_body(spec, body), parameters.array, _make_pose(position, quaternion), name)
+    method.attach(_find_body(spec, body), parameters.array, Pose.of(position, quaternion), name)
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
 
@@ -325,13 +325,6 @@ def _find_body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBod
     if body not in spec.bodies:
         raise FastModelError(f"body {body.name!r} belongs to another spec than the one to attach to")
     return body
-
-
-def _make_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
-    try:
-        return Pose.of(position, quaternion)
-    except ValueError as error:
-        raise FastModelError(str(error)) from error
 
 
 @contextlib.contextmanager

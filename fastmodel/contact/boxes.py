@@ -74,9 +74,9 @@ class BoxTexels:
         array: TexelArray,
         name: str,
         *,
-        cells: CoverCells | None = None,  # noqa: ARG002 -- boxes do not model the cover
+        cells: CoverCells | None = None,  # noqa: ARG002
     ) -> BoxReader:
-        """Find the boxes in the compiled model; see `TexelContact.bind`.
+        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover data in `cells` are not used.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.

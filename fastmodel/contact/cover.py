@@ -30,12 +30,12 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The gap is sampled up to a reach over each body's lowest cell.  The reach for the first contact, over the cover's
-#: thickness; the largest and the smallest reach, over the first [-].
+#: The reach of a body is the height over its lowest cell up to which the gap is sampled.  The first reach, over the
+#: cover's thickness; then the largest and the smallest reach, over the first one [-].
 _FIRST, _MOST, _SMALLEST = 0.1, 20.0, 0.25
-#: Reach that a contact needs, over the height up to which the body lies below the undeformed surface: the cover may
-#: bulge beside the contact.  And reach that is taken for the next contact, over the same height, so that it suffices
-#: while the load rises [-].
+#: Two factors on the height up to which a body lies below the undeformed surface.  The first gives the reach that a
+#: contact needs; it exceeds 1 because the cover may bulge beside the contact.  The second gives the reach for the next
+#: contact, which then suffices while the load rises [-].
 _NEEDED, _TAKEN = 1.2, 1.6
 #: Distance by which solids with sharp edges are enlarged, over the edge of a cell; see `fastmodel.pressure.gap` [-].
 _EDGE = 0.125
@@ -188,7 +188,7 @@ class _PressureReader:
             plate: Finds the bodies that press.
             solver: Finds the forces on cells.
             surface: The cells.
-            base: Finds the forces at the base, where the method knows them.
+            base: Finds the forces at the base; None for a method without them.
             first: Reach of the first contact, see `_FIRST` [m].
         """
         self._plate, self._solver, self._base, self._grid = plate, solver, base, surface.grid

@@ -30,7 +30,7 @@ _STEEP = 0.2
 #: Root mean square over a body's cells below which a column of its constraints is dropped, after projection: it is then
 #: linearly dependent on the others [-].
 _DEPENDENT = 0.02
-#: Singular value that tells directions within the span of others (0) from new ones (1) [-].
+#: Singular value above which a direction counts as new: it is 0 within the span of the others and 1 across it [-].
 _NEW = 0.5
 #: Rows of the table of cells that `PanelReader` builds for each panel: row, column, coverage, x, y, gap (`_GAP`), place
 #: (3) and normal (3).
@@ -150,14 +150,7 @@ class PanelReader(PlateReader):
     """Finds the bodies that press on the panels, and samples the gap under them."""
 
     def __init__(
-        self,
-        plate: Plate,
-        model: mujoco.MjModel,
-        array: TexelArray,
-        name: str,
-        *,
-        layout: PanelLayout,
-        edge: float,
+        self, plate: Plate, model: mujoco.MjModel, array: TexelArray, name: str, *, layout: PanelLayout, edge: float
     ) -> None:
         """Find the plates in the compiled model; see `PlateReader`, with panels in place of the grid."""
         super().__init__(plate, model, array, name, grid=layout.grid, edge=edge)
@@ -254,7 +247,7 @@ class PanelReader(PlateReader):
                 np.tile(axes[:, 2:], samples.count),
             ]
         )
-        # what lies deeper than the plate is thick belongs to a surface behind the panel
+        # a surface that lies deeper than the plate's thickness is behind the panel and does not press on it
         return table[:, (samples.gap > -self._thickness) & part.holds(samples.row, samples.column)]
 
 

@@ -86,15 +86,10 @@ class Plate:
             )
 
     def divide(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:
-        """Divide an array into flat panels: the panels, and the names of their geoms."""
+        """Divide an array into flat panels: the panels, and the names of their geoms, numbered if there are several."""
         panels = divide_into_panels(array, self.margin)
-        one = len(panels) == 1
-        return panels, [plate_name(name) if one else f"{plate_name(name)}{k}" for k in range(len(panels))]
-
-
-def plate_name(name: str) -> str:
-    """Name of a sensor's plate; the plates of a curved array are numbered."""
-    return f"{name}/plate"
+        numbers = [""] if len(panels) == 1 else range(len(panels))
+        return panels, [f"{name}/plate{number}" for number in numbers]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -120,6 +120,9 @@ class BaseForces:
         """Lay the factors of the influence out over the whole grid."""
         self._cells, self._grid, self._array = cells, grid, array
         along, across = cells.influence_factors
+        beyond = (grid.margin, grid.margin)
+        # the table holds no cells in the margin: force there reaches no texel
+        self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), beyond, beyond))
         self._masked = None if array.active.all() else ~array.active
         self._rows = _lay_out_factor(along, array.rows, grid.rows, cells, grid.margin)
         self._columns = _lay_out_factor(across, array.columns, grid.columns, cells, grid.margin)
@@ -137,8 +140,10 @@ class BaseForces:
             self._window = ((origin, forces.shape), self._build_window(origin, forces.shape))
         window = self._window[1]
         forces = forces[window.inside]
-        if self._cells.table is not None:
-            return self._apply_table(self._cells.table, forces, window.first)
+        if self._table is not None:
+            row, column = window.first
+            part = self._table[:, row : row + forces.shape[0], column : column + forces.shape[1]]
+            return self._mask(np.tensordot(part, forces, 2))
         texels = np.zeros((self._array.rows, self._array.columns))
         if window.along.size and window.across.size:
             terms = len(self._rows)
@@ -176,15 +181,6 @@ class BaseForces:
         first = max(0, (start - margin - reach - s) // s + 1)
         last = min(texels, (start + length - 1 - margin + reach) // s + 1)
         return start, inside, slice(first, max(first, last))
-
-    def _apply_table(self, table: FloatArray, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
-        """Apply the table to the part of a window that lies on the array; the table has no cells beyond."""
-        row, column = (start - self._grid.margin for start in origin)
-        top, left = max(0, -row), max(0, -column)
-        forces = forces[top : max(0, table.shape[1] - row), left : max(0, table.shape[2] - column)]
-        row, column = row + top, column + left
-        part = table[:, row : row + forces.shape[0], column : column + forces.shape[1]]
-        return self._mask(np.tensordot(part, forces, 2))
 
     def _mask(self, texel_forces: FloatArray) -> FloatArray:
         if self._masked is not None:

@@ -57,16 +57,10 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
         FastModelError: If the geom is a height field or a signed distance field, which are not convex.
     """
     kind, size, kinds = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom].copy(), mujoco.mjtGeom
-    no_planes = np.zeros((0, 4))
+    box, no_planes = model.geom_aabb[geom] + np.repeat([0.0, edge], 3), np.zeros((0, 4))
     match kind:
         case kinds.mjGEOM_PLANE:
-            return Solid(
-                kind=POLYTOPE,
-                size=size,
-                planes=np.array([[0.0, 0, 1, 0]]),
-                centre=np.zeros(3),
-                half=np.full(3, np.inf),
-            )
+            number, planes, box = POLYTOPE, np.array([[0.0, 0, 1, 0]]), np.repeat([0.0, np.inf], 3)
         case kinds.mjGEOM_BOX:
             number, planes = POLYTOPE, np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(size + edge, 2)])
         case kinds.mjGEOM_MESH:
@@ -84,8 +78,7 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
                 f"geom {model.geom(geom).name!r} is of type {kind.name}; the contact methods 'foundation' and 'cover' "
                 f"take planes, spheres, ellipsoids, capsules, cylinders, boxes and meshes (as their convex hull)"
             )
-    box = model.geom_aabb[geom]
-    return Solid(kind=number, size=size, planes=planes, centre=box[:3].copy(), half=box[3:] + edge)
+    return Solid(kind=number, size=size, planes=planes, centre=box[:3], half=box[3:])
 
 
 def _find_hull_planes(model: mujoco.MjModel, geom: int, edge: float) -> FloatArray:

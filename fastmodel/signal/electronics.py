@@ -80,25 +80,21 @@ class Electronics:
         """Whether each rule is broken, and the message that says so."""
         largest = 2**self.bits - 1
         c = self.characteristic
+        positive = [(name, getattr(self, name)) for name in ("rate_hz", "sensitivity")]
+        not_negative = [(name, getattr(self, name)) for name in ("noise", "hysteresis_width", "threshold")]
         return [
-            (not 0 < self.rate_hz < np.inf, f"rate_hz must be positive, not {self.rate_hz}"),
-            (not 0 < self.sensitivity < np.inf, f"sensitivity must be positive, not {self.sensitivity}"),
+            *((not 0 < value < np.inf, f"{name} must be positive, not {value}") for name, value in positive),
             (not np.isfinite(self.offset), f"offset must be finite, not {self.offset}"),
             (
                 not 1 <= self.output_max <= largest,
                 f"output_max must lie in 1..{largest} ({self.bits} bits), not {self.output_max}",
             ),
-            (not 0 <= self.noise < np.inf, f"noise must not be negative, not {self.noise}"),
             (not 0 <= self.hysteresis_share <= 1, f"hysteresis_share must lie in 0..1, not {self.hysteresis_share}"),
-            (
-                not 0 <= self.hysteresis_width < np.inf,
-                f"hysteresis_width must not be negative, not {self.hysteresis_width}",
-            ),
             (
                 not self.temperature_gain > 0,
                 f"temperature_coefficient times temperature_excess must exceed -1; the gain is {self.temperature_gain}",
             ),
-            (not 0 <= self.threshold < np.inf, f"threshold must not be negative, not {self.threshold}"),
+            *((not 0 <= value < np.inf, f"{name} must not be negative, not {value}") for name, value in not_negative),
             (
                 not 0 <= self.saturation_band < self.output_max,
                 f"saturation_band must lie in 0..output_max, not {self.saturation_band}",
