@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
@@ -22,9 +21,8 @@ from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose, make_z_rotation
 from fastmodel.sensor import recommend_options
 from meshes import Indenter
+from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Timestep of the bench model [s].
 TIMESTEP = 1e-3

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.errors import ParametersError, ShapeError, check_type
 from fastmodel.pressure.cover_kernels import CoverCells
@@ -29,9 +28,8 @@ from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import Electronics
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated
 from meshes import TexelArray, atomic_file
+from meshes.array_types import FloatArray
 from meshes.npz import pack_npz
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Version of the folder's format; other versions are refused.
 FORMAT = 1

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FastModelError
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,8 +30,7 @@ from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
 from fastmodel.signal.chain import SignalChain
 from fastmodel.signal.frame import Frame
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Tolerance for comparisons of clocks, as a share of a time step or of a frame period [-].
 _CLOCK_TOLERANCE = 1e-3

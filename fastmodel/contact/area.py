@@ -14,16 +14,13 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.contact.boxes import BoxReader, BoxTexels, find_boxes
 from fastmodel.contact.joints import Joints
 from fastmodel.pose import Pose
 from fastmodel.pressure.cover_kernels import CoverCells
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Treat a polygon below this share of a texel's area as a point or an edge [-].
 _FLAT = 1e-6

@@ -11,7 +11,6 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.force_kernels import press_boxes, read_contacts
@@ -21,9 +20,7 @@ from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Colour of masked texels: red, green, blue, opacity [-].
 _MASKED_COLOUR = (0.5, 0.5, 0.5, 0.4)

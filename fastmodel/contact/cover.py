@@ -12,7 +12,6 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.contact.interface import ContactReader, Reading
 from fastmodel.contact.panel_layout import PanelLayout, ScatteredBaseForces, ScatteredGrid, divide_into_panels, lay_out
@@ -27,8 +26,7 @@ from fastmodel.pressure.gap import ELLIPSOID, Solid
 from fastmodel.pressure.gap_sampling import BodyShape, PosedBody, sample_gap
 from fastmodel.pressure.winkler import FoundationSolver
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: The reach of a body is the height over its lowest cell up to which the gap is sampled.  The first reach, over the
 #: cover's thickness; then the largest and the smallest reach, over the first one [-].

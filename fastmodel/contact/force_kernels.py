@@ -14,12 +14,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.compiled import called_by_kernels
+from meshes.array_types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 #: The contacts of a state: both geoms of each contact, shape (k, 2); its first row in the constraint forces, -1 for
 #: none, shape (k,); its dimension, shape (k,); the axes of its frame as rows, normal first, shape (k, 9) [-]; its
 #: friction coefficients, shape (k, 5) [-]; its position in the world, shape (k, 3) [m]; all constraint forces, shape

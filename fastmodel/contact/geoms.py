@@ -7,11 +7,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.errors import LifeCycleError
-
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import IntArray
 
 #: Colour of boxes that measure: red, green, blue, opacity [-].
 _COLOUR = (0.25, 0.27, 0.3, 1.0)

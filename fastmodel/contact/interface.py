@@ -9,14 +9,11 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple, Protocol
 
 import mujoco
-import numpy as np
-import numpy.typing as npt
 
 from fastmodel.pose import Pose
 from fastmodel.pressure.cover_kernels import CoverCells
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 
 class Reading(NamedTuple):

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Cosine of the angle between a hinge's axis and the array's normal above which the hinge does not tilt a body [-].
 _UPRIGHT = 1 - 1e-6

@@ -15,16 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Largest distance of the texels of one panel from a flat, regular grid, over the pitch [-].
 _FLAT = 1e-3
@@ -71,7 +68,7 @@ class PanelCells:
     column: int
     rim: int = 0
 
-    def holds(self, row: IntArray, column: IntArray) -> npt.NDArray[np.bool_]:
+    def holds(self, row: IntArray, column: IntArray) -> BoolArray:
         """Whether cells of `grid` lie on the panel and not on its rim, same shape."""
         inside = (row >= self.rim) & (row < self.grid.rows - self.rim)
         return np.asarray(inside & (column >= self.rim) & (column < self.grid.columns - self.rim))

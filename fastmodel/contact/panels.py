@@ -13,16 +13,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.contact.panel_layout import PanelCells, PanelLayout
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 #: Cosine of the angle between a body's force and a panel's normal below which the panel takes up no pressure; also the
 #: share of a force that must lie along a body's free directions for them to be used [-].

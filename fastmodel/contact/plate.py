@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.force_kernels import read_contacts, sum_forces
@@ -26,9 +25,7 @@ from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.gap import describe_solid
 from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,9 +20,8 @@ from fastmodel.contact.plate import Plate
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.pose import Pose
 from meshes import Indenter, Sphere, TexelArray
+from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Name of the estimator that gives the modulus.
 ESTIMATOR = "least-squares-force"

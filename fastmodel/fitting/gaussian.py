@@ -19,8 +19,7 @@ import numpy.typing as npt
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.fitting.width_estimators import Pair, estimate_from_image, estimate_from_profile
 from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Name of the estimator that gives the parameters.
 ESTIMATOR = "least-squares-uniform"
@@ -110,7 +109,7 @@ def fit_gaussian(
 
 def _check_response(
     response: npt.ArrayLike, loaded: tuple[int, int], load: float, active: npt.ArrayLike | None
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """The response per unit load [-] and the mask, both of shape (rows, columns)."""
     image = np.array(response, dtype=np.float64)
     if image.ndim != 2:  # noqa: PLR2004 -- an image
@@ -127,7 +126,7 @@ def _check_response(
     return image / load, mask
 
 
-def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: npt.NDArray[np.bool_]) -> Gaussian:
+def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: BoolArray) -> Gaussian:
     """Least-squares fit of sigma, with ksize determined by sigma (see `Gaussian.from_sigma`).
 
     The objective jumps at sigmas where ksize changes.  So sigma is fitted at fixed ksize, and this is repeated with the
@@ -153,7 +152,7 @@ def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: npt.NDArray[np
 def _fit_sigmas(
     image: FloatArray,
     loaded: tuple[int, int],
-    mask: npt.NDArray[np.bool_],
+    mask: BoolArray,
     ksizes: tuple[int, int] | None,
 ) -> Pair:
     """Sigmas of the unit-sum Gaussian nearest to the image [pitches].
@@ -191,7 +190,7 @@ def _fit_sigmas(
     return (float(sx), float(sy))
 
 
-def _sample_axis(offsets: npt.NDArray[np.int64], sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
+def _sample_axis(offsets: IntArray, sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
     """One axis of the kernel, g, and its derivative by log(sigma), g (d^2 - mean of d^2) / sigma^2 [-]."""
     g = sample_gaussian(offsets, sigma, ksize)
     lattice = np.arange(-(ksize // 2), ksize // 2 + 1)

@@ -6,9 +6,8 @@ They are for comparison with published widths, which often do not name their def
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: (sigma_x, sigma_y).
 Pair = tuple[float, float]

@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.compiled import called_by_kernels
+from meshes.array_types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 #: The compliance of the cover between sampled cells: for each cell the first of the four whole cells that it acts on
 #: (row and column in the window), shape (2, m); its shares on these four, shape (4, m) [-]; its self compliance, shape
 #: (m,) [m/N]; and the matrices of `SymmetricConvolution.matrices` [m/N].

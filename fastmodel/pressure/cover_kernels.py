@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
 from fastmodel.pressure.separable_convolution import SymmetricConvolution, factorise
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Relative error of the low-rank factorisation of the influence (force on a texel per force on a cell) [-].  It is far
 #: below the discretisation error of the cells.

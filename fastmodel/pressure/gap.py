@@ -14,11 +14,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.errors import FastModelError
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Values of `Solid.kind`.
 POLYTOPE, ELLIPSOID, CYLINDER, CAPSULE = range(4)

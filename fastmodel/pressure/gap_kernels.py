@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.compiled import called_by_kernels
 from fastmodel.pressure.gap import CAPSULE, CYLINDER, ELLIPSOID, POLYTOPE
+from meshes.array_types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 #: Row, column, coverage, x, y and gap of cells, each of shape (m,); see `GapSamples`.
 Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 

@@ -11,15 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.gap import Solid
 from fastmodel.pressure.gap_kernels import Cells, sample_body
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from meshes.array_types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

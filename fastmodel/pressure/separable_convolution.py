@@ -9,9 +9,8 @@ the place of the window.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Most sizes of windows whose matrices are kept; bounds the memory.
 _KEPT = 32

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FilterError, ShapeError
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Highest order that is accepted [-].  Higher orders are not verified.
 ORDER_MAX = 20

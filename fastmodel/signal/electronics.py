@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
+from meshes.array_types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 GreyArray = npt.NDArray[np.uint8]
 
 #: Grey level of white in an 8-bit image [-].

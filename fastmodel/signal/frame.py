@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshes.array_types import FloatArray, IntArray
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
@@ -22,9 +24,9 @@ class Frame:
     """
 
     time: float
-    counts: npt.NDArray[np.int64]
+    counts: IntArray
     image: npt.NDArray[np.uint8]
-    texel_forces: npt.NDArray[np.float64] | None = None
+    texel_forces: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, so that a frame never changes."""

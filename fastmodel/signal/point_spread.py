@@ -16,8 +16,7 @@ import scipy.sparse as sp
 
 from fastmodel.errors import ShapeError
 from meshes import TexelArray
-
-FloatArray = npt.NDArray[np.float64]
+from meshes.array_types import FloatArray
 
 #: Smallest share of the Gaussian's sum that a kernel contains [-].
 KERNEL_MASS = 0.999
