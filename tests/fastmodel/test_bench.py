@@ -114,7 +114,7 @@ def test_random_shapes_and_poses_are_carried(count):
 
 
 def test_forces_that_do_not_settle_are_averaged(monkeypatch):
-    """Cut the time to settle short: the mean still carries the weight, and what was not steady is told."""
+    """With a shortened settling time the mean force still equals the weight, and `chatter` is positive."""
     shape = Cylinder(radius=5e-3)
     settled = indent(PARAMETERS, shape, load=0.952)
     monkeypatch.setattr(bench, "SETTLE_TIME", 0.1)
@@ -125,7 +125,7 @@ def test_forces_that_do_not_settle_are_averaged(monkeypatch):
     assert np.allclose(averaged.contact_forces, settled.contact_forces, atol=1e-3)
 
 
-def test_bad_input_is_named():
+def test_bad_input_raises_an_error_that_names_the_fault():
     sphere = Sphere(radius=5e-3)
     with pytest.raises(FastModelError, match="load must be positive"):
         indent(PARAMETERS, sphere, load=0.0)

@@ -45,7 +45,7 @@ def same_array(one, other):
     )
 
 
-def test_what_is_saved_comes_back(tmp_path):
+def test_saved_parameters_are_loaded_unchanged(tmp_path):
     saved = make()
     path = saved.save(tmp_path / "new" / "folder")
     assert sorted(p.name for p in path.parent.iterdir()) == ["cover.npz", "parameters.toml"]
@@ -57,7 +57,7 @@ def test_what_is_saved_comes_back(tmp_path):
     assert np.array_equal(back.tables["radius"], saved.tables["radius"])
 
 
-def test_operator_gains_and_free_layout_come_back(tmp_path):
+def test_operator_gains_and_free_layout_are_loaded_unchanged(tmp_path):
     rng = np.random.default_rng(0)
     angle = np.linspace(-0.5, 0.5, 6)
     array = TexelArray(
@@ -104,7 +104,7 @@ def test_same_parameters_give_the_same_bytes(tmp_path):
         (("sensitivity = 2665.7", "sensitivity = inf"), r"\[electronics\] sensitivity"),
     ],
 )
-def test_bad_toml_is_one_clear_line(tmp_path, change, message):
+def test_bad_toml_is_reported_in_one_line(tmp_path, change, message):
     path = make().save(tmp_path)
     text = path.read_text()
     assert change[0] in text
@@ -115,7 +115,7 @@ def test_bad_toml_is_one_clear_line(tmp_path, change, message):
     assert "\n" not in str(caught.value).split("TOML:")[0]
 
 
-def test_damaged_toml_is_never_a_traceback(tmp_path):
+def test_damaged_toml_raises_a_parameters_error(tmp_path):
     """Bytes and values at random: it loads or raises the one error type."""
     path = make().save(tmp_path)
     whole = path.read_bytes()
@@ -194,7 +194,7 @@ def test_a_killed_save_leaves_a_whole_folder(tmp_path):
 
 
 @pytest.mark.parametrize("failing", range(9))
-def test_whichever_rename_or_flush_fails_a_pair_remains(tmp_path, monkeypatch, failing):
+def test_a_matching_pair_remains_when_any_rename_or_flush_fails(tmp_path, monkeypatch, failing):
     """Three files, the copy of the old tables among them: each is flushed and renamed, then its folder is flushed."""
     make(spread=Gaussian.from_sigma(0.5)).save(tmp_path)
     calls = iter(range(100))
@@ -263,7 +263,7 @@ positive = st.floats(1e-6, 1e6)
     st.tuples(st.floats(1e-5, 1e-1), st.floats(1e-5, 1e-1)),
     st.lists(st.booleans(), min_size=6, max_size=6).filter(any),
 )
-def test_whatever_is_saved_is_loaded_to_the_last_bit(electronics, low_pass, spread, pitch, active):
+def test_any_parameters_are_loaded_bit_for_bit_as_saved(electronics, low_pass, spread, pitch, active):
     array = TexelArray.grid(2, 3, pitch, active=np.reshape(active, (2, 3)), name="any")
     saved = make(array=array, electronics=electronics, filter=low_pass, spread=spread)
     with tempfile.TemporaryDirectory() as folder:

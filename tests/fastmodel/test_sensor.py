@@ -140,7 +140,7 @@ def test_forces_may_be_formed_on_every_nth_step():
 
 
 def test_two_arrays_squeeze_one_free_mesh_between_moving_fingers():
-    """Two arrays of one model on moving bodies, each at its own pose, feel the same grip from both sides."""
+    """Two arrays of one model on moving bodies, each at its own pose, measure the same grip force from both sides."""
     array = TexelArray.grid(4, 4, 3e-3)
     parameters = Parameters(array=array, spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34)
     spec = mujoco.MjSpec()
@@ -194,7 +194,7 @@ def test_warnings_name_rates_that_do_not_fit():
         ball_on_array()
 
 
-def test_masked_texels_count_nothing():
+def test_masked_texels_have_zero_counts():
     array = ARRAYS["sdh2-distal"]
     electronics = dataclasses.replace(WTS_0614_34, offset=300.0)
     sensor, model, data = ball_on_array(dataclasses.replace(PARAMETERS, array=array, electronics=electronics))
@@ -203,7 +203,7 @@ def test_masked_texels_count_nothing():
     assert np.all(frame.counts[array.active] > 0)
 
 
-def test_misuse_is_named():
+def test_wrong_use_raises_an_error_that_names_the_fault():
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(name="palm")
     with pytest.raises(UnknownNameError, match="no body named 'plam'; valid names: palm, world"):
@@ -223,7 +223,7 @@ def test_misuse_is_named():
         ball_on_array(timestep=20e-3)
 
 
-def test_a_model_recompiled_behind_the_handle_is_noticed():
+def test_stepping_another_compilation_of_the_model_is_refused():
     sensor, _, _ = ball_on_array()
     _, model, data = ball_on_array()
     mujoco.mj_step(model, data)
@@ -231,7 +231,7 @@ def test_a_model_recompiled_behind_the_handle_is_noticed():
         sensor.step(data)
 
 
-def test_a_skipped_step_a_reset_and_a_broken_state_are_noticed():
+def test_a_skipped_step_a_reset_and_a_broken_state_are_refused():
     sensor, model, data = ball_on_array()
     run(sensor, model, data, 5)
     mujoco.mj_step(model, data, nstep=2)

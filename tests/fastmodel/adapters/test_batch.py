@@ -53,7 +53,7 @@ def test_many_worlds_give_bit_for_bit_what_each_gives_alone(method):
     assert not together.images(1).any()
 
 
-def test_numbers_that_make_no_batch_are_refused():
+def test_impossible_numbers_of_worlds_and_threads_are_refused():
     model, sensors = world("cover")
     with pytest.raises(FastModelError, match="worlds and threads"):
         Batch(model, sensors, 0)

@@ -30,7 +30,7 @@ def test_the_reports_own_spelling_and_numbers():
     assert block.data_topic == "tactile/data"
 
 
-def test_what_was_written_is_read_back():
+def test_a_written_block_is_read_back_unchanged():
     back = read_block(f"<sdf><model><link>{write_block(WTS)}</link></model></sdf>", pitch=3.4e-3).parameters
     assert back.spread == WTS.spread
     assert back.filter == WTS.filter
@@ -47,7 +47,7 @@ def test_what_was_written_is_read_back():
         ({"electronics": dataclasses.replace(WTS_0614_34, characteristic=(0, 1, 0, 0, 0, 0))}, "straight line"),
     ],
 )
-def test_what_the_block_cannot_hold_is_named(change, message):
+def test_parameters_that_the_block_cannot_hold_are_named(change, message):
     with pytest.raises(FastModelError, match=message):
         write_block(dataclasses.replace(WTS, **change))
 

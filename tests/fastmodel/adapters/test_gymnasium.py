@@ -40,7 +40,7 @@ def pushed_ball():
 
 
 class BallEnv(gymnasium.Env):
-    """An environment of its own, which knows nothing of sensors."""
+    """An environment without any code for sensors."""
 
     def __init__(self, model, *, physics_steps=1, dicts=False):
         self.model, self.data = model, mujoco.MjData(model)
@@ -118,7 +118,7 @@ def test_frames_are_those_of_the_bare_simulation_at_the_sensors_own_rate(physics
     assert observation["tactile"].max() > 50
 
 
-def test_a_fast_environment_sees_an_image_until_the_next_is_due():
+def test_a_fast_environment_observes_each_image_until_the_next_frame():
     env = wrapped()
     env.reset()
     new = [len(env.step(np.array([-0.5]))[4]["frames"]["tactile"]["times"]) for _ in range(100)]
@@ -161,7 +161,7 @@ def test_an_accessor_finds_a_hidden_simulation():
         TactileObservation(gymnasium.make("CartPole-v1"), sensor)
 
 
-def test_unheard_physics_steps_and_a_model_without_the_array_are_told():
+def test_missed_physics_steps_and_a_model_without_the_array_are_refused():
     spec, sensor = pushed_ball()
     env = TactileObservation(BallEnv(spec.compile(), physics_steps=5), sensor)
     env.reset()
@@ -184,8 +184,8 @@ def test_a_recompiled_model_is_bound_again():
     assert observation["tactile"].any()
 
 
-def test_a_mujoco_env_is_listened_to_as_it_is(tmp_path):
-    pytest.importorskip("imageio")  # which gymnasium's own renderer wants
+def test_a_mujoco_env_needs_no_callback_of_its_own(tmp_path):
+    pytest.importorskip("imageio")  # gymnasium's own renderer imports it
     from gymnasium.envs.mujoco import MujocoEnv
 
     class FileEnv(MujocoEnv):
@@ -210,7 +210,7 @@ def test_a_mujoco_env_is_listened_to_as_it_is(tmp_path):
     assert len(info["frames"]["tactile"]["times"]) in {5, 6}
 
 
-def test_the_package_alone_never_loads_gymnasium_and_its_absence_is_told():
+def test_the_package_loads_no_gymnasium_and_its_absence_raises_a_clear_error():
     code = (
         "import sys, fastmodel\n"
         "assert 'gymnasium' not in sys.modules\n"

@@ -140,7 +140,7 @@ def test_one_reader_reads_several_states_of_a_model():
     assert touched > 20
 
 
-def test_a_copy_of_a_reader_looks_at_the_copy_of_the_data():
+def test_a_copied_reader_reads_the_copied_data():
     model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
     texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
     model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

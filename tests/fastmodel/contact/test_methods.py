@@ -1,4 +1,4 @@
-"""Every contact method on whole models: balance, symmetry, what happens at the edges of use."""
+"""Every contact method on whole models: balance, symmetry, and errors for wrong use."""
 
 import dataclasses
 import warnings
@@ -68,7 +68,7 @@ def test_mirrored_poses_mirror_the_image(method):
 
 
 @pytest.mark.parametrize("method", ["area", "foundation", "cover"])
-def test_an_even_face_is_shared_by_area_not_by_contact_points(method):
+def test_a_flat_face_is_shared_by_area_not_by_contact_points(method):
     """What the boxes get wrong by a quarter."""
     shape, at = Box(size=(10e-3, 10e-3, 5e-3)), (0.7e-3, -1.1e-3)
     cells_ = (np.arange(40) + 0.5) / 40 - 0.5
@@ -93,7 +93,7 @@ def test_a_free_body_presses_where_its_weight_stands(method):
     np.testing.assert_allclose(pressed, np.add(at, [2e-3, -1e-3]), atol=0.6e-3)
 
 
-def test_two_bodies_each_carry_their_own():
+def test_each_of_two_bodies_presses_with_its_own_load():
     square = Box(size=(6e-3, 6e-3, 5e-3))
     both = [Placement(indenter=square, load=load, at=(0, y)) for load, y in ((3.0, -8e-3), (1.0, 8e-3))]
     found = indent_together(PARAMETERS, both, method="cover")
@@ -179,7 +179,7 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
         assert sensor._running._every == every
 
 
-def test_the_best_method_is_taken_where_it_can_be():
+def test_the_default_is_the_best_method_that_the_parameters_allow():
     assert indent(PARAMETERS, SHAPES[0], load=1.0).method == "cover"
     assert indent(PARAMETERS, SHAPES[0], load=1.0).depth > 0
     bare = dataclasses.replace(PARAMETERS, cells=None)
@@ -203,7 +203,7 @@ def test_force_beside_the_texels_is_outside():
     assert found.outside > 0.3
 
 
-def test_bad_use_is_named():
+def test_wrong_use_raises_an_error_that_names_the_fault():
     sphere = SHAPES[0]
     bare = dataclasses.replace(PARAMETERS, cells=None)
     with pytest.raises(ParametersError, match="'cover' needs the cover's cells"):

@@ -1,4 +1,4 @@
-"""Arrays that are not flat, even grids: bent sheets, texels anywhere in a plane, texels anywhere in space."""
+"""Arrays that are not flat, regular grids: bent sheets, texels anywhere in a plane, texels anywhere in space."""
 
 import dataclasses
 import warnings
@@ -50,7 +50,7 @@ def test_a_curved_array_carries_the_load_as_a_vector(array, method):
     for shape in (Sphere(radius=5e-3), Box(size=(8e-3, 12e-3, 5e-3))):
         for at in ((0.7e-3, -1.1e-3), (0.0, 1.7e-3), (1.0e-3, 6e-3)):
             found = indent(parameters(array, cells=CELLS), shape, load=1.5, at=at, method=method)
-            # guided along z: what presses sideways is the guide's
+            # guided along z: the guide takes up the lateral force
             assert found.contact_forces @ array.normals[:, 2] == pytest.approx(1.5, rel=1e-6)
             assert found.contact_forces.min() >= 0
             assert found.total_force == pytest.approx(found.contact_forces.sum())
@@ -120,7 +120,7 @@ def test_scattered_texels_have_the_base_force_at_their_place():
 
 
 @pytest.mark.parametrize("radius", [12e-3, 40e-3])
-def test_foundation_on_a_bent_sheet_sees_both_curvatures(radius):
+def test_foundation_on_a_bent_sheet_accounts_for_both_curvatures(radius):
     """On a sheet of narrow rows: k (d - x^2 / 2 r - y^2 / 2 (1 / r + 1 / R)), both curvatures added."""
     ball, modulus, load = 8e-3, 1e9, 2.0
     array = bent(radius, rows=27, columns=5)

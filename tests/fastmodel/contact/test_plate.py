@@ -55,7 +55,7 @@ def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
         assert load.tilts
 
 
-def test_kernels_do_in_python_as_they_do_compiled():
+def test_kernels_give_the_same_compiled_and_in_plain_python():
     reader, model, data = build_blocks(CONES["elliptic"])
     axes, origin = np.eye(3), np.array([0.1, 0.2, 0.3])
     contacts = read_contacts(data, pyramidal=False)
@@ -68,7 +68,7 @@ def test_kernels_do_in_python_as_they_do_compiled():
     np.testing.assert_allclose(position, [pose.position[0] for pose in found.poses], atol=1e-12)
 
 
-def test_equal_contacts_are_told_from_changed_ones():
+def test_a_contact_equals_itself_and_no_changed_contact():
     reader, _, data = build_blocks(CONES["elliptic"])
     first = reader.find_contact(data)
     assert first.equals(reader.find_contact(data), 1e-12, 1e-3)

@@ -1,4 +1,4 @@
-"""Random primitives pressed into the array in random poses: what the engine pushes back with is what is felt."""
+"""Random primitives in random poses: the array measures the force with which the engine pushes back."""
 
 import warnings
 
@@ -81,7 +81,7 @@ def test_random_primitives_in_random_poses_never_break(method):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 11))
 def test_ten_thousand_random_poses_each_never_break(seed):
-    # by turns, and by what a pose costs
+    # each method in turn, the costly ones on fewer poses
     for method, share in (("cover", 6000), ("foundation", 2000), ("boxes", 1800), ("area", 200)):
         # Shallow bodies may stand between two texels' boxes, or beside the array, and touch nothing.
         assert press_at_random(method, share, seed) > 0.8 * share

@@ -1,4 +1,4 @@
-"""Fits to force and depth: known foundations come back, and what MuJoCo cannot match is said."""
+"""Fits to force and depth: known foundations are recovered, and loads that MuJoCo cannot match are reported."""
 
 import dataclasses
 
@@ -29,7 +29,7 @@ DEPTH = np.array([0.02e-3, 0.05e-3, 0.1e-3, 0.3e-3])
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_a_foundation_comes_back(shape, volume):
+def test_the_modulus_of_a_synthetic_foundation_is_recovered(shape, volume):
     """Force = modulus times volume below the top, in closed form."""
     found = fit_foundation(shape, 3e8 * volume, DEPTH)
     assert found.modulus == pytest.approx(3e8, rel=2e-3)
@@ -64,12 +64,12 @@ def test_one_depth_is_matched_and_the_others_are_not(matched):
     at = int(np.flatnonzero(load == matched)[0])
     assert found.misses[at] == pytest.approx(0, abs=1e-3)
     assert found.mass == pytest.approx(matched / 9.80665)
-    # softness is divided by mass: every body sinks alike
+    # softness is divided by mass: every body sinks to the same depth
     np.testing.assert_allclose(found.sinks, found.depth, rtol=1e-3)
     np.testing.assert_allclose(found.misses, found.depth / depth - 1, atol=2e-3)
 
 
-def test_a_plate_takes_what_was_fitted_and_carries_as_before():
+def test_a_plate_with_fitted_parameters_carries_the_same_weight():
     found = fit_contact([0.5, 1.0, 2.0], [0.02e-3, 0.04e-3, 0.06e-3])
     soft = CoverContact(plate=found.plate())
     stiff, soft = (indent(parameters(), Sphere(radius=5e-3), load=1.0, method=each) for each in (CoverContact(), soft))
@@ -77,13 +77,13 @@ def test_a_plate_takes_what_was_fitted_and_carries_as_before():
     np.testing.assert_allclose(soft.texel_forces, stiff.texel_forces, atol=1e-3)
 
 
-def test_depths_below_what_the_clock_allows_are_met_by_impedance():
+def test_depths_too_small_for_the_time_constant_are_matched_by_impedance():
     found = fit_contact([1.0, 2.0], [1e-6, 2e-6], timestep=2e-3)
     assert found.solref[0] == pytest.approx(5e-3)
     assert found.sinks[1] == pytest.approx(2e-6, rel=0.01)
 
 
-def test_bad_points_are_named():
+def test_bad_points_raise_an_error_that_names_the_fault():
     for load, depth, fault in (
         ([1.0], [1e-3], "two or more"),
         ([1.0, 2.0], [1e-3], "two or more"),

@@ -28,13 +28,13 @@ def test_synthetic_gaussian_is_recovered(sigma_x, sigma_y):
     assert fit.residual < 1e-6
 
 
-def test_load_scales_out():
+def test_the_fit_does_not_depend_on_the_load():
     truth = Gaussian.from_sigma(0.8, 0.6)
     fit = fit_gaussian(4.2 * image_of(truth), LOADED, load=4.2)
     assert fit.gaussian.sigma_x == pytest.approx(0.8, abs=1e-6)
 
 
-def test_residual_and_outside_kernel_are_what_they_say():
+def test_residual_and_outside_kernel_follow_their_definitions():
     truth = Gaussian.from_sigma(0.5)
     image = 0.9 * image_of(truth)
     image[0, 0] += 0.06
@@ -61,7 +61,7 @@ def test_it_is_the_least_squares_minimum_of_the_kernel():
         assert np.sum((image - image_of(other)) ** 2) > least
 
 
-def test_masked_texels_do_not_pull():
+def test_masked_texels_do_not_affect_the_fit():
     active = np.ones((14, 6), dtype=bool)
     active[7, 4] = False
     image = image_of(Gaussian.from_sigma(0.8, 0.6))
@@ -77,7 +77,7 @@ def test_extreme_responses_end_in_range():
     assert np.isfinite(fit_gaussian(np.full((14, 6), 1 / 84), LOADED).gaussian.sigma_x)
 
 
-def test_bad_input_is_named():
+def test_bad_input_raises_an_error_that_names_the_fault():
     image = np.zeros((14, 6))
     with pytest.raises(ShapeError, match="not on an image"):
         fit_gaussian(image, (14, 0))

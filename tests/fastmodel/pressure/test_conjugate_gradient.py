@@ -79,7 +79,7 @@ def test_compiled_kernels_and_plain_python_agree():
     np.testing.assert_allclose(found.window, window, atol=1e-9)
 
 
-def test_a_warm_start_changes_nothing_but_the_steps():
+def test_a_warm_start_changes_only_the_number_of_steps():
     solver = CoverSolver(CELLS, GRID, tolerance=1e-8, steps=2000)
     before = sample_gap(GRID, [pose_body(SHAPES[1])], [2e-3])
     after = sample_gap(GRID, [pose_body(SHAPES[1], at=(0.8e-3, -1.1e-3))], [2e-3])
@@ -91,7 +91,7 @@ def test_a_warm_start_changes_nothing_but_the_steps():
     assert warm.steps < cold.steps
 
 
-def test_moments_that_no_pressure_can_have_are_given_up():
+def test_moments_that_no_pressure_can_have_are_not_prescribed():
     samples = sample_gap(GRID, [pose_body(SHAPES[0])], [2e-3])
     load = Load(force=1.0, moment=np.array([0.1, 0]), tilts=True)
     found = CoverSolver(CELLS, GRID).solve(samples, [load])

@@ -52,7 +52,7 @@ def test_gap_under_a_sphere_is_its_height_averaged_over_each_cell():
     np.testing.assert_allclose(found.gap[whole], mean[whole], atol=3e-6)
 
 
-def test_bodies_beside_the_cells_have_none():
+def test_bodies_beside_the_cells_have_no_samples():
     bodies = [pose_body(Sphere(radius=2e-3), at=(0.1, 0.0)), pose_body(Sphere(radius=2e-3))]
     found = sample_gap(GRID, bodies, [1e-3, 1e-3])
     assert found.bodies_found == [1]
