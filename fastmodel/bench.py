@@ -36,7 +36,7 @@ LOAD_TOLERANCE = 1e-3
 REST = 1e-6
 #: Tolerance of MuJoCo's constraint solver in these simulated bench tests [-].
 SOLVER_TOLERANCE = 1e-12
-#: Radius of gyration of a guided indenter [m].  It never turns, so that any value serves.
+#: Radius of gyration of a guided indenter [m].  The guide prevents rotation, so that the value has no effect.
 GYRATION_RADIUS = 1e-3
 #: Prefix of the names of the array's geoms.
 _ARRAY = "array"

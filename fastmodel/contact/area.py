@@ -3,8 +3,8 @@
 MuJoCo gives every contact point of a flat face about the same force, whatever area of the face the point represents.
 Here the force of each touching body is redistributed.  The body's contact points on one box span a polygon.  A
 pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that force and
-both moments equal MuJoCo's.  For a guided body, whose moments the guide takes, the pressure is uniform.  Boxes that a
-body touches in points or edges only keep their force.
+both moments equal MuJoCo's.  For a guided body the pressure is uniform, because the guide takes up its
+moments.  Boxes that a body touches in points or edges only keep their force.
 """
 
 from __future__ import annotations

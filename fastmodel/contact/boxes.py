@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.force_kernels import press_boxes, read_contacts
+from fastmodel.contact.force_kernels import imitate_contacts, press_boxes, read_contacts
 from fastmodel.contact.geoms import check_box, describe_box, find_geoms
 from fastmodel.contact.interface import Reading
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
@@ -100,7 +100,8 @@ class BoxReader:
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernel; see `ContactReader.compile_kernels`."""
-        self._press(data)
+        for contacts in imitate_contacts(data, pyramidal=self._pyramidal):
+            self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._count)
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of the last simulation step; see `ContactReader.read`."""

@@ -40,7 +40,7 @@ _EDGE = 0.125
 #: Change of loads, of positions over the edge of a cell, and of rotations, below which a contact counts as unchanged
 #: and the last reading is returned.  Bodies at rest in MuJoCo vary by about 1e-6 [-].
 _UNCHANGED = 1e-5
-#: Cells along each edge of a pitch where neither the method nor the parameters give them.
+#: Cells along each edge of a pitch if neither the method nor the parameters define them [-].
 _CELLS = 4
 
 
@@ -67,8 +67,8 @@ class Foundation(_PlateMethod):
 
     Attributes:
         plate: The plate's geom.
-        modulus: Pressure per depth; that of the cover under a patch four thicknesses wide when not given [Pa/m].
-        per_texel: Cells along each edge of a pitch; those of the cover data when not given, else 4 [-].
+        modulus: Pressure per depth; by default that of the cover under a square patch four thicknesses wide [Pa/m].
+        per_texel: Cells along each edge of a pitch; by default those of the cover data, or 4 without cover data [-].
     """
 
     modulus: float | None = None

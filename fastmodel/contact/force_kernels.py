@@ -26,23 +26,31 @@ Contacts = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArra
 
 
 def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
-    """Read the contacts of a state as contiguous arrays, because numba compiles a kernel anew for any other layout.
+    """Read the contacts of a state.
 
     Args:
         data: The state.
         pyramidal: Whether the model has pyramidal friction cones.
     """
-    contact, contiguous = data.contact, np.ascontiguousarray
-    return (
-        contiguous(contact.geom),
-        contiguous(contact.efc_address),
-        contiguous(contact.dim),
-        contiguous(contact.frame),
-        contiguous(contact.friction),
-        contiguous(contact.pos),
-        data.efc_force,
-        pyramidal,
-    )
+    found = data.contact
+    places = (found.frame, found.friction, found.pos)
+    return (found.geom, found.efc_address, found.dim, *places, data.efc_force, pyramidal)
+
+
+def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts, Contacts]:
+    """Contacts without force in the two memory layouts that MuJoCo gives them, for the compilation of kernels.
+
+    Numba compiles a kernel once per layout.  Arrays of at most one contact count as contiguous, those of several
+    contacts as strided.
+
+    Args:
+        data: A state without contacts.
+        pyramidal: Whether the model has pyramidal friction cones.
+    """
+    none = read_contacts(data, pyramidal=pyramidal)
+    # address -1 marks a contact without force
+    geom, address, dim, frame, friction, pos = (np.full((4, *a.shape[1:]), -1, a.dtype)[::2] for a in none[:6])
+    return none, (geom, address, dim, frame, friction, pos, *none[6:])
 
 
 @called_by_kernels

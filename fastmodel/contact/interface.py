@@ -1,4 +1,4 @@
-"""The interface of all contact methods: how a touch becomes forces on texels.
+"""The interface of all contact methods: from contacts of MuJoCo to forces on texels.
 
 A contact method (`TexelContact`) adds geoms to a spec before it is compiled.  Bound to the compiled model it becomes a
 `ContactReader`, which makes a `Reading` of each simulation step.

@@ -230,16 +230,16 @@ def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, in
         if not left[row, column]:
             continue
         bottom, right = row + 1, column + 1
-        while right < array.columns and left[row, right] and _is_even(array, axes, (row, column, bottom, right + 1)):
+        while right < array.columns and left[row, right] and _is_regular(array, axes, (row, column, bottom, right + 1)):
             right += 1
-        while bottom < array.rows and _is_even(array, axes, (row, column, bottom + 1, right)):
+        while bottom < array.rows and _is_regular(array, axes, (row, column, bottom + 1, right)):
             bottom += 1
         left[row:bottom, column:right] = False
         found.append((row, column, bottom, right))
     return found
 
 
-def _is_even(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> bool:
+def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> bool:
     """Whether a block of texels is a flat, regular grid."""
     texels = _list_texels(array, block)
     grid = TexelArray.grid(block[2] - block[0], block[3] - block[1], array.pitch).centres

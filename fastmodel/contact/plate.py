@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.force_kernels import read_contacts, sum_forces
+from fastmodel.contact.force_kernels import imitate_contacts, read_contacts, sum_forces
 from fastmodel.contact.geoms import check_box, describe_box, find_geoms
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
@@ -104,7 +104,7 @@ class PlateContact:
     poses: tuple[PosedBody, ...]
 
     def equals(self, other: PlateContact, tolerance: float, length: float) -> bool:
-        """Whether the same bodies press alike at the same place, up to a tolerance.
+        """Whether bodies, loads and poses are the same up to a tolerance.
 
         Args:
             other: The other contact.
@@ -192,7 +192,8 @@ class PlateReader:
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Call the kernels once, on a state without contacts."""
         axes, origin = np.eye(3), np.zeros(3)
-        self._find_loads(data, axes, origin)
+        for contacts in imitate_contacts(data, pyramidal=self._pyramidal):
+            self._sum_forces(contacts, self._geom, self._body_of_geom, axes, origin)
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:

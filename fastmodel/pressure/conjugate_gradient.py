@@ -145,8 +145,8 @@ class CoverSolver:
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Find the cell forces of one contact.
 
-        If no pressure on the sampled cells can have the prescribed moments, the moments are given up and the bodies
-        keep the tilt of their pose.
+        If no pressure on the sampled cells can have the prescribed moments, only the forces are prescribed, and the
+        bodies keep the tilt of their pose.
 
         Args:
             samples: Cells under each body.

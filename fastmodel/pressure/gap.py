@@ -3,9 +3,9 @@
 Every geom that MuJoCo collides is convex; a mesh collides as its convex hull.  A line along the array's normal
 therefore crosses a geom in one interval, and the lower end of that interval is the gap.
 
-The pressure under a sharp edge is singular.  Cells of uniform pressure miss part of it, as if the edge stood further
-in.  Solids with sharp edges may be enlarged by about an eighth of a cell to compensate.  This lowers the whole surface
-as well, which changes nothing: the contact solution depends on height differences only.
+The pressure under a sharp edge is singular.  Cells of uniform pressure miss part of it, which has the same effect as an
+edge farther inside.  Solids with sharp edges may be enlarged by about an eighth of a cell to compensate.  This lowers
+the whole surface as well, which changes nothing: the contact solution depends on height differences only.
 """
 
 from __future__ import annotations

@@ -204,7 +204,8 @@ def _cross_cylinder(
 ) -> tuple[float, float]:
     """Interval in which a line crosses a cylinder about the z axis, -length < z < length.
 
-    The round side is enlarged only as far as the cylinder stands upright: lying, it presses with its smooth side.
+    The radius is enlarged in proportion to uz^2: fully for an upright cylinder, which presses with its sharp edge, and
+    not at all for a lying one, which presses with its round side.
     """
     radius += edge * uz**2
     length += edge

@@ -22,7 +22,7 @@ from meshes.array_types import FloatArray
 KERNEL_MASS = 0.999
 #: Largest number of texels for which the operator is a dense matrix [-]: for more, a sparse one is faster.
 DENSE_MOST = 500
-#: Treat a projected axis shorter than this as zero: the texel then looks along the array's x axis [-].
+#: Treat a projected axis shorter than this as zero: the texel's normal is then parallel to the array's x axis [-].
 _PARALLEL = 1e-6
 
 
