@@ -64,11 +64,7 @@ def flush(path: Path) -> None:
 
 def temporary_files(folder: Path) -> list[Path]:
     """List the temporary files in a folder, both abandoned ones and those that are being written."""
-    try:
-        with os.scandir(folder) as found:
-            return [Path(entry.path) for entry in found if entry.name.startswith(PREFIX)]
-    except OSError:
-        return []
+    return list(folder.glob(f"{PREFIX}*"))
 
 
 def sweep(folder: Path) -> int:

@@ -21,17 +21,15 @@ _DATABASE = (
 )
 
 #: Fits of each silicone: neo-Hookean mu [kPa]; Yeoh C1, C2, C3 [kPa]; one-term Ogden mu [kPa] and alpha [-].
-_SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, float]]] = MappingProxyType(
-    {
-        "ecoflex-00-10": (8.0, (3.61, 0.138, -0.0002), (5.8, 2.91)),
-        "ecoflex-00-30": (16.1, (7.83, 0.103, -0.0008), (14.4, 2.35)),
-        "ecoflex-00-50": (22.4, (10.67, 0.261, -0.0033), (19.3, 2.52)),
-        "dragon-skin-10": (56.4, (24.29, 2.250, -0.0543), (49.7, 2.86)),
-        "dragon-skin-20": (160, (70.40, 5.223, -0.113), (136, 2.83)),
-        "dragon-skin-30": (223, (100.6, 6.387, -0.149), (197, 2.72)),
-        "rtv615": (403, (163.2, 13.86, 0.939), (224, 3.82)),
-    }
-)
+_SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, float]]] = {
+    "ecoflex-00-10": (8.0, (3.61, 0.138, -0.0002), (5.8, 2.91)),
+    "ecoflex-00-30": (16.1, (7.83, 0.103, -0.0008), (14.4, 2.35)),
+    "ecoflex-00-50": (22.4, (10.67, 0.261, -0.0033), (19.3, 2.52)),
+    "dragon-skin-10": (56.4, (24.29, 2.250, -0.0543), (49.7, 2.86)),
+    "dragon-skin-20": (160, (70.40, 5.223, -0.113), (136, 2.83)),
+    "dragon-skin-30": (223, (100.6, 6.387, -0.149), (197, 2.72)),
+    "rtv615": (403, (163.2, 13.86, 0.939), (224, 3.82)),
+}
 
 #: Young's modulus E [MPa] of natural rubber by hardness [IRHD], and its Poisson ratio nu = 1/2 - E / (6 K) [-] for a
 #: bulk modulus K of 1 GPa.

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,15 +27,13 @@ FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 
 #: The scored models, and what each is.
-MODELS: Mapping[str, str] = MappingProxyType(
-    {
-        "fast": "the fast model by default: contact on the cover's own cells, or boxes if there are none",
-        "area": "rigid box texels in MuJoCo, forces shared by contact area, fitted Gaussian spread",
-        "boxes": "the 2015 report's: rigid box texels, forces by contact points, fitted Gaussian spread",
-        "no-spread": "null: the same boxes, their texel forces without spread",
-        "zeros": "null: an empty image",
-    }
-)
+MODELS: Mapping[str, str] = {
+    "fast": "the fast model by default: contact on the cover's own cells, or boxes if there are none",
+    "area": "rigid box texels in MuJoCo, forces shared by contact area, fitted Gaussian spread",
+    "boxes": "the 2015 report's: rigid box texels, forces by contact points, fitted Gaussian spread",
+    "no-spread": "null: the same boxes, their texel forces without spread",
+    "zeros": "null: an empty image",
+}
 
 #: Metrics whose means over cases are tabulated.
 POOLED_METRICS = (

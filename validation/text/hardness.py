@@ -8,9 +8,6 @@ from meshes import Material
 from meshes.hardness import HardnessModulus, modulus_from_hardness
 from validation.errors import InputError
 
-#: Material models with a single modulus, which a hardness can replace.
-MODELS = ("linear-elastic", "neo-hookean")
-
 _HARDNESS = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(?:(shore)?[\s-]*([a-z]*|0+))?\s*", re.IGNORECASE)
 _EXAMPLE = "write for example '30 shore-a'"
 
@@ -48,7 +45,7 @@ def material_from_hardness(
 
     Args:
         hardness: The hardness and its modulus.
-        model: One of `MODELS`.
+        model: `linear-elastic` or `neo-hookean`.
         poisson_ratio: 0.5, which is incompressible, when not given [-].
         name: Name of the material; made of model and hardness when not given.
 
@@ -57,17 +54,17 @@ def material_from_hardness(
     """
     ratio = 0.5 if poisson_ratio is None else poisson_ratio
     modulus = hardness.youngs_modulus
-    match model:
-        case "linear-elastic":
-            parameters = {"youngs_modulus": modulus}
-        case "neo-hookean":
-            parameters = {"shear_modulus": modulus / (2 * (1 + ratio))}
-        case _:
-            raise InputError(f"a hardness gives one modulus; it goes with {' or '.join(MODELS)}, not with {model}")
+    # The models that have a single modulus, which a hardness can replace.
+    parameters = {
+        "linear-elastic": {"youngs_modulus": modulus},
+        "neo-hookean": {"shear_modulus": modulus / (2 * (1 + ratio))},
+    }
+    if model not in parameters:
+        raise InputError(f"a hardness gives one modulus; it goes with {' or '.join(parameters)}, not with {model}")
     return Material(
         name=name or f"{model} of {hardness.shore_a:g} Shore A",
         model=model,
-        parameters=parameters,
+        parameters=parameters[model],
         poisson_ratio=ratio,
         source=hardness.source,
         spread=hardness.spread,

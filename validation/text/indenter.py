@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, Literal
 
 from meshes import Box, Cone, Cylinder, Indenter, LetterH, Nut, Prism, Roller, RoundedTip, Sphere, read_stl
@@ -20,20 +18,18 @@ from validation.text.quantity import Kind, read_quantities, read_quantity
 #: Number of values of the parameters that have more than one [-].
 _VALUE_COUNTS = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
 #: The function that makes each shape, by the name that sensor files and the command line use, and an accepted text.
-_SHAPES_AND_EXAMPLES: Mapping[str, tuple[Any, str]] = MappingProxyType(
-    {
-        "sphere": (Sphere, "sphere:radius=5mm"),
-        "cylinder": (Cylinder, "cylinder:radius=4mm"),
-        "box": (Box, "box:size=10mmx10mmx5mm"),
-        "tip": (RoundedTip, "tip:radius=1mm"),
-        "roller": (Roller, "roller:radius=4mm,length=12mm"),
-        "cone": (Cone, "cone:angle=120deg,radius=4mm"),
-        "nut": (Nut, "nut:across=13mm,bore=8mm"),
-        "h": (LetterH, "h:size=12mmx16mm,bar=4mm"),
-        "prism": (Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
-        "mesh": (read_stl, "mesh:path=part.stl,unit=mm"),
-    }
-)
+_SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
+    "sphere": (Sphere, "sphere:radius=5mm"),
+    "cylinder": (Cylinder, "cylinder:radius=4mm"),
+    "box": (Box, "box:size=10mmx10mmx5mm"),
+    "tip": (RoundedTip, "tip:radius=1mm"),
+    "roller": (Roller, "roller:radius=4mm,length=12mm"),
+    "cone": (Cone, "cone:angle=120deg,radius=4mm"),
+    "nut": (Nut, "nut:across=13mm,bore=8mm"),
+    "h": (LetterH, "h:size=12mmx16mm,bar=4mm"),
+    "prism": (Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
+    "mesh": (read_stl, "mesh:path=part.stl,unit=mm"),
+}
 SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
 _EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
 #: A comma before the name of a parameter; commas inside values do not match.

@@ -9,8 +9,6 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from meshes.constants import STANDARD_GRAVITY
@@ -22,18 +20,16 @@ if TYPE_CHECKING:
 Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
 
 #: For each kind an SI unit of its dimension, and an accepted example for messages.
-_EXAMPLES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "length": ("m", "2 mm"),
-        "pressure": ("Pa", "1 MPa"),
-        "frequency": ("Hz", "271 Hz"),
-        "force": ("N", "4.9 N"),
-        "angle": ("rad", "45 deg"),
-        "per force": ("1/N", "2665.7 1/N"),
-        "time": ("s", "20 ms"),
-        "mass": ("kg", "500 g"),
-    }
-)
+_EXAMPLES = {
+    "length": ("m", "2 mm"),
+    "pressure": ("Pa", "1 MPa"),
+    "frequency": ("Hz", "271 Hz"),
+    "force": ("N", "4.9 N"),
+    "angle": ("rad", "45 deg"),
+    "per force": ("1/N", "2665.7 1/N"),
+    "time": ("s", "20 ms"),
+    "mass": ("kg", "500 g"),
+}
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 _SEPARATOR = re.compile(r"\s*[x\u00d7,]\s*(?=[-+.\d])")
 

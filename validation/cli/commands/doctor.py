@@ -7,7 +7,6 @@ import platform
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -17,15 +16,13 @@ from validation.cli.options import Json
 from validation.cli.output import print_json, print_table, show
 
 #: Parts of the installation (the base, then the extras) and what each is for.
-_PARTS: Mapping[str, str] = MappingProxyType(
-    {
-        "": "fast model, press --model fast, export, terminal view, store",
-        "fem": "derive, press",
-        "report": "demo, validate",
-        "device": "the real sensor and its files",
-        "gym": "reinforcement-learning wrapper",
-    }
-)
+_PARTS = {
+    "": "fast model, press --model fast, export, terminal view, store",
+    "fem": "derive, press",
+    "report": "demo, validate",
+    "device": "the real sensor and its files",
+    "gym": "reinforcement-learning wrapper",
+}
 
 
 def doctor(

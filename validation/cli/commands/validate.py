@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from validation.campaign.evaluation import Evaluation
     from validation.campaign.pooling import Pooled
     from validation.campaign.run import CampaignResult
+    from validation.report.contents import Metric
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
@@ -26,14 +27,8 @@ _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings of a
 
 #: The sensor of the demonstration, and the sensor that the recordings of known weights were made with.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
-#: Columns of the table of scores: heading, metric, factor from the metric's unit to the printed one, printed unit.
-_COLUMNS = (
-    ("misplaced force", "misplaced_force", 100, " %"),
-    ("relative L2", "relative_l2", 100, " %"),
-    ("total force", "total_force_error", 100, " %"),
-    ("centre", "centre_of_pressure_m", 1e3, " mm"),
-    ("image changed", "image_changed_percent", 1, " %"),
-)
+#: Metrics of the table of scores.
+_COLUMNS = ("misplaced_force", "relative_l2", "total_force_error", "centre_of_pressure_m", "image_changed_percent")
 
 
 def demo(*, out: _Out = Path("softcover-report"), recordings: _Recordings = None, json: Json = False) -> int:
@@ -115,6 +110,8 @@ def _evaluate(
 
 
 def _print(evaluation: Evaluation) -> None:
+    from validation.report.contents import METRICS
+
     sensor, fit, campaign = evaluation.sensor, evaluation.derivation.fit, evaluation.campaign
     show(f"{sensor.name}, cover {describe_cover(sensor.cover)}")
     show(
@@ -123,7 +120,7 @@ def _print(evaluation: Evaluation) -> None:
     )
     floor = campaign.noise_floor
     print_table(
-        ("model", *(heading for heading, *_ in _COLUMNS)),
+        ("model", *(METRICS[name].heading for name in _COLUMNS)),
         _list_scores(campaign),
         title=f"Against finite elements: {len(campaign.cases)} cases, means and 95 % intervals over cases",
         caption=f"error estimate of the reference: total force {100 * floor['total_force']:.2g} %, "
@@ -140,14 +137,17 @@ def _print(evaluation: Evaluation) -> None:
 
 
 def _list_scores(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
+    from validation.report.contents import METRICS
+
     for model, metrics in campaign.pooled.items():
-        yield model, *(_format_pooled(metrics[name], factor, unit) for _, name, factor, unit in _COLUMNS)
+        yield model, *(_format_pooled(metrics[name], METRICS[name]) for name in _COLUMNS)
 
 
-def _format_pooled(value: Pooled, factor: float, unit: str) -> str:
+def _format_pooled(value: Pooled, metric: Metric) -> str:
     if not value.cases:
         return "none"
-    return f"{factor * value.mean:.3g}{unit}\n{factor * value.low:.2g}..{factor * value.high:.2g}"
+    mean, low, high = (metric.factor * number for number in (value.mean, value.low, value.high))
+    return f"{mean:.3g} {metric.unit}\n{low:.2g}..{high:.2g}"
 
 
 def _list_recording_scores(scores: StampScores, splits: list[str]) -> Iterator[tuple[str, ...]]:
