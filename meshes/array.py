@@ -148,6 +148,5 @@ class TexelArray:
 
 
 def _as_pair(value: float | tuple[float, float]) -> tuple[float, float]:
-    if isinstance(value, tuple):
-        return (float(value[0]), float(value[1]))
-    return (float(value), float(value))
+    x, y = value if isinstance(value, tuple) else (value, value)
+    return (float(x), float(y))

@@ -110,17 +110,14 @@ ASSUMED_COVER = Cover(
 )
 
 
-def _make_sdh2_mask() -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Active texels of the array in an SDH-2 fingertip: the two outer columns are missing in its first five rows."""
-    active = np.ones((13, 6), dtype=bool)
-    active[:5, [0, 5]] = False
-    return active
-
+#: Active texels of the array in an SDH-2 fingertip: the two outer columns are missing in its first five rows.
+_SDH2_MASK = np.ones((13, 6), dtype=bool)
+_SDH2_MASK[:5, [0, 5]] = False
 
 #: Arrays by name: the Weiss WTS 0614-34 and the distal array of a SCHUNK SDH-2 finger.
 ARRAYS: Mapping[str, TexelArray] = MappingProxyType(
     {
         "wts-0614-34": TexelArray.grid(14, 6, _PITCH, name="wts-0614-34"),
-        "sdh2-distal": TexelArray.grid(13, 6, _PITCH, active=_make_sdh2_mask(), name="sdh2-distal"),
+        "sdh2-distal": TexelArray.grid(13, 6, _PITCH, active=_SDH2_MASK, name="sdh2-distal"),
     }
 )

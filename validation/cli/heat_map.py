@@ -31,9 +31,8 @@ def to_colours(shares: FloatArray) -> npt.NDArray[np.uint8]:
         Red, green and blue, shape (..., 3), from black at 0 over red to yellow at 1; dark blue below 0.
     """
     level = np.sqrt(np.clip(shares, 0, 1))
-    colours: npt.NDArray[np.uint8] = np.rint(
-        255 * np.stack([level, 0.72 * level**1.5, 0.25 * level**3], axis=-1)
-    ).astype(np.uint8)
+    red_green_blue = np.stack([level, 0.72 * level**1.5, 0.25 * level**3], axis=-1)
+    colours: npt.NDArray[np.uint8] = np.rint(255 * red_green_blue).astype(np.uint8)
     colours[np.asarray(shares) < 0] = NEGATIVE
     return colours
 

@@ -13,7 +13,7 @@ import numpy as np
 from validation.calibration.stamp import StampScores
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
-from validation.campaign.run import MODELS, POOLED_METRICS, CampaignResult, CaseResult
+from validation.campaign.run import MODELS, CaseResult
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
@@ -76,7 +76,6 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         "tiles": _tiles(evaluation),
         "psf_images": _psf_images(derivation),
         "estimates": sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != derivation.fit.estimator),
-        "pooled": _pooled(campaign),
         "recordings": None
         if evaluation.recordings is None
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
@@ -187,17 +186,6 @@ def _contact_outline(contact: FloatArray) -> FloatArray:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):  # fewer than three cells, or all on one line
         return points
-
-
-def _pooled(campaign: CampaignResult) -> list[dict[str, Any]]:
-    return [
-        {
-            "model": model,
-            "meaning": meaning,
-            "values": [(campaign.pooled[model][name], METRICS[name]) for name in POOLED_METRICS],
-        }
-        for model, meaning in MODELS.items()
-    ]
 
 
 def _interval(value: Pooled, factor: float, digits: int = 3) -> str:

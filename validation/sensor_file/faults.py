@@ -74,15 +74,10 @@ def _explain(details: ErrorDetails) -> str:
 def _keys_of_table(location: Sequence[int | str]) -> list[str]:
     """The keys that the table at `location` takes."""
     table: Any = SensorTables
-    for part in location:
-        if isinstance(part, str):
-            table = _table_at(table, part)
+    for key in location:
+        if key in ("layer", "material"):
+            table = LayerTable if key == "layer" else MaterialTable
+        elif isinstance(key, str):
+            hint = typing.get_type_hints(table)[key]
+            table = next((option for option in typing.get_args(hint) if dataclasses.is_dataclass(option)), hint)
     return [field.name for field in dataclasses.fields(table)]
-
-
-def _table_at(table: type[Any], key: str) -> type[Any]:
-    """The dataclass of the table under `key` in `table`."""
-    if key in ("layer", "material"):
-        return LayerTable if key == "layer" else MaterialTable
-    hint = typing.get_type_hints(table)[key]
-    return next((option for option in typing.get_args(hint) if dataclasses.is_dataclass(option)), hint)  # type: ignore[return-value]

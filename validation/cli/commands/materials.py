@@ -48,7 +48,8 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json =
         if name is not None:
             raise InputError("--hardness: estimates a material of its own; leave out the name")
         found = read_hardness(hardness, place="--hardness", bare=True)
-        print_json(_list_hardness(found)) if json else _show_hardness(found)
+        numbers = {**vars(found), "low": found.low, "high": found.high}
+        print_json(numbers) if json else _show_hardness(found)
     elif name is not None:
         if name not in MATERIALS:
             raise InputError(f"unknown material {name!r}; {nearest(name, MATERIALS)}")
@@ -165,7 +166,3 @@ def _list_material(material: Material) -> dict[str, Any]:
         "psf_deviation_per_thickness": _relative_width(material.poisson_ratio),
         "source": material.source,
     }
-
-
-def _list_hardness(found: HardnessModulus) -> dict[str, Any]:
-    return {**vars(found), "low": found.low, "high": found.high}

@@ -137,8 +137,11 @@ def prune_entries(
         softcover store prune --all
     """
     from fem_reference import result_store
+    from validation.text.quantity import read_quantity
 
-    age = _read_age(older_than)
+    age = 0.0 if older_than is None else read_quantity(older_than, "time", place="--older-than")
+    if age < 0:
+        raise InputError(f"--older-than: accepted: 0 s or more, not {older_than!r}")
     check_range("--keep-latest", keep_latest)
     if everything and (older_than or other_code or keep_latest is not None):
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")
@@ -151,17 +154,6 @@ def prune_entries(
     _print_removed(removed, kept=len(found) - len(removed), swept=swept, dry_run=dry_run, as_json=json)
     if failures:
         raise failures[0]
-
-
-def _read_age(older_than: str | None) -> float:
-    from validation.text.quantity import read_quantity
-
-    if older_than is None:
-        return 0.0
-    age = read_quantity(older_than, "time", place="--older-than")
-    if age < 0:
-        raise InputError(f"--older-than: accepted: 0 s or more, not {older_than!r}")
-    return age
 
 
 def _choose(found: Iterable[Entry], *, age: float, keep_latest: int, other_code: bool) -> Iterator[Entry]:
