@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
@@ -45,35 +44,35 @@ class SymmetricFactors:
     """Factors of a symmetric matrix, given by its upper triangle.
 
     Args:
-        upper: Upper triangle, column indices ascending, every diagonal entry stored even where it is 0, shape (n, n).
         backend: One of `BACKENDS`; the environment's or the fastest that is installed when not given.
-
-    Raises:
-        ValueError: If the backend is unknown.
-        ImportError: If the backend is not installed.
-        numpy.linalg.LinAlgError: If the matrix is singular.
     """
 
-    def __init__(self, upper: sp.csr_matrix, *, backend: str | None = None) -> None:
-        self.backend = _choose_backend(backend, upper.nnz)
-        self._upper = upper
-        self._engine: _Engine = _Pardiso(upper) if self.backend == "pardiso" else _SuperLU(upper, self.backend)
-        self.refactor(upper.data)
+    def __init__(self, *, backend: str | None = None) -> None:
+        self._wanted = backend
+        self._upper = sp.csr_matrix((0, 0))
+        self._engine: _Engine
 
-    @property
-    def pattern(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """Row pointer and column indices of the upper triangle."""
-        return self._upper.indptr, self._upper.indices
-
-    def refactor(self, values: FloatArray) -> None:
-        """Factorise other values on the same pattern; the ordering and symbolic analysis are reused.
+    def factorise(self, upper: sp.csr_matrix) -> SymmetricFactors:
+        """Factorise a matrix; if its pattern is that of the last one, ordering and symbolic analysis are reused.
 
         Args:
-            values: Entries in the order of the upper triangle, shape (nnz,).
+            upper: Upper triangle, column indices ascending, every diagonal entry stored even where it is 0, shape
+                (n, n).
+
+        Returns:
+            This object.
+
+        Raises:
+            ValueError: If the backend is unknown.
+            ImportError: If the backend is not installed.
+            numpy.linalg.LinAlgError: If the matrix is singular.
         """
-        self._upper = sp.csr_matrix((values, *self.pattern[::-1]), shape=self._upper.shape)
-        self._diagonal = self._upper.diagonal()
-        self._engine.factorise(self._upper)
+        if not _have_same_pattern(self._upper, upper):
+            self.backend = _choose_backend(self._wanted, upper.nnz)
+            self._engine = _Pardiso(upper) if self.backend == "pardiso" else _SuperLU(upper, self.backend)
+        self._upper, self._diagonal = upper, upper.diagonal()
+        self._engine.factorise(upper)
+        return self
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for one or many right-hand sides, shape (n,) or (n, m), refined to rounding."""
@@ -96,48 +95,26 @@ class SymmetricFactors:
 
 
 class ConstrainedSystem:
-    """A symmetric system with prescribed unknowns, factorised once.
+    """A symmetric system with prescribed unknowns, for one matrix after another.
 
     Args:
-        matrix: Symmetric, shape (n, n).
         fixed: Indices of prescribed unknowns.
         backend: One of `BACKENDS`; the environment's or the fastest that is installed when not given.
-        like: An earlier system whose ordering and analysis are reused if its prescribed unknowns are the same.  It must
-            not be used afterwards, because its factors are overwritten.
     """
 
-    def __init__(
-        self,
-        matrix: sp.csr_matrix,
-        fixed: IntArray,
-        *,
-        backend: str | None = None,
-        like: ConstrainedSystem | None = None,
-    ) -> None:
-        self._matrix = matrix
+    def __init__(self, fixed: IntArray, *, backend: str | None = None) -> None:
         self._fixed = np.unique(fixed)
-        self._free: IntArray
-        self._slots: IntArray
-        self._factors: SymmetricFactors
-        if like is not None and not np.array_equal(like._fixed, self._fixed):  # noqa: SLF001 -- its own class
-            like = None
-        if like is not None and _have_same_pattern(like._matrix, matrix):  # noqa: SLF001
-            self._free, self._slots, self._factors = like._free, like._slots, like._factors  # noqa: SLF001
-            self._factors.refactor(np.append(matrix.data, 0.0)[self._slots])
-            return
+        self._factors = SymmetricFactors(backend=backend)
+
+    def factorise(self, matrix: sp.csr_matrix) -> ConstrainedSystem:
+        """Factorise a symmetric matrix, shape (n, n), for the methods below; return this object.
+
+        If the matrix has the pattern of the last one, ordering and symbolic analysis are reused.
+        """
+        self._matrix = matrix
         self._free = np.setdiff1d(np.arange(matrix.shape[0]), self._fixed)
-        numbered = sp.csr_matrix((np.arange(1.0, matrix.nnz + 1), matrix.indices, matrix.indptr), shape=matrix.shape)
-        upper = _select_upper(numbered[self._free][:, self._free])
-        #: Entry of the matrix for each entry of the factors' pattern; -1 for the zero that is appended to the entries.
-        self._slots = upper.data.astype(np.int64) - 1
-        upper.data = np.append(matrix.data, 0.0)[self._slots]
-        if like is None:
-            self._factors = SymmetricFactors(upper, backend=backend)
-            return
-        self._factors, place = _reuse_factors(like._factors, upper)  # noqa: SLF001
-        slots = np.full(len(self._factors.pattern[1]), -1)
-        slots[place] = self._slots
-        self._slots = slots
+        self._factors.factorise(_select_upper(matrix[self._free][:, self._free]))
+        return self
 
     def solve(self, load: FloatArray, prescribed: FloatArray | float = 0.0) -> FloatArray:
         """Solve for all unknowns, prescribed ones included.
@@ -281,33 +258,6 @@ def _select_upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
 
 def _have_same_pattern(one: sp.csr_matrix, other: sp.csr_matrix) -> bool:
     return np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
-
-
-def _reuse_factors(factors: SymmetricFactors, upper: sp.csr_matrix) -> tuple[SymmetricFactors, IntArray]:
-    """Factors of `upper` on a pattern that contains the old one, and the position of each of its entries there.
-
-    The old factors are reused if their pattern contains that of `upper`; else both patterns are united and analysed.
-    """
-    old, new = _number_entries(*factors.pattern), _number_entries(upper.indptr, upper.indices)
-    place = np.minimum(np.searchsorted(old, new), len(old) - 1)
-    if (old[place] == new).all():
-        values = np.zeros(len(old))
-        values[place] = upper.data
-        factors.refactor(values)
-        return factors, place
-    n = upper.shape[0]
-    keys = np.concatenate([old, new])
-    data = np.concatenate([np.zeros(len(old)), upper.data])
-    both = sp.coo_matrix((data, (keys // n, keys % n)), shape=upper.shape).tocsr()
-    return SymmetricFactors(both, backend=factors.backend), np.searchsorted(
-        _number_entries(both.indptr, both.indices), new
-    )
-
-
-def _number_entries(pointer: npt.NDArray[Any], index: npt.NDArray[Any]) -> IntArray:
-    """Number of each stored entry, row * n + column, in ascending order."""
-    n = len(pointer) - 1
-    return np.asarray(np.repeat(np.arange(n, dtype=np.int64), np.diff(pointer)) * n + index, dtype=np.int64)
 
 
 def _order_nodes(matrix: sp.csr_matrix) -> IntArray:

@@ -20,16 +20,15 @@ from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.newton import (
     Equilibrium,
     Linearisation,
-    TangentFactoriser,
-    find_free,
     is_balanced,
     solve_newton,
     walk_to,
 )
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import mesh_cover
+from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.array_types import FloatArray, IntArray
 
 #: Elements through half the height on the three grids; the last one is the answer.
 GRIDS = (4, 6, 9)
@@ -131,7 +130,7 @@ class Disk:
             balanced = is_balanced(
                 self.solid.elements,
                 residual,
-                self._free,
+                self.constrained,
                 reference=np.abs(plate_force).max(),
                 tolerance=TOLERANCE,
             )
@@ -144,18 +143,14 @@ class Disk:
             )
             return Linearisation(
                 equilibrium=equilibrium if balanced and np.abs(movement).max() < TOLERANCE * travel else None,
-                solve=lambda: self._factoriser.factorise(tangent).solve(-residual, movement),
+                solve=lambda: self._system.factorise(tangent).solve(-residual, movement),
             )
 
         return solve_newton(linearise, here.state, iterations=_ITERATIONS)
 
     @cached_property
-    def _free(self) -> BoolArray:
-        return find_free(self.solid.elements, self.constrained)
-
-    @cached_property
-    def _factoriser(self) -> TangentFactoriser:
-        return TangentFactoriser(self.constrained)
+    def _system(self) -> ConstrainedSystem:
+        return ConstrainedSystem(self.constrained)
 
 
 def compress_disk(material: Material, *, radius: float, height: float, strains: Sequence[float]) -> Squeezed:

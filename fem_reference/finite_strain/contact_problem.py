@@ -27,13 +27,12 @@ from fem_reference.finite_strain.newton import (
     Equilibrium,
     Linearisation,
     PathConvergenceError,
-    TangentFactoriser,
-    find_free,
     is_balanced,
     solve_newton,
     walk_to,
 )
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from fem_reference.sparse_solver import ConstrainedSystem
+from meshes.array_types import FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 
@@ -296,27 +295,25 @@ class ContactProblem:
     ) -> FloatArray:
         """Return Newton's step of the state and, if a load is given, of the depth; else the depth stays."""
         if load is None:
-            return np.append(self._factoriser.factorise(tangent).solve(-residual), 0.0)
+            return np.append(self._system.factorise(tangent).solve(-residual), 0.0)
         if contact.stiffness == 0:
             raise ConvergenceError("the indenter lost contact with the cover")
         right = np.column_stack([-residual, -contact.depth_force])
-        at_depth, per_depth = self._factoriser.factorise(tangent).solve(right).T
+        at_depth, per_depth = self._system.factorise(tangent).solve(right).T
         depth_force = contact.depth_force * self.contact.multiple
         change = (load - contact.total - depth_force @ at_depth) / (contact.stiffness + depth_force @ per_depth)
         return np.append(at_depth + change * per_depth, change)
 
     def _is_balanced(self, residual: FloatArray, contact: ContactState, load: float | None, tolerance: float) -> bool:
         reference = np.abs(contact.force).max()
-        balanced = is_balanced(self.solid.elements, residual, self._free, reference=reference, tolerance=tolerance)
+        balanced = is_balanced(
+            self.solid.elements, residual, self.constrained, reference=reference, tolerance=tolerance
+        )
         return balanced and (load is None or abs(load - contact.total) < tolerance * load)
 
     @cached_property
-    def _free(self) -> BoolArray:
-        return find_free(self.solid.elements, self.constrained)
-
-    @cached_property
-    def _factoriser(self) -> TangentFactoriser:
-        return TangentFactoriser(self.constrained)
+    def _system(self) -> ConstrainedSystem:
+        return ConstrainedSystem(self.constrained)
 
 
 def _extrapolate(

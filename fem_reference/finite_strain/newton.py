@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
 from fem_reference.finite_strain.loading_path import Control
-from fem_reference.sparse_solver import ConstrainedSystem
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.array_types import FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 
@@ -180,46 +178,22 @@ def walk_to(
 
 
 def is_balanced(
-    elements: MixedElements, residual: FloatArray, free: BoolArray, *, reference: float, tolerance: float
+    elements: MixedElements, residual: FloatArray, constrained: IntArray, *, reference: float, tolerance: float
 ) -> bool:
     """Return whether forces and volumes are in balance.
 
     Args:
         elements: Elements of the solid.
         residual: Unbalanced forces [N], then volume residuals [m3], shape (n,).
-        free: Which displacements are not constrained, shape (elements.displacements,).
+        constrained: Displacements that are prescribed.
         reference: Force that residual forces are compared with [N].
         tolerance: Largest residual relative to the reference, and to the volume per pressure unknown [-].
     """
     split = elements.displacements
-    forces = np.abs(residual[:split][free]).max(initial=0.0)
+    forces = np.abs(np.delete(residual[:split], constrained)).max(initial=0.0)
     volumes = np.abs(residual[split:]).max()
     volume_per_unknown = float(elements.weight.sum()) / (len(residual) - split)
     return bool(forces < tolerance * reference and volumes < tolerance * volume_per_unknown)
-
-
-class TangentFactoriser:
-    """Factorises one tangent matrix after another and reuses the analysis of their common sparsity.
-
-    Args:
-        constrained: Unknowns whose values are prescribed.
-    """
-
-    def __init__(self, constrained: IntArray) -> None:
-        self._constrained = constrained
-        self._last: ConstrainedSystem | None = None
-
-    def factorise(self, tangent: sp.csr_matrix) -> ConstrainedSystem:
-        """Factorise a tangent with the constraints applied."""
-        self._last = ConstrainedSystem(tangent, self._constrained, like=self._last)
-        return self._last
-
-
-def find_free(elements: MixedElements, constrained: IntArray) -> BoolArray:
-    """Return which displacements are not constrained, shape (elements.displacements,)."""
-    free = np.ones(elements.displacements, dtype=bool)
-    free[constrained] = False
-    return free
 
 
 def _measure_overshoot(slope_before: float, slope_after: float) -> float:

@@ -96,7 +96,7 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
     compliance = np.array([modulus / layer.material.bulk_modulus for layer in cover.layers])
     matrix = assemble_linear(elements, shear, compliance)
     r, z = elements.nodes.T
-    system = ConstrainedSystem(matrix, find_constrained(cover, r, z, reach / unit))
+    system = ConstrainedSystem(find_constrained(cover, r, z, reach / unit)).factorise(matrix)
     load = np.zeros(matrix.shape[0])
     load[2 * int(np.argmin(np.hypot(r, z - 1))) + 1] = -1.0
     solution = system.solve(load)

@@ -21,7 +21,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 
 from fem_reference import result_store
 from fem_reference.elements.line import Line, line_matrix
@@ -249,7 +248,7 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
     x, y, _ = solid.lines
     swapped = texels.swapped if np.array_equal(x.edges, y.edges) else None
     upper = solid.assemble_upper()
-    factors: SymmetricFactors | None = None
+    factors = SymmetricFactors()
     out = np.zeros((len(PARITIES), len(texels.pairs), x.count, y.count))
     whole = np.ones((x.count, y.count))
     for number, parity in enumerate(PARITIES):
@@ -265,11 +264,8 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
             displaced = [np.vstack([part, np.ones(part.shape[1])]) for part in displaced]  # last: the whole base
         if not all(part.any() for part in displaced):
             continue  # a single row or column in the middle has no odd part
-        values, constrained = constrain_parity(solid, upper, parity, sliding=cover.base == "sliding")
-        if factors is None:
-            factors = SymmetricFactors(sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape))
-        else:
-            factors.refactor(values)
+        matrix, constrained = constrain_parity(solid, upper, parity, sliding=cover.base == "sliding")
+        factors.factorise(matrix)
         load = -solid.compute_base_forces(*displaced)
         load[constrained] = 0.0
         top = _select_top(solid, factors.solve(load))

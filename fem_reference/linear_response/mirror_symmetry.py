@@ -136,7 +136,7 @@ def build_solid(
 
 def constrain_parity(
     solid: TensorSolid, upper: sp.csr_matrix, parity: tuple[int, int], *, sliding: bool
-) -> tuple[FloatArray, BoolArray]:
+) -> tuple[sp.csr_matrix, BoolArray]:
     """Constrain the unknowns that vanish on the planes of symmetry, without a change of the matrix's pattern.
 
     For a load even in x, the displacement along x is odd in x and vanishes at x = 0; for a load odd in x, the other
@@ -150,8 +150,8 @@ def constrain_parity(
         sliding: Whether the base slides.
 
     Returns:
-        Entries in the order of the upper triangle, with unit rows and columns for the constrained unknowns, and which
-        unknowns these are, shape (n,).
+        The upper triangle with unit rows and columns for the constrained unknowns, and which unknowns these are, shape
+        (n,).
     """
     constrained = np.zeros(upper.shape[0], dtype=bool)
     for field in range(4):
@@ -163,7 +163,7 @@ def constrain_parity(
     row = np.repeat(np.arange(len(constrained)), np.diff(upper.indptr))
     values = np.where(constrained[row] | constrained[upper.indices], 0.0, upper.data)
     values[upper.indptr[:-1][constrained]] = 1.0  # the diagonal is the first entry of each row of an upper triangle
-    return values, constrained
+    return sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape), constrained
 
 
 def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatArray:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem_reference.elements.grading import fill_by_spacing, growing_steps, layer_heights
 from fem_reference.elements.line import Line
@@ -222,14 +221,11 @@ def _solve_flexibility(
     _, rows, last = solid.field_shape(2)
     node = chosen[0][:, None] * rows + chosen[1]
     unknown = (solid.offsets[2] + (node + 1) * last - 1).ravel()
-    factors: SymmetricFactors | None = None
+    factors = SymmetricFactors()
     out = []
     for parity in parities:
-        values, constrained = constrain_parity(solid, upper, parity, sliding=sliding)
-        if factors is None:
-            factors = SymmetricFactors(sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape))
-        else:
-            factors.refactor(values)
+        matrix, constrained = constrain_parity(solid, upper, parity, sliding=sliding)
+        factors.factorise(matrix)
         parts = []
         for block in np.array_split(unknown, max(1, len(unknown) // _BLOCK)):
             load = np.zeros((upper.shape[0], len(block)))

@@ -150,13 +150,13 @@ def solved(case, mesh, spoil=lambda elements: elements):
 def _balanced(case, elements, load, held, values):
     if not case.finite:
         matrix = assemble_linear(elements, np.ones(1), np.array([bulk_compliance(case.nu)]))
-        return ConstrainedSystem(matrix, held).solve(load, values)
+        return ConstrainedSystem(held).factorise(matrix).solve(load, values)
     cover = Cover(layers=(Layer(thickness=1.0, material=rubber(case.nu)),))
     body = Solid.from_cover(elements, cover, Units.of(cover))
     state = np.concatenate([case.field(elements.nodes.T).ravel(), np.zeros(elements.pressures)])
     for _ in range(12):
         force, tangent = body.linearise(state)
-        change = ConstrainedSystem(tangent, held).solve(load - force, values - state[held])
+        change = ConstrainedSystem(held).factorise(tangent).solve(load - force, values - state[held])
         state += change
         if np.abs(change).max() < 1e-10:
             return state
@@ -296,7 +296,9 @@ def displacement_only(case, elements, load, held, values):
     square = np.zeros((zero.shape[0], zero.shape[2], zero.shape[2]))
     whole = Pattern(elements).assemble(volume, zero, square)[: elements.displacements, : elements.displacements]
     out = np.zeros_like(load)
-    out[: elements.displacements] = ConstrainedSystem(mixed + whole, held).solve(load[: elements.displacements], values)
+    out[: elements.displacements] = (
+        ConstrainedSystem(held).factorise(mixed + whole).solve(load[: elements.displacements], values)
+    )
     return out
 
 
