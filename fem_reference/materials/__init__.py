@@ -1,12 +1,10 @@
-"""Stored energies of rubber, one per file.  The tests check their derivatives by central differences."""
+"""Stored energies of rubber.  The tests check their derivatives by central differences."""
 
 from __future__ import annotations
 
 from fem_reference.materials.energy import Energy, Response
-from fem_reference.materials.mooney_rivlin import MooneyRivlin
-from fem_reference.materials.neo_hookean import NeoHookean
 from fem_reference.materials.ogden import Ogden
-from fem_reference.materials.yeoh import Yeoh
+from fem_reference.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from meshes import Material
 
 __all__ = [
