@@ -63,10 +63,10 @@ def body(task: Task) -> Callable[[], Any]:
     import pypardiso  # noqa: F401
     import skfem
 
-    from fem_reference.elements.scaling import Units
     from fem_reference.elements.taylor_hood import prepare_elements
     from fem_reference.finite_strain import bonded_disk
     from fem_reference.finite_strain.hyperelastic import Solid
+    from fem_reference.finite_strain.loading_path import Units
     from meshes import Cover, Layer, Material
 
     assert task["tolerance"] == bonded_disk.TOLERANCE  # both sides stop at the same residual
@@ -93,12 +93,12 @@ class Pressed:
     """A layer under a ball, by the product's own loading path; contact by penalty alone, as FElupe has it."""
 
     def __init__(self, task: Task, rubber: Any) -> None:  # noqa: ANN401 -- imported where it is used
-        from fem_reference.elements.scaling import Units
         from fem_reference.elements.taylor_hood import prepare_elements
         from fem_reference.finite_strain import contact_problem
         from fem_reference.finite_strain.contact import SurfaceContact
         from fem_reference.finite_strain.hyperelastic import Solid
         from fem_reference.finite_strain.indenter_surface import IndenterSurface
+        from fem_reference.finite_strain.loading_path import Units
         from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
         from meshes import Cover, Layer, Sphere
 

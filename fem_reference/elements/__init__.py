@@ -1,1 +1,1 @@
-"""Finite elements: Taylor-Hood elements, their fast form on tensor meshes, the grading of meshes, and units."""
+"""Finite elements: Taylor-Hood elements, their fast form on tensor meshes, and the grading of meshes."""

@@ -145,7 +145,9 @@ class MixedElements:
         slope = self.slope[part]
         if self.hoop is not None:
             gradient = _build_axisymmetric_gradient(slope, self.hoop[part])
-            return _multiply(gradient, np.matmul(moduli, gradient))
+            e, q, g, i = gradient.shape
+            left = gradient.reshape(e, q * g, i).transpose(0, 2, 1)
+            return np.asarray(np.matmul(left, np.matmul(moduli, gradient).reshape(e, q * g, i)))
         e, q, a, d = slope.shape
         right = slope.transpose(0, 1, 3, 2).reshape(e, q * d, a)
         out = np.empty((e, a, d, a, d))
@@ -198,7 +200,7 @@ def prepare_elements(
     basis = skfem.Basis(mesh, quadratic(), intorder=order)
     pressure = skfem.Basis(mesh, linear(), intorder=order)
     material = np.zeros(mesh.nelements, dtype=np.int64) if region is None else np.asarray(region, np.int64)
-    shape = _evaluate_shapes(basis)
+    shape = evaluate_shapes(basis)
     slope = np.stack([np.asarray(basis.basis[a][0].grad) for a in range(basis.Nbfun)], axis=-1)  # (d, e, q, a)
     position = np.asarray(basis.global_coordinates())
     return MixedElements(
@@ -209,7 +211,7 @@ def prepare_elements(
         region=material,
         slope=np.ascontiguousarray(slope.transpose(1, 2, 3, 0)),
         hoop=shape / position[0][:, :, None] if axisymmetric else None,
-        pressure_shape=_evaluate_shapes(pressure),
+        pressure_shape=evaluate_shapes(pressure),
         weight=basis.dx * (2 * np.pi * position[0] if axisymmetric else 1.0),
         basis=basis,
         places=_AXISYMMETRIC if axisymmetric else EVERY_PLACE,
@@ -284,13 +286,6 @@ class Pattern:
         return sp.csr_matrix((data, index.copy(), pointer.copy()), shape=self._shape)
 
 
-def _multiply(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum over points and components, (e, q, g, i) times (e, q, g, j) to (e, i, j), as one batched matrix product."""
-    e, q, g, i = left.shape
-    flat = left.reshape(e, q * g, i)
-    return np.asarray(np.matmul(flat.transpose(0, 2, 1), right.reshape(e, q * g, -1)))
-
-
 def _build_deviator(places: tuple[tuple[int, int], ...]) -> FloatArray:
     """Matrix from the components of grad u to those of its symmetric deviator, shape (g, g) [-]."""
     out = np.zeros((len(places), len(places)))
@@ -301,7 +296,7 @@ def _build_deviator(places: tuple[tuple[int, int], ...]) -> FloatArray:
     return out
 
 
-def _evaluate_shapes(basis: skfem.CellBasis) -> FloatArray:
+def evaluate_shapes(basis: skfem.CellBasis) -> FloatArray:
     """Shape functions at quadrature points, shape (e, q, a)."""
     each = [np.broadcast_to(np.asarray(basis.basis[a][0]), basis.dx.shape) for a in range(basis.Nbfun)]
     return np.stack(each, axis=-1)

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem_reference.elements.grading import grade_around_edge, grade_outward
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, prepare_elements
 from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
 from meshes import FlatPunch
@@ -87,7 +86,7 @@ def press_axisymmetric(
     Raises:
         PathConvergenceError: If the path stops before its last target.
     """
-    units = Units.of(path.cover)
+    units = path.units
     thin = units.scale_cover(path.cover)
     fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
     # Mesh: small elements at a sharp edge, or in the whole contact of a curved shape.
@@ -111,7 +110,7 @@ def press_axisymmetric(
         load_scale=path.load_scale,
     )
     reached = problem.follow(
-        [units.scale_target(value, path.control) for value in path.scaled_targets],
+        path.scaled_targets,
         control=path.control,
         first=FIRST_DEPTH * path.load_scale,
         guesses=() if coarse is None or path.friction else coarse.transfer_guesses(elements),

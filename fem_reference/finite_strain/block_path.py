@@ -13,11 +13,10 @@ import numpy as np
 
 from fem_reference.elements.grading import grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, prepare_elements
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from meshes import Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 
@@ -102,12 +101,12 @@ def lay_out_block(
     """
     indenter = path.indenter
     symmetric = indenter.mirror_symmetry
-    unit = Units.of(path.cover).length
+    unit = path.units.length
     fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
     size = min(1.0, 2 * min(halves)) / elements_per_thickness
     fine = _ON_LINE_ELEMENT * fillet if isinstance(indenter, FlatPunch) else _EDGE_ELEMENT * size
     most = _LARGEST_ELEMENT * size
-    if isinstance(indenter, FlatPunch) and not _is_rectangular(indenter, indenter.footprint):
+    if isinstance(indenter, FlatPunch) and not _is_rectangular(indenter):
         finest = max(half / (1 if mirror else 0.5) for half, mirror in zip(halves, symmetric, strict=True))
         finest /= _MOST_ELEMENTS * elements_per_thickness
         fine = most = max(min(size, _OFF_LINE_ELEMENT * fillet), finest)
@@ -158,8 +157,9 @@ def describe_state(elements: MixedElements, units: Units, reached: ContactEquili
     """Return a converged target in SI units."""
     x, y, z = elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
-    # Nodes on one mesh line differ by rounding; each belongs to the nearest line.
-    lines = [_insert_midpoints(side) for side in block.sides]
+    # Nodes lie on the element edges and midway between them.  Nodes on one mesh line differ by rounding; each belongs
+    # to the nearest line.
+    lines = [np.interp(np.arange(2 * len(side) - 1) / 2, np.arange(len(side)), side) for side in block.sides]
     forces = np.zeros((len(lines[0]), len(lines[1])))
     nearest = [
         np.searchsorted((line[1:] + line[:-1]) / 2, each[base]) for line, each in zip(lines, (x, y), strict=True)
@@ -207,17 +207,9 @@ def _unfold(lines: list[FloatArray], values: FloatArray, symmetric: tuple[bool, 
     return lines[0], lines[1], values
 
 
-def _insert_midpoints(edges: FloatArray) -> FloatArray:
-    """Return element edges and the midpoints between them, ascending, shape (2 n - 1,)."""
-    out = np.empty(2 * len(edges) - 1)
-    out[::2] = edges
-    out[1::2] = (edges[1:] + edges[:-1]) / 2
-    return out
-
-
-def _is_rectangular(shape: FlatPunch, footprint: tuple[float, float]) -> bool:
+def _is_rectangular(shape: FlatPunch) -> bool:
     """Return whether a face fills the rectangle around it, so that its outline lies on mesh lines."""
-    half = np.array(footprint)
+    half = np.array(shape.footprint)
     corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
     filled = abs(float(shape.signed_distance(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_OUTLINE * half.min()
     return filled and bool((np.abs(shape.signed_distance(*corners.T)) < _ON_OUTLINE * half.min()).all())

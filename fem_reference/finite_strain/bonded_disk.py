@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.loading_path import Units
 from fem_reference.finite_strain.newton import (
     Equilibrium,
     Linearisation,

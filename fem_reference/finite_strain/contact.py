@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from fem_reference.elements.taylor_hood import MixedElements
+from fem_reference.elements.taylor_hood import MixedElements, evaluate_shapes
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes.array_types import BoolArray, FloatArray
 
@@ -99,9 +99,9 @@ class SurfaceContact:
         mesh, self._dimension = elements.basis.mesh, elements.dimension
         facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < _ON_TOP * top, boundaries_only=True)
         basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=_ORDER)
-        shapes = np.stack([np.broadcast_to(np.asarray(basis.basis[a][0]), basis.dx.shape) for a in range(basis.Nbfun)])
-        on_facet = np.abs(shapes).max(axis=(1, 2)) > _ZERO
-        self._shape = shapes[on_facet].transpose(1, 2, 0)
+        shapes = evaluate_shapes(basis)
+        on_facet = np.abs(shapes).max(axis=(0, 1)) > _ZERO
+        self._shape = shapes[..., on_facet]
         self._nodes = basis.element_dofs[on_facet].T.astype(np.int64)
         position = np.asarray(basis.global_coordinates())
         self._position = np.moveaxis(position, 0, -1)

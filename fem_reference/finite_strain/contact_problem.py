@@ -16,11 +16,10 @@ from itertools import zip_longest
 import numpy as np
 import scipy.sparse as sp
 
-from fem_reference.elements.scaling import Units
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.contact import ContactState, SurfaceContact
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
-from fem_reference.finite_strain.loading_path import Control
+from fem_reference.finite_strain.loading_path import Control, Units
 from fem_reference.finite_strain.newton import (
     EASY_ITERATIONS,
     STEP_FAILURES,

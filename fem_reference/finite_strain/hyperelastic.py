@@ -17,9 +17,9 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements, Pattern
 from fem_reference.errors import ConvergenceError
+from fem_reference.finite_strain.loading_path import Units
 from fem_reference.materials import Energy, create_finite_strain_energy
 from fem_reference.materials.energy import Response, Scaled
 from fem_reference.materials.invariants import Invariant, volume_ratio
@@ -80,7 +80,8 @@ class Solid:
             InvertedElementError: If an element is turned inside out.
         """
         e = self.elements
-        found = tuple(np.empty(shape) for shape in self._block_shapes)
+        (n, i), b = e.unknowns.shape, e.pressure_cells.shape[1]
+        found = tuple(np.empty(shape) for shape in ((n, i), (n, b), (n, i, i), (n, i, b), (n, b, b)))
         size = max(1, _POINTS // e.weight.shape[1])
         parts = [slice(start, start + size) for start in range(0, len(e.cells), size)]
         with ThreadPoolExecutor(min(_count_threads(), len(parts))) as pool:
@@ -129,12 +130,6 @@ class Solid:
         inverse = self.bulk_compliance[self.elements.region][:, None]
         density = self._evaluate_isochoric(F, J, whole).energy - p * (J.value - 1) - p**2 * inverse / 2
         return float((density * self.elements.weight).sum())
-
-    @property
-    def _block_shapes(self) -> list[tuple[int, ...]]:
-        """Shapes of element forces and volumes, and of stiffness, coupling and pressure blocks."""
-        (e, i), b = self.elements.unknowns.shape, self.elements.pressure_cells.shape[1]
-        return [(e, i), (e, b), (e, i, i), (e, i, b), (e, b, b)]
 
     def _evaluate_fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
         """Return deformation gradient, its determinant and mean pressure at the quadrature points of some elements."""

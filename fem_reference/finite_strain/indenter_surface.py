@@ -62,10 +62,6 @@ class IndenterSurface:
     load_scale: float = 1.0
     pose: PlanarPose = field(default_factory=PlanarPose)
 
-    def with_load_scale(self, load_scale: float) -> IndenterSurface:
-        """Return the same surface with another factor on all heights [-]."""
-        return replace(self, load_scale=load_scale)
-
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the height over the lowest point.
 

@@ -1,4 +1,4 @@
-"""The problem statement that all solvers of an indentation share: cover, indenter, targets and friction."""
+"""The problem statement that all solvers of an indentation share: cover, indenter, targets, friction and units."""
 
 from __future__ import annotations
 
@@ -13,6 +13,37 @@ Control = Literal["load", "depth"]
 
 #: Scale factor on geometry and load that makes the nonlinear solve effectively small-strain [-].
 _SMALL_STRAIN_SCALE = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """SI values of the units of computation: the thickness of a cover and the shear modulus of its top layer.
+
+    In SI units, displacements near 1e-6 m and pressures near 1e6 Pa share one matrix, which is then badly conditioned.
+    Measured: texel forces lost four digits, and nearly incompressible solids appeared singular.
+
+    Attributes:
+        length: Unit of length [m].
+        stress: Unit of stress [Pa].
+    """
+
+    length: float
+    stress: float
+
+    @classmethod
+    def of(cls, cover: Cover) -> Units:
+        """Units of a cover: its thickness and the shear modulus of its top layer."""
+        return cls(length=cover.thickness, stress=cover.layers[-1].material.shear_modulus)
+
+    @property
+    def force(self) -> float:
+        """Unit of force [N]."""
+        return self.stress * self.length**2
+
+    def scale_cover(self, cover: Cover) -> Cover:
+        """Cover with its thicknesses in the unit of length; the materials keep their moduli in SI units."""
+        layers = tuple(replace(layer, thickness=layer.thickness / self.length) for layer in cover.layers)
+        return replace(cover, layers=layers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +71,15 @@ class LoadingPath:
     load_scale: float = 1.0
 
     @property
+    def units(self) -> Units:
+        """Units in which the path is solved."""
+        return Units.of(self.cover)
+
+    @property
     def scaled_targets(self) -> list[float]:
-        """Targets times the load scale, as the solver sees them [N] or [m]."""
-        return [self.load_scale * target for target in self.targets]
+        """Targets times the load scale, in the units of computation [-]."""
+        unit = self.units.force if self.control == "load" else self.units.length
+        return [self.load_scale * target / unit for target in self.targets]
 
     @property
     def at_model_strain(self) -> LoadingPath:

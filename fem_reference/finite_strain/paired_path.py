@@ -7,11 +7,10 @@ the grid (a control variate).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.axisymmetric_path import FIRST_DEPTH, PENALTY
 from fem_reference.finite_strain.block_path import Block, BlockState, describe_state, find_constrained, mesh_block
@@ -86,7 +85,7 @@ def press_paired(
     Raises:
         PathConvergenceError: If a path stops before its last target.
     """
-    units = Units.of(path.cover)
+    units = path.units
     elements = mesh_block(block, units.scale_cover(path.cover), elements_per_thickness)
     solid = Solid.from_cover(elements, path.cover, units)
     small_strain_solid = solid.linearise_at_rest()
@@ -117,7 +116,7 @@ def _guess_full(
     scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]
     no_change = Guess(state=np.zeros_like(solutions[0].state), depth=0.0)
     changes = [no_change] * len(scaled) if coarser is None else coarser.transfer_changes(elements)
-    surface = block.surface.with_load_scale(path.load_scale)
+    surface = replace(block.surface, load_scale=path.load_scale)
     return [add_change(*each, elements, surface) for each in zip(scaled, changes, strict=True)]
 
 
@@ -153,22 +152,20 @@ def _follow(
     progress: Callable[[str], None] | None,
 ) -> list[ContactEquilibrium]:
     """Follow a path on a prepared solid."""
-    units = Units.of(path.cover)
     problem = ContactProblem(
         solid=solid,
         contact=SurfaceContact(
             solid.elements,
             1.0,
-            block.surface.with_load_scale(path.load_scale),
+            replace(block.surface, load_scale=path.load_scale),
             penalty=PENALTY / block.size,
             multiple=block.multiple,
             friction=path.friction,
         ),
         constrained=find_constrained(block, solid.elements, bonded=path.cover.base == "bonded"),
-        units=units,
+        units=path.units,
         load_scale=path.load_scale,
         overlap=_FRICTION_OVERLAP if path.friction else _OVERLAP,
     )
-    targets = [units.scale_target(value, path.control) for value in path.scaled_targets]
     first = FIRST_DEPTH * path.load_scale
-    return problem.follow(targets, control=path.control, first=first, guesses=guesses, progress=progress)
+    return problem.follow(path.scaled_targets, control=path.control, first=first, guesses=guesses, progress=progress)

@@ -15,7 +15,6 @@ import numpy as np
 
 from fem_reference.elements.grading import fill_by_spacing
 from fem_reference.elements.line import Line
-from fem_reference.elements.scaling import Units
 from fem_reference.finite_strain.block_path import BasePressure, Block, recover_nodal_pressure
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
@@ -111,7 +110,7 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
         fillet: Radius of rounded edges [m].
     """
     cover, indenter = path.cover, path.indenter
-    unit = Units.of(cover).length
+    unit = path.units.length
     placed = np.stack(pose.to_array(*contact.T)) / unit
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)

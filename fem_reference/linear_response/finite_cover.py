@@ -60,14 +60,12 @@ class AdjointSolution:
         y: Functions along y, from the middle to the side [thicknesses].
         texels: For each parity and each pair of texel columns and rows, at every top node, shape (4, k, x, y) [-].
         whole: The same when the whole base is displaced, 1 up to rounding, shape (x, y) [-].
-        unknowns: Unknowns of the quarter [-].
     """
 
     x: Line
     y: Line
     texels: FloatArray
     whole: FloatArray
-    unknowns: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -219,8 +217,7 @@ def solid_influence(
             if progress is not None:
                 progress(f"solid, {resolution.through} elements through the cover")
             found = solve_adjoint(cover, array, resolution)
-            for name in ("texels", "whole", "unknowns"):
-                out[f"{name}_{number}"] = getattr(found, name)
+            out |= {f"texels_{number}": found.texels, f"whole_{number}": found.whole}
         return out
 
     texels = {"centres": array.centres, "texel_size": array.texel_size}
@@ -229,9 +226,7 @@ def solid_influence(
     solutions = []
     for number, resolution in enumerate(GRIDS):
         x, y, _ = mesh_quarter(cover, array, resolution).lines
-        texels_solved, whole = data[f"texels_{number}"], data[f"whole_{number}"]
-        unknowns = int(data[f"unknowns_{number}"])
-        solutions.append(AdjointSolution(x=x, y=y, texels=texels_solved, whole=whole, unknowns=unknowns))
+        solutions.append(AdjointSolution(x=x, y=y, texels=data[f"texels_{number}"], whole=data[f"whole_{number}"]))
     return SolidInfluence(cover=cover, array=array, grids=tuple(solutions))
 
 
@@ -274,7 +269,7 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
         out[number, chosen] = top[: len(chosen)]
         if swapped is not None and parity[0] == parity[1]:
             out[number, swapped[chosen]] = top[: len(chosen)].transpose(0, 2, 1)
-    return AdjointSolution(x=x, y=y, texels=out, whole=whole, unknowns=upper.shape[0])
+    return AdjointSolution(x=x, y=y, texels=out, whole=whole)
 
 
 def _project_indicators(line: Line, spans: FloatArray, odd: int) -> FloatArray:

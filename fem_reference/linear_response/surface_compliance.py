@@ -17,7 +17,7 @@ from scipy.special import j0
 
 from fem_reference.elements.grading import layer_heights
 from fem_reference.elements.line import Line, gauss_points, line_matrix
-from meshes import Cover, Layer
+from meshes import Cover
 from meshes.array_types import FloatArray
 
 #: Product of wave number and thickness of the top layer beyond which the layers below have no effect: exp(-2 x) is
@@ -134,21 +134,18 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
     top = cover.layers[-1]
     k, weight = _wave_numbers(cover, reach)
     solved = solve_waves(cover, k, elements_per_layer=elements_per_layer).compliance
-    excess = (solved - _half_space_compliance(top, k)) * k * weight / (2 * np.pi)
+    half_space = (1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus)
+    # A half space yields 2 pi half_space / k under the pressure cos(k x) (Johnson 1985, eq. 2.61).
+    excess = (solved * k / (2 * np.pi) - half_space) * weight
     step = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
     radius = np.linspace(0, reach, int(min(max(reach / step, _LEAST_POINTS), _MOST_POINTS)))
     table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _BLOCKS)])
     return SurfaceCompliance(
-        half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
+        half_space=half_space,
         regular=CubicSpline(radius, table, bc_type="clamped"),
         reach=reach,
         thickness=cover.thickness,
     )
-
-
-def _half_space_compliance(layer: Layer, k: FloatArray) -> FloatArray:
-    """Displacement of a half space per pressure cos(k x), (1 - nu) / mu k (Johnson 1985, eq. 2.61) [m/Pa]."""
-    return (1 - layer.material.poisson_ratio) / (layer.material.shear_modulus * k)
 
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:

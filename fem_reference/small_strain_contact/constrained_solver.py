@@ -132,16 +132,9 @@ def find_pressures(
         elif patience > 0:
             patience -= 1
         else:
-            wrong = _keep_last(wrong)
+            wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last cell alone cannot cycle (Murty 1974)
         touching = touching ^ wrong
     raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges on {gap.shape} cells")
-
-
-def _keep_last(wrong: BoolArray) -> BoolArray:
-    """Only the last of the cells: exchanges of this one cell cannot cycle (Murty 1974)."""
-    out = np.zeros_like(wrong)
-    out.flat[np.flatnonzero(wrong)[-1]] = True
-    return out
 
 
 def _solve_touching(

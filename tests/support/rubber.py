@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.loading_path import Units
 from meshes import Cover, Layer, Material
 
 YOUNGS_MODULUS = 1e6

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem_reference.elements.scaling import Units
 from fem_reference.finite_strain.block_path import (
     BlockState,
     describe_state,
@@ -18,7 +17,7 @@ from fem_reference.finite_strain.block_path import (
     recover_nodal_pressure,
 )
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium
-from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from meshes import Box, Roller
 from tests.support.rubber import make_cover
 

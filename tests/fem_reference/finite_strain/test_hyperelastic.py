@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem_reference.elements.scaling import Units
 from fem_reference.elements.taylor_hood import assemble_linear
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
+from fem_reference.finite_strain.loading_path import Units
 from tests.support.rubber import count_unknowns, draw_state, make_cover, make_solid
 
 

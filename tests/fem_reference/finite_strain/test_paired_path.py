@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_reference.elements.scaling import Units
 from fem_reference.finite_strain.block_path import lay_out_block, mesh_block, recover_gauss_pressure
 from fem_reference.finite_strain.contact_problem import Guess
-from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.finite_strain.paired_path import PairedPath, add_change, press_paired
 from meshes import Box, Cover, Layer, Material
 
@@ -102,7 +101,7 @@ def _linear(elements, slope):
 
 def test_points_in_contact_keep_their_gap_when_a_change_moves_them(pressed):
     pair = pressed[2]
-    surface = block(2).surface.with_load_scale(1.0)
+    surface = replace(block(2).surface, load_scale=1.0)
     rest = pair.baseline[1].before_augmentation
     still = Guess(state=pair.ratio * rest.state, depth=pair.ratio * rest.depth)
     change = Guess(state=0.02 * _linear(pair.elements, np.eye(3)), depth=0.01)
