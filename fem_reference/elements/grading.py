@@ -120,13 +120,13 @@ def layer_heights(
     crowd_base: float = 1.0,
     crowd_surface: float = 1.0,
 ) -> tuple[FloatArray, IntArray]:
-    """Cut each layer of a cover into elements, evenly unless said otherwise.
+    """Cut each layer of a cover into elements, of equal height unless an option below changes that.
 
     Args:
         thicknesses: Of the layers, bottom first [length].
         counts: Number of elements in each layer.
         surface_size: Where given and smaller, the elements of the uppermost layer shrink to it towards the surface;
-            their number is then what that takes [length].
+            the number of elements then follows from their sizes [length].
         crowd_base: Power p of the heights (i / n)^p in the lowest layer; above 1 elements are small at the base [-].
         crowd_surface: The same for the depth below the surface in the uppermost layer [-].
 

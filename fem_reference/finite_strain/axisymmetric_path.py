@@ -71,7 +71,7 @@ def press_axisymmetric(
     """Follow one loading path.
 
     Args:
-        path: What is pressed how far.
+        path: Cover, indenter, targets and friction.
         elements_per_thickness: Elements through the cover [-].
         contact_radius: Estimated radius of the largest contact; up to it elements are small [m].
         fillet: Radius of rounded edges [m].

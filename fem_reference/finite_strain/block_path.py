@@ -93,7 +93,7 @@ def lay_out_block(
     """Lay out the block under a shape on a wide cover.
 
     Args:
-        path: What is pressed.
+        path: Cover, indenter and targets.
         elements_per_thickness: Elements through the cover [-].
         contact_half: Half widths of the largest contact, in which elements are small [m].
         fillet: Radius of rounded edges [m].

@@ -71,7 +71,7 @@ class ContactEquilibrium(Equilibrium):
 
     @property
     def penalty_solution(self) -> ContactEquilibrium:
-        """The solution with the penetration that the penalty leaves: what Newton's method finds first."""
+        """The solution that Newton's method finds first, with the penetration that the penalty leaves."""
         return self.before_augmentation or self
 
 

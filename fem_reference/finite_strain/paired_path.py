@@ -72,8 +72,8 @@ def press_paired(
     loading history.
 
     Args:
-        path: What is pressed how far.
-        block: What is meshed.
+        path: Cover, indenter, targets and friction.
+        block: The part of the cover that is meshed.
         approaches: Small-strain depth at each target [m].
         elements_per_thickness: Elements through the cover [-].
         coarser: The paths on a coarser grid.
@@ -129,7 +129,7 @@ def add_change(baseline: Guess, change: Guess, elements: MixedElements, surface:
 
     Args:
         baseline: Solution at small strain, scaled to the load of the full path.
-        change: What is added.
+        change: Displacements, pressures and depth that are added.
         elements: Elements of both.
         surface: Surface of the indenter at the full heights.
     """

@@ -35,7 +35,8 @@ SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
 SOLID_GRIDS = (2, 3, 4)
 #: Depth over thickness under a flat face below which the effect of finite strain is lost in the error of the grids [-].
 _SMALLEST_RESOLVED_DEPTH = 0.04
-#: Targets up to this factor above the smallest resolved one are solved instead of it, to save a solve [-].
+#: If a requested target is at most this many times the smallest resolved one, it also serves the targets below that;
+#: this saves a solve [-].
 _SHARED_TARGET = 2.0
 
 
@@ -71,7 +72,7 @@ def correct_path(
     can resolve.  The contact area under a flat face is that of the small-strain solution.
 
     Args:
-        path: What is asked for.
+        path: Cover, indenter, targets and friction.
         accurate: Small-strain solutions of every target, coarsest grid first.
         solve: Solves baseline and full path on three coarse grids, given the path and the small-strain depth at each
             of its targets [m].
@@ -116,7 +117,7 @@ def solve_block_pair(
     """Solve baseline and full path on three three-dimensional grids, or read them from the result store.
 
     Args:
-        path: What is asked for.
+        path: Cover, indenter, targets and friction.
         approaches: Small-strain depth at each target [m].
         model: How the path is meshed and its base pressure is used.
         progress: Called with a line of text after each step.

@@ -103,7 +103,7 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
     """Lay out the whole cover, or the half or quarter that symmetry leaves, with small elements around the contact.
 
     Args:
-        path: What is pressed.
+        path: Cover, indenter and targets.
         pose: Pose of the indenter in the array's frame.
         contact: Points that the contact extends to, in the indenter's frame, shape (m, 2) [m].
         count: Elements through the cover [-].

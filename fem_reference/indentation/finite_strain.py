@@ -77,7 +77,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
     """Solve baseline and full path on three grids.
 
     Args:
-        path: What is asked for.
+        path: Cover, indenter, targets and friction.
         approaches: Small-strain depth at each target [m].
         contact: Points of the largest small-strain contact; columns x, y [m], then any others.
         progress: Called with a line of text after each step.

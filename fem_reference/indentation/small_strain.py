@@ -94,7 +94,7 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
 
 
 def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInfluence) -> GridSolution:
-    """Describe a solved contact; the texel forces of the last array and pose are remembered."""
+    """Describe a solved contact; the texel forces of the last array and pose are cached."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     return GridSolution(
         total_force=patch.total_force,

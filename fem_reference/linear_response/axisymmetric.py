@@ -141,7 +141,10 @@ def mesh_cover(
 
 
 def _find_accurate_radii(line: Line) -> FloatArray:
-    """Two radii on each edge: the roots of the quadratic that is orthogonal to linear functions with weight r [m]."""
+    """Two radii on each edge where the error of the recovered pressure vanishes [m].
+
+    These are the roots of the quadratic that is orthogonal to all linear functions with weight r.
+    """
     start, length = line.edges[:-1], np.diff(line.edges)
     moment = [start / (j + 1) + length / (j + 2) for j in range(4)]
     determinant = moment[1] ** 2 - moment[0] * moment[2]

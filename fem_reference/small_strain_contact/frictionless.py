@@ -82,7 +82,7 @@ def solve_contact(
         cells: Cells across the longer side of the contact [-].
         load: Force [N]; or
         depth: Approach [m].  Exactly one of the two.
-        sides: What free side edges change; None for a wide cover.
+        sides: Free side edges of the cover; None for a wide cover.
 
     Raises:
         ValueError: If not exactly one of load and depth is given, or no cell lies on a face with thin walls.

@@ -1,4 +1,4 @@
-"""Boundary elements on the exact compliance: checked on their own, then `press` against them for want of a formula."""
+"""Boundary elements on the exact compliance, checked by themselves and then used to check `press` without a formula."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The underside as the finite-strain contact sees it: smooth, and still the shape."""
+"""The lower surface for contact at finite strain is smooth and stays close to the shape."""
 
 import numpy as np
 import pytest
