@@ -134,14 +134,13 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
     top = cover.layers[-1]
     k, weight = _wave_numbers(cover, reach)
     solved = solve_waves(cover, k, elements_per_layer=elements_per_layer).compliance
-    half_space = (1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus)
-    # A half space yields 2 pi half_space / k under the pressure cos(k x) (Johnson 1985, eq. 2.61).
-    excess = (solved * k / (2 * np.pi) - half_space) * weight
+    half_space = (1 - top.material.poisson_ratio) / (top.material.shear_modulus * k)  # Johnson 1985, eq. 2.61
+    excess = (solved - half_space) * k * weight / (2 * np.pi)
     step = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
     radius = np.linspace(0, reach, int(min(max(reach / step, _LEAST_POINTS), _MOST_POINTS)))
     table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _BLOCKS)])
     return SurfaceCompliance(
-        half_space=half_space,
+        half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
         regular=CubicSpline(radius, table, bc_type="clamped"),
         reach=reach,
         thickness=cover.thickness,
