@@ -1,8 +1,10 @@
 """Texel arrays, covers, materials and indenters, as plain numpy data.
 
-Both models, `fem_reference` and `fastmodel`, read these classes, so that a shape is defined once for both.  In the
-array's frame x goes along columns, y along rows and z out of the cover; the origin is the array's centre.  Texels are
-in row-major order, x fastest.  Images are indexed `[row, column]`, row 0 at the smallest y.
+The finite-element model (`fem_reference`) and the fast model in MuJoCo (`fastmodel`) read these classes, so that a
+shape is defined once for the two models.  A texel is one pressure-sensitive element of a tactile array; the cover is
+the elastic layers above the array; an indenter is a rigid body that presses on the cover.  In the array's frame x goes
+along columns, y along rows and z out of the cover; the origin is the array's centre.  Texels are in row-major order, x
+fastest.  Tactile images are indexed `[row, column]`, with row 0 at the smallest y.
 """
 
 from __future__ import annotations
@@ -46,7 +48,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> str:
-    """Look up `__version__` when it is used: the look-up takes about 30 ms."""
+    """Return the package's version for the name `__version__`, looked up on first use because that takes about 30 ms.
+
+    Raises:
+        AttributeError: For any other name.
+    """
     if name != "__version__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib.metadata import version

@@ -1,4 +1,4 @@
-"""Texel arrays: positions and sizes of pressure-sensitive elements."""
+"""Tactile arrays: positions and sizes of their texels, the pressure-sensitive elements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Largest distance of a texel from its place on a regular grid, over the pitch: rounding of coordinates in a file [-].
+#: Largest distance of a texel's centre from the nearest point of a regular grid, over the pitch, for the array to count
+#: as regular: rounding of coordinates in a file [-].
 _REGULAR = 1e-6
 
 
@@ -19,18 +20,18 @@ class TexelArray:
     """A tactile array of n texels.
 
     In the array's frame x goes along columns, y along rows and z out of the cover.  Texels are in row-major order, x
-    fastest.  A masked texel, whose `active` entry is false, measures nothing: force on it counts as force outside the
-    array.
+    fastest.  A masked texel, whose `active` entry is false, measures nothing: force on a masked texel counts as force
+    outside the array.
 
     Attributes:
-        centres: Texel centres, shape (n, 3) [m].
-        normals: Unit outward normals, shape (n, 3) [-].
-        texel_size: Edge lengths, along x and y, of the rectangle in which a texel measures [m].
+        centres: Centres of the texels, shape (n, 3) [m].
+        normals: Unit outward normals of the texels, shape (n, 3) [-].
+        texel_size: Edge lengths, along x and y, of the rectangle on which a texel measures force [m].
         pitch: Distance between neighbouring centres along x and y [m].
         rows: Number of image rows [-].
         columns: Number of image columns [-].
         active: Whether each texel measures, shape (n,).
-        name: Name in reports.
+        name: Name of the array in reports.
     """
 
     centres: FloatArray
@@ -43,7 +44,7 @@ class TexelArray:
     name: str = "array"
 
     def __post_init__(self) -> None:
-        """Check the shapes and make the arrays read-only.
+        """Check shapes and values, and make the numpy arrays read-only.
 
         Raises:
             ValueError: If shapes disagree, a size is not positive, a normal is not a unit vector, or all texels are
@@ -81,8 +82,8 @@ class TexelArray:
             columns: Number of columns along x [-].
             pitch: Distance between neighbouring centres, one number or (x, y) [m].
             texel_size: Edge lengths of a texel, one number or (x, y); the pitch if None [m].
-            active: Whether each texel measures, shape (rows, columns) or (rows * columns,); all do if None.
-            name: Name in reports.
+            active: Whether each texel measures, shape (rows, columns) or (rows * columns,); all texels if None.
+            name: Name of the array in reports.
 
         Raises:
             ValueError: If a number is not positive, or `active` has the wrong shape or masks all texels.
@@ -135,13 +136,13 @@ class TexelArray:
         return (self.rows // 2) * self.columns + self.columns // 2
 
     def image(self, values: npt.ArrayLike) -> npt.NDArray[np.generic]:
-        """Arrange values as images.
+        """Reshape values of the texels into tactile images.
 
         Args:
             values: One value per texel, shape (..., n).
 
         Returns:
-            The values, shape (..., rows, columns).
+            The values as images, shape (..., rows, columns).
         """
         flat = np.asarray(values)
         return flat.reshape(*flat.shape[:-1], self.rows, self.columns)

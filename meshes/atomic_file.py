@@ -17,21 +17,23 @@ from pathlib import Path
 
 #: Start of the names of temporary files.
 PREFIX = ".softcover-partial-"
-#: Age from which `sweep` removes a temporary file on a file system without locks, where no writer can be seen [s].
+#: Age from which `sweep` removes a temporary file on a file system without locks: one day.  Without locks there is no
+#: way to find out whether a file is still being written, and no file takes a day to write [s].
 _ABANDONED_AFTER = 86_400.0
-#: Whether files can be locked; Windows cannot, but there an open file can be neither removed nor renamed.
+#: Whether this module locks temporary files.  On Windows it does not: Windows itself refuses to remove or rename an
+#: open file.
 _HAS_LOCKS = sys.platform != "win32"
 
 
 def replace(path: Path, parts: Iterable[bytes]) -> None:
-    """Write a file at once; if that fails, the file stays as it was.
+    """Replace the whole content of a file in one step; if writing fails, the file keeps its old content.
 
     Args:
-        path: The file; its folder must exist.
-        parts: Its content, in pieces that follow one another.
+        path: Path of the file; its folder must exist.
+        parts: New content of the file, in consecutive pieces.
 
     Raises:
-        OSError: If it cannot be written.
+        OSError: If the file cannot be written.
     """
     with contextlib.ExitStack() as cleanup:
         handle, temporary = _create(path.parent)
@@ -43,16 +45,17 @@ def replace(path: Path, parts: Iterable[bytes]) -> None:
             os.fsync(handle)
             if not _HAS_LOCKS:
                 closing.close()
-            # Renamed while still locked: between an unlock and the rename another process could sweep the file.
+            # The temporary file is renamed while it is locked: between unlocking and renaming, `sweep` in another
+            # process could remove it.
             os.replace(temporary, path)  # noqa: PTH105 -- tests let each call of `os` fail in turn
     flush(path.parent)
 
 
 def flush(path: Path) -> None:
-    """Have the system write a file, or the names in a folder, from its memory to the disk; no effect on Windows.
+    """Make the operating system write a file, or a folder's list of names, to the disk; does nothing on Windows.
 
     Raises:
-        OSError: If that fails.
+        OSError: If the file or folder cannot be opened or written to the disk.
     """
     if _HAS_LOCKS:
         handle = os.open(path, os.O_RDONLY)
@@ -63,12 +66,12 @@ def flush(path: Path) -> None:
 
 
 def temporary_files(folder: Path) -> list[Path]:
-    """List the temporary files in a folder, both abandoned ones and those that are being written."""
+    """List the temporary files in a folder: abandoned ones and those that are being written."""
     return list(folder.glob(f"{PREFIX}*"))
 
 
 def sweep(folder: Path) -> int:
-    """Remove the temporary files of killed writers from a folder; those that are being written stay.
+    """Remove from a folder the temporary files of killed writers; files that are being written stay.
 
     Returns:
         Number of files removed.
@@ -77,7 +80,7 @@ def sweep(folder: Path) -> int:
 
 
 def _create(folder: Path) -> tuple[int, Path]:
-    """Create a temporary file and lock it: its handle and path."""
+    """Create a locked temporary file in a folder; return the file's handle and path."""
     while True:
         path = folder / f"{PREFIX}{secrets.token_hex(8)}"
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
@@ -85,11 +88,11 @@ def _create(folder: Path) -> tuple[int, Path]:
             _lock(handle, wait=True)
         if path.exists():
             return handle, path
-        os.close(handle)  # another process swept the file before it was locked
+        os.close(handle)  # `sweep` in another process removed the file before it was locked: create another one
 
 
 def _write(handle: int, content: bytes) -> None:
-    """Write all of the content; one call of the system may write less."""
+    """Write all of the content to an open file; one call of `os.write` may write only a part."""
     rest = memoryview(content)
     while rest:
         rest = rest[os.write(handle, rest) :]
@@ -101,7 +104,7 @@ def _remove(path: Path) -> None:
 
 
 def _remove_abandoned(path: Path) -> bool:
-    """Remove a temporary file unless it is being written; whether it was removed."""
+    """Remove a temporary file unless it is being written; return whether the file was removed."""
     with contextlib.suppress(OSError):
         if not _HAS_LOCKS:
             path.unlink()
@@ -109,7 +112,9 @@ def _remove_abandoned(path: Path) -> bool:
         handle = os.open(path, os.O_RDONLY)
         try:
             if _is_abandoned(handle):
-                path.unlink()  # while locked, so that its writer, about to lock it, then finds it gone
+                # Remove the file while this process holds its lock: a writer that waits for the lock then finds that
+                # the file is gone, and creates another one.
+                path.unlink()
                 return True
         finally:
             os.close(handle)
@@ -117,7 +122,10 @@ def _remove_abandoned(path: Path) -> bool:
 
 
 def _is_abandoned(handle: int) -> bool:
-    """Try to lock a temporary file: whether no other process holds the lock."""
+    """Return whether no other process holds the lock of a temporary file; if so, lock the file.
+
+    On a file system without locks, return whether the file is older than `_ABANDONED_AFTER`.
+    """
     try:
         _lock(handle, wait=False)
     except BlockingIOError:
@@ -128,7 +136,11 @@ def _is_abandoned(handle: int) -> bool:
 
 
 def _lock(handle: int, *, wait: bool) -> None:
-    """Lock a file for this process alone.
+    """Lock an open file exclusively; does nothing on Windows.
+
+    Args:
+        handle: Handle of the open file.
+        wait: Whether to wait until another process releases its lock.
 
     Raises:
         BlockingIOError: If another process holds the lock and `wait` is false.

@@ -11,16 +11,17 @@ from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
 from meshes.material import Material
 
-#: Distance between neighbouring texels of both named arrays [m].
+#: Distance between the centres of neighbouring texels, along x and y, of the two named arrays [m].
 _PITCH = 3.4e-3
 
-#: Source of the silicones; the kind of fit is filled in.
+#: Source of the parameters of the silicones, with a gap for the kind of fit.
 _DATABASE = (
     "{} to the raw curves of the Soft Robotics Materials Database (Marechal et al. 2020); "
     "crosshead strain, so biased low; datasheet moduli are 1.1..3.7 times larger"
 )
 
-#: Fits of each silicone: neo-Hookean mu [kPa]; Yeoh C1, C2, C3 [kPa]; one-term Ogden mu [kPa] and alpha [-].
+#: Fitted parameters of three material models for each silicone: neo-Hookean shear modulus mu [kPa]; Yeoh C1, C2, C3
+#: [kPa]; one-term Ogden mu [kPa] and alpha [-].
 _SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, float]]] = {
     "ecoflex-00-10": (8.0, (3.61, 0.138, -0.0002), (5.8, 2.91)),
     "ecoflex-00-30": (16.1, (7.83, 0.103, -0.0008), (14.4, 2.35)),
@@ -31,12 +32,12 @@ _SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, f
     "rtv615": (403, (163.2, 13.86, 0.939), (224, 3.82)),
 }
 
-#: Young's modulus E [MPa] of natural rubber by hardness [IRHD], and its Poisson ratio nu = 1/2 - E / (6 K) [-] for a
-#: bulk modulus K of 1 GPa.
+#: Natural rubber: hardness [IRHD], Young's modulus E [MPa], and Poisson ratio nu = 1/2 - E / (6 K) [-] for a bulk
+#: modulus K of 1 GPa.
 _NATURAL_RUBBER = ((30, 0.92, 0.4998), (40, 1.50, 0.4997), (50, 2.20, 0.4996), (60, 4.45, 0.4993), (70, 7.35, 0.4988))
 
-#: Other materials: name, source, Young's modulus [MPa], half-width of its range over it [-], Poisson ratio and
-#: half-width of its range [-].
+#: Other linear elastic materials: name, source, Young's modulus E [MPa], half-width of the range of E over E [-],
+#: Poisson ratio and half-width of the range of the Poisson ratio [-].
 _RUBBERS_AND_FOAMS = (
     ("neoprene", "solid neoprene, 2..5 MPa, nu 0.49..0.499", 3, 0.5, (0.495, 0.005)),
     ("neoprene-sponge", "neoprene sponge, 0.1..0.6 MPa, nu 0..0.3", 0.3, 0.6, (0.15, 0.15)),
@@ -46,7 +47,10 @@ _RUBBERS_AND_FOAMS = (
 
 
 def _make_silicones() -> Iterator[Material]:
-    """Materials of each silicone: the neo-Hookean fit under its name, the others with the model's name appended."""
+    """Yield three materials per silicone: the neo-Hookean fit under the silicone's name, and two fits with a suffix.
+
+    The suffix of the name is the material model: `-yeoh` or `-ogden`.
+    """
     for name, (shear_modulus, yeoh, (mu, alpha)) in _SILICONES.items():
         yield _make_silicone(
             name, "neo-hookean", {"shear_modulus": shear_modulus * 1e3}, "neo-Hookean fit up to 100 % strain"
@@ -85,7 +89,7 @@ def _make_natural_rubbers() -> Iterator[Material]:
         yield _make_elastic(f"natural-rubber-{hardness}", source, modulus, 0.15, (ratio, 0.0))
 
 
-#: Materials by name.
+#: Materials that a user can name, by name.
 MATERIALS: Mapping[str, Material] = MappingProxyType(
     {
         material.name: material
@@ -97,8 +101,8 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
     }
 )
 
-#: Cover of the WTS 0614-34.  Nobody published its material or thickness; 2 mm of nearly incompressible rubber is a
-#: guess.
+#: Cover of the Weiss WTS 0614-34 tactile sensor.  Material and thickness of the real cover are unpublished; 2 mm of
+#: nearly incompressible rubber is a guess.
 ASSUMED_COVER = Cover(
     layers=(
         Layer(
@@ -110,11 +114,12 @@ ASSUMED_COVER = Cover(
 )
 
 
-#: Active texels of the array in an SDH-2 fingertip: the two outer columns are missing in its first five rows.
+#: Active texels of the tactile array in the fingertip of a SCHUNK SDH-2 hand: the first five of 13 rows have no texels
+#: in the two outer columns.
 _SDH2_MASK = np.ones((13, 6), dtype=bool)
 _SDH2_MASK[:5, [0, 5]] = False
 
-#: Arrays by name: the Weiss WTS 0614-34 and the distal array of a SCHUNK SDH-2 finger.
+#: Tactile arrays that a user can name, by name: the Weiss WTS 0614-34 and the distal array of a SCHUNK SDH-2 finger.
 ARRAYS: Mapping[str, TexelArray] = MappingProxyType(
     {
         "wts-0614-34": TexelArray.grid(14, 6, _PITCH, name="wts-0614-34"),

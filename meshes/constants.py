@@ -1,4 +1,4 @@
 """Physical constants."""
 
-#: Standard gravity: the force on a mass of 1 kg [N/kg, m/s2].
+#: Standard gravity: weight per unit mass, and the acceleration of a freely falling body [N/kg = m/s2].
 STANDARD_GRAVITY = 9.80665

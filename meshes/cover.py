@@ -1,4 +1,4 @@
-"""Planar covers: elastic layers on a rigid base."""
+"""Planar covers: the elastic layers between an indenter and the texel array, on a rigid base."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from meshes.material import Material
 
 @dataclass(frozen=True, kw_only=True)
 class Layer:
-    """One elastic layer.
+    """One elastic layer of a cover.
 
     Attributes:
-        thickness: Thickness [m].
+        thickness: Thickness of the layer [m].
         material: Material of the layer.
     """
 
@@ -24,7 +24,7 @@ class Layer:
         """Check the thickness.
 
         Raises:
-            ValueError: If it is not positive.
+            ValueError: If the thickness is not positive.
         """
         if not self.thickness > 0:
             raise ValueError(f"thickness must be positive, not {self.thickness} m")
@@ -32,13 +32,14 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True)
 class Cover:
-    """Elastic layers that are bonded to one another, on a rigid base.
+    """The elastic layers between an indenter and the array, bonded to one another, on a rigid base.
 
     Attributes:
         layers: The layers, from bottom to top.
-        base: Whether the bottom layer is bonded to the base, or slides on it without friction.
-        size: Edge lengths along x and y of a cover with free side edges; None for a laterally wide cover [m].
-        assumed: True if nobody measured the cover, so that reports say so.
+        base: Whether the bottom layer is bonded to the rigid base, or slides on the base without friction.
+        size: Edge lengths along x and y of a cover with free side edges; None for a cover so wide that its side edges
+            have no effect [m].
+        assumed: True if thickness and material were never measured; reports then say so.
     """
 
     layers: tuple[Layer, ...]

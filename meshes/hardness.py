@@ -1,8 +1,9 @@
 """Young's modulus of a rubber, estimated from its hardness by two published relations.
 
-The relations differ by half of the modulus near 70 Shore A.  The estimate is their geometric mean: a band of +-50 %
-about it contains both relations over the whole range, and the measured moduli of natural rubber.  Soft castable
-silicones are 1.5 to 2.5 times softer than either relation says; use a named material for those.
+Near 70 Shore A the moduli by the two relations differ by half of the modulus.  The estimate is the geometric mean of
+the two moduli: a band of +-50 % about this mean contains the two relations over the whole range of hardness, and the
+measured moduli of natural rubber.  Soft castable silicones are 1.5 to 2.5 times softer than either relation predicts;
+use a named material of `meshes.catalogue` for them.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Least and greatest hardness for which both relations were fitted [Shore A].
+#: Least and greatest hardness for which the two relations were fitted [Shore A].
 RANGE = (20.0, 80.0)
-#: Half-width of the band of the modulus, over the modulus; coverage factor 2 [-].
+#: Half-width of the band about the estimated Young's modulus, over that modulus; coverage factor 2.  The band contains
+#: the two relations and the measured moduli of natural rubber [-].
 SPREAD = 0.5
 
 SOURCE = (
@@ -29,9 +31,9 @@ class HardnessModulus:
 
     Attributes:
         shore_a: Hardness [Shore A].
-        youngs_modulus: Geometric mean of the relations [Pa].
-        spread: Half-width of the band, over the modulus; coverage factor 2 [-].
-        by_relation: Modulus by each relation [Pa].
+        youngs_modulus: Estimate of Young's modulus, the geometric mean of the moduli by the two relations [Pa].
+        spread: Half-width of the band about the estimate, over the estimate; coverage factor 2 [-].
+        by_relation: Young's modulus by each relation, under the name of the relation [Pa].
         source: Origin of the relations, for reports.
     """
 
@@ -43,12 +45,12 @@ class HardnessModulus:
 
     @property
     def low(self) -> float:
-        """Lower end of the band [Pa]."""
+        """Lower end of the band of Young's modulus [Pa]."""
         return self.youngs_modulus * (1 - self.spread)
 
     @property
     def high(self) -> float:
-        """Upper end of the band [Pa]."""
+        """Upper end of the band of Young's modulus [Pa]."""
         return self.youngs_modulus * (1 + self.spread)
 
 
@@ -69,18 +71,18 @@ def modulus_from_hardness(shore_a: float) -> HardnessModulus:
 
 
 def modulus_by_gent(shore_a: float) -> float:
-    """Young's modulus by Gent (1958): E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa [Pa].
+    """Compute Young's modulus by Gent (1958): E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa [Pa].
 
     Args:
-        shore_a: S [Shore A].
+        shore_a: Hardness S [Shore A].
     """
     return 1e6 * 0.0981 * (56 + 7.62336 * shore_a) / (0.137505 * (254 - 2.54 * shore_a))
 
 
 def modulus_by_qi(shore_a: float) -> float:
-    """Young's modulus by Qi, Joyce and Boyce (2003): log10 E = 0.0235 S - 0.6403 with E in MPa [Pa].
+    """Compute Young's modulus by Qi, Joyce and Boyce (2003): log10 E = 0.0235 S - 0.6403 with E in MPa [Pa].
 
     Args:
-        shore_a: S [Shore A].
+        shore_a: Hardness S [Shore A].
     """
     return float(1e6 * 10 ** (0.0235 * shore_a - 0.6403))

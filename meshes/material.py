@@ -1,6 +1,6 @@
-"""Elastic materials: the name of a model, and the model's parameters.
+"""Elastic materials: the name of a material model, and the model's parameters.
 
-The stored energies of the models are in `fem_reference`.
+The strain energy functions of the models are in `fem_reference`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Parameters of each model, with their units ("Pa" or "-").
+#: Parameters of each material model, with their units ("Pa" or "-").
 MODELS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "linear-elastic": {"youngs_modulus": "Pa"},
@@ -21,10 +21,11 @@ MODELS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     }
 )
 
-#: Models that are a sum of any number of terms; each of their parameters has one number per term.
+#: Material models whose strain energy is a sum of any number of terms; each parameter of such a model has one number
+#: per term.
 SERIES_MODELS = frozenset({"ogden"})
 
-#: Value of a parameter: one number, or one per term.
+#: Value of a material parameter: one number, or one number per term of the strain energy.
 Value = float | tuple[float, ...]
 
 
@@ -34,14 +35,14 @@ class Material:
 
     Attributes:
         name: Name in reports.
-        model: One of `MODELS`.
+        model: Name of the material model, a key of `MODELS`.
         parameters: Parameters of the model, in the units of `MODELS`; for a model of `SERIES_MODELS`, one number or a
-            sequence of one per term.  The Ogden energy is the sum over the terms of
+            sequence of one number per term.  The Ogden strain energy per volume is the sum over the terms of
             2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), with the principal stretches l1, l2, l3.
         poisson_ratio: Poisson ratio at small strain, 0..0.5 [-].
-        source: Origin of the numbers, for reports.
-        spread: Half-width of the range of Young's modulus among sources, over the modulus: 0.5 for +-50 % [-].
-        poisson_spread: Half-width of the range of the Poisson ratio among sources [-].
+        source: Origin of the parameters, for reports.
+        spread: Half-width of the range of Young's modulus in the literature, over the modulus: 0.5 for +-50 % [-].
+        poisson_spread: Half-width of the range of the Poisson ratio in the literature [-].
     """
 
     name: str
@@ -53,7 +54,7 @@ class Material:
     poisson_spread: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check the model and its parameters, and store the parameters as floats.
 
         Raises:
             ValueError: If the model is unknown, a parameter is missing, unknown or not a finite number, the parameters
@@ -80,10 +81,10 @@ class Material:
             raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
 
     def number(self, parameter: str) -> float:
-        """Value of a parameter that is one number.
+        """Return the value of a parameter that is one number, in the unit of `MODELS`.
 
         Raises:
-            TypeError: If it has terms.
+            TypeError: If the parameter has one number per term.
         """
         value = self.parameters[parameter]
         if isinstance(value, tuple):
@@ -91,7 +92,7 @@ class Material:
         return value
 
     def terms(self, parameter: str) -> tuple[float, ...]:
-        """Numbers of a parameter, one per term; a single one for models without terms."""
+        """Return the numbers of a parameter, one per term; for models without terms, a tuple of one number."""
         value = self.parameters[parameter]
         return value if isinstance(value, tuple) else (value,)
 
@@ -127,10 +128,10 @@ class Material:
         return self.model == "linear-elastic"
 
     def _check_terms(self) -> None:
-        """Check that all parameters have the same number of terms, and that no exponent is zero.
+        """Check that all parameters have the same number of terms, and that no exponent alpha is zero.
 
         Raises:
-            ValueError: If they do not, or one is.
+            ValueError: If the numbers of terms differ, or an exponent alpha is zero.
         """
         counts = {name: len(self.terms(name)) for name in self.parameters}
         if len(set(counts.values())) > 1 or not all(counts.values()):
@@ -141,7 +142,7 @@ class Material:
 
 
 class _Parameters(Mapping[str, Value]):
-    """Read-only parameters; unlike a mapping proxy they can be hashed, copied and sent to another process."""
+    """A read-only mapping of a material's parameters that, unlike `MappingProxyType`, can be hashed and pickled."""
 
     def __init__(self, values: Mapping[str, Value]) -> None:
         self._values = dict(values)
@@ -163,10 +164,14 @@ class _Parameters(Mapping[str, Value]):
 
 
 def _read_number(label: str, value: object) -> float:
-    """A finite number.
+    """Convert the value of a parameter to a finite float.
+
+    Args:
+        label: Name of the parameter in an error message.
+        value: The value as given.
 
     Raises:
-        ValueError: If the value is none.
+        ValueError: If the value is not a finite number.
     """
     try:
         number = float(value)  # type: ignore[arg-type]

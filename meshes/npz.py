@@ -1,4 +1,4 @@
-"""Arrays packed as the bytes of an npz file."""
+"""Packing of numpy arrays into the bytes of an npz file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 
 def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
-    """Pack arrays as npz; equal arrays of equal names give equal bytes, whatever their order and the time of day.
+    """Return the bytes of an npz file of arrays; they depend on names and values only, not on order or time of day.
 
     Args:
         arrays: Arrays by name, of any shape.
@@ -24,6 +24,6 @@ def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
         for name, values in sorted(arrays.items()):
             content = io.BytesIO()
             np.lib.format.write_array(content, np.asarray(values, order="C"), allow_pickle=False)
-            # a ZipInfo made by hand carries a fixed date, where `ZipFile.writestr` by name would take the clock's
+            # A ZipInfo made here has a fixed date; given a name, `ZipFile.writestr` would store the present time.
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content.getbuffer(), zipfile.ZIP_DEFLATED)
     return packed.getvalue()

@@ -11,17 +11,17 @@ from meshes.array import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Largest difference of a yaw from a multiple of a quarter turn that counts as rounding, in quarter turns [-].
+#: Largest difference between a yaw and a multiple of 90 degrees that counts as rounding, over 90 degrees [-].
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarPose:
-    """Position of the indenter's axis in the array's frame, and rotation of the indenter about it.
+    """Position of an indenter's vertical axis in the array's frame, and rotation of the indenter about this axis.
 
     Attributes:
-        at: Position (x, y) of the axis in the array's frame [m].
-        yaw: Rotation about the axis, counterclockwise as seen from above [rad].
+        at: Position (x, y) of the indenter's axis in the array's frame [m].
+        yaw: Rotation of the indenter about its axis, counterclockwise as seen from above [rad].
     """
 
     at: tuple[float, float] = (0.0, 0.0)
@@ -35,36 +35,36 @@ class PlanarPose:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Cosine and sine of the yaw; without rounding for quarter turns, so that mirrored poses remain mirror images.
+        """Direction of the indenter's x axis in the array's frame: cosine and sine of the yaw [-].
 
-        It is the direction of the indenter's x axis in the array's frame.
+        For multiples of 90 degrees the values are exact, so that mirrored poses remain mirror images.
         """
         if self.is_aligned:
             return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(2 * self.yaw / np.pi) % 4]
         return float(np.cos(self.yaw)), float(np.sin(self.yaw))
 
     def to_array(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transform points from the indenter's frame to the array's.
+        """Transform points from the indenter's frame to the array's frame.
 
         Args:
-            x: Positions in the indenter's frame, any shape [m].
-            y: Positions of the same shape [m].
+            x: x coordinates in the indenter's frame, any shape [m].
+            y: y coordinates in the indenter's frame, same shape [m].
 
         Returns:
-            Positions x and y in the array's frame, each of the same shape [m].
+            x and y coordinates in the array's frame, each of the same shape [m].
         """
         c, s = self.direction
         return self.at[0] + c * x - s * y, self.at[1] + s * x + c * y
 
     def to_indenter(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transform points from the array's frame to the indenter's; the inverse of `to_array`.
+        """Transform points from the array's frame to the indenter's frame; the inverse of `to_array`.
 
         Args:
-            x: Positions in the array's frame, any shape [m].
-            y: Positions of the same shape [m].
+            x: x coordinates in the array's frame, any shape [m].
+            y: y coordinates in the array's frame, same shape [m].
 
         Returns:
-            Positions x and y in the indenter's frame, each of the same shape [m].
+            x and y coordinates in the indenter's frame, each of the same shape [m].
         """
         c, s = self.direction
         x, y = x - self.at[0], y - self.at[1]
@@ -73,10 +73,10 @@ class PlanarPose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Place:
-    """An array and the pose of an indenter over it.
+    """A texel array and the pose of an indenter over the array.
 
     Attributes:
-        array: The texels.
+        array: The texel array.
         pose: Pose of the indenter in the array's frame.
     """
 

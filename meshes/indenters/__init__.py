@@ -1,1 +1,1 @@
-"""Rigid indenters, one family of shapes per file. Each shape is defined once and serves both models."""
+"""Rigid indenters that press on a cover, one shape or family of shapes per file."""

@@ -1,4 +1,4 @@
-"""A box."""
+"""Indenter in the shape of a box."""
 
 from __future__ import annotations
 
@@ -30,28 +30,31 @@ class Box(FlatPunch):
         """Check the edges.
 
         Raises:
-            ValueError: If a length is not positive.
+            ValueError: If an edge length is not positive.
         """
         require_positive(self, *self.size)
 
     @property
     def mirror_symmetry(self) -> tuple[bool, bool]:
-        """Always true in both planes."""
+        """Symmetry about the planes x = 0 and y = 0: always true."""
         return (True, True)
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Half the edge lengths along x and y [m]."""
+        """Half the edge lengths of the box along x and y [m]."""
         return (self.size[0] / 2, self.size[1] / 2)
 
     def signed_distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the rectangle's outline, positive inside [m]."""
+        """Return the distance of points from the rectangular outline, positive inside and negative outside [m]."""
         dx, dy = np.abs(x) - self.size[0] / 2, np.abs(y) - self.size[1] / 2
         outside = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0))
         return np.asarray(-outside - np.minimum(np.maximum(dx, dy), 0))
 
     def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the rectangle that is smaller by the inset on each side; zero on it [m].
+        """Return the distance of points from the rectangle that is smaller by the inset on each side.
+
+        Returns:
+            Distances, zero inside the smaller rectangle, shape of `x` and `y` [m].
 
         Raises:
             ValueError: If the inset is not smaller than half the shorter edge.
@@ -61,6 +64,6 @@ class Box(FlatPunch):
         return np.asarray(np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)))
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """One box."""
+        """Return one box."""
         half = (self.size[0] / 2, self.size[1] / 2, self.size[2] / 2)
         return (Primitive(kind="box", size=half, position=(0, 0, half[2])),)

@@ -1,4 +1,4 @@
-"""A cone."""
+"""Indenter in the shape of a cone."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from meshes.indenters.indenter import AxisymmetricIndenter, FloatArray, Primitive, quantity_field
 
-#: Sides of the pyramid that replaces the cone in the fast model: its edges lie on the cone, and the middles of its
-#: faces up to 1 / cos(pi / 96) - 1 = 0.05 % higher [-].
+#: Number of sides of the pyramid that replaces the cone in the fast model.  The edges of the pyramid lie on the cone;
+#: the middles of its faces are up to 1 / cos(pi / 96) - 1 = 0.05 % higher [-].
 _SIDES = 96
 
 
@@ -18,8 +18,8 @@ class Cone(AxisymmetricIndenter):
     """A cone standing on its tip.
 
     Attributes:
-        angle: Full angle at the tip [rad].
-        radius: Radius of its upper end [m].
+        angle: Angle at the tip, between opposite sides of the cone [rad].
+        radius: Radius of the cone's upper end [m].
     """
 
     angle: float = quantity_field("angle")
@@ -35,12 +35,15 @@ class Cone(AxisymmetricIndenter):
             raise ValueError(f"Cone needs an angle between 0 and 180 degrees, not {np.degrees(self.angle):g}")
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the axis over tan(angle / 2), within the radius [m]."""
+        """Return the height of the cone over its tip, r / tan(angle / 2) at distance r from the axis [m].
+
+        Beyond the radius of the upper end the height is inf.
+        """
         r = np.hypot(x, y)
         return np.where(r <= self.radius, r / np.tan(self.angle / 2), np.inf)
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """A pyramid of `_SIDES` sides with a prism as tall as the radius on it."""
+        """Return one hull: a pyramid of `_SIDES` sides on its tip, and on the pyramid a prism as tall as the radius."""
         turn = np.arange(_SIDES) * 2 * np.pi / _SIDES
         height = self.radius / np.tan(self.angle / 2)
         rim = [(float(self.radius * np.cos(t)), float(self.radius * np.sin(t))) for t in turn]

@@ -1,4 +1,4 @@
-"""Convex polygons that tile an outline."""
+"""Splitting of the outline of a flat face into convex polygons."""
 
 from __future__ import annotations
 
@@ -9,30 +9,31 @@ import numpy as np
 
 from meshes.indenters.polygons import FloatArray, Polygon, cross, list_sides
 
-#: Length below which two points coincide, over the size of the outline: rounding in double precision [-].
+#: Distance below which two points count as equal, over the longer edge of the outline's bounding rectangle: rounding in
+#: double precision [-].
 _COINCIDENT = 1e-9
-#: Height difference below which two corners are level, over the size of the outline: coordinates that were stored in
-#: single precision differ by up to this much [-].
+#: Difference of y below which two corners count as equally high, over the longer edge of the outline's bounding
+#: rectangle: coordinates stored in single precision differ by up to this much [-].
 _LEVEL = 1e-6
-#: Twice the area of a triangle of three neighbouring corners below which they lie on a straight line, over the square
-#: of the outline's size [-].
+#: Twice the area of the triangle of three neighbouring corners, below which the corners count as lying on a straight
+#: line, over the square of the longer edge of the outline's bounding rectangle [-].
 _STRAIGHT = 1e-12
-#: Number of sides, the longest ones, along which slabs are tried [-].
+#: Number of sides, the longest ones, whose directions are tried for the parallel lines that cut the outline [-].
 _MOST_DIRECTIONS = 8
 
 
 def split_into_convex_parts(polygons: Sequence[Polygon]) -> list[FloatArray]:
-    """Split the set of points inside an odd number of polygons into convex polygons.
+    """Split a flat face, the set of points inside an odd number of polygons, into convex polygons.
 
-    Parallel lines through all corners cut the outline into slabs, and each slab into trapezoids.  Trapezoids of
-    neighbouring slabs that are convex together are merged.  Lines along each of the longest sides are tried; the
+    Parallel lines through all corners cut the face into slabs, which consist of trapezoids.  Trapezoids of neighbouring
+    slabs are merged if their union is convex.  Lines parallel to x and to each of the longest sides are tried; the
     direction that gives the fewest parts is taken.
 
     Args:
         polygons: Simple polygons that do not cross one another [m].
 
     Returns:
-        Corners of each part, counterclockwise, shape (k, 2) [m].
+        Corners of each convex part, counterclockwise, shape (k, 2) for k corners [m].
     """
     sides = list_sides(polygons)
     along = sides[:, 1] - sides[:, 0]
@@ -48,9 +49,15 @@ def split_into_convex_parts(polygons: Sequence[Polygon]) -> list[FloatArray]:
 
 
 def _split_along_x(sides: FloatArray) -> list[FloatArray]:
-    """Split what sides (n, 2, 2) enclose into convex polygons, by lines along x.
+    """Split the face that n sides enclose into convex polygons, by lines parallel to x through all corners.
 
-    A part is a list of rows (left x, right x, y), from its lowest to its highest.
+    While a part is made, it is a list of rows (left x, right x, y), ordered by ascending y.
+
+    Args:
+        sides: First and last point (x, y) of each side, shape (n, 2, 2) [m].
+
+    Returns:
+        Corners of each convex part, counterclockwise, shape (k, 2) for k corners [m].
     """
     size = float(np.ptp(sides, axis=(0, 1)).max())
     upward = np.take_along_axis(sides, np.argsort(sides[..., 1], axis=1)[..., None], axis=1)
@@ -73,7 +80,7 @@ def _split_along_x(sides: FloatArray) -> list[FloatArray]:
 
 
 def _list_levels(sides: FloatArray, size: float) -> list[float]:
-    """Heights of all corners, ascending; of corners that are level, the lowest [m]."""
+    """List the y coordinates of all corners, ascending; of corners that are equally high, only the lowest [m]."""
     levels: list[float] = []
     for y in np.unique(sides[..., 1]).tolist():
         if not levels or y > levels[-1] + _LEVEL * size:
@@ -82,19 +89,32 @@ def _list_levels(sides: FloatArray, size: float) -> list[float]:
 
 
 def _intersect(upward: FloatArray, y: float) -> FloatArray:
-    """Where sides that cross a slab meet a line along x, its top or bottom [m]."""
+    """Return the x at which sides that cross a slab meet its upper or lower border, a line of constant y [m].
+
+    Args:
+        upward: Lower and upper end (x, y) of each side, shape (n, 2, 2) [m].
+        y: The border's y [m].
+    """
     (ax, ay), (bx, by) = upward[:, 0].T, upward[:, 1].T
     share = np.clip((y - ay) / (by - ay), 0, 1)
     return np.asarray(ax + share * (bx - ax))
 
 
 def _extends(part: list[FloatArray], bottom: FloatArray, top: FloatArray, size: float) -> bool:
-    """Whether a trapezoid has the top of a part as its bottom, and is convex together with the part."""
+    """Return whether a trapezoid stands on the upper edge of a part, and the union of the two is convex.
+
+    Args:
+        part: Rows (left x, right x, y) of the part, by ascending y [m].
+        bottom: Lower row (left x, right x, y) of the trapezoid [m].
+        top: Upper row of the trapezoid [m].
+        size: Longer edge of the outline's bounding rectangle [m].
+    """
     rows = np.array(part)
     if np.abs(rows[-1] - bottom).max() > _COINCIDENT * size:
         return False
-    # The new ends must not lie outside the continuation of any side below.  Comparing with the last side alone is not
-    # enough: where slabs are thin, each turn is within rounding, but not their sum.
+    # The ends of the trapezoid's upper edge must not lie outside the straight continuation of any side of the part.
+    # Comparison with the uppermost side alone is not enough: where slabs are thin, the change of direction from one
+    # slab to the next is within rounding, but the sum of many changes is not.
     rise = np.diff(rows, axis=0)
     outside = top[:2] - rows[1:, :2] - rise[:, :2] / rise[:, 2:] * (top[2] - rows[1:, 2:])
     slack = _LEVEL * size
@@ -102,7 +122,15 @@ def _extends(part: list[FloatArray], bottom: FloatArray, top: FloatArray, size: 
 
 
 def _list_corners(part: list[FloatArray], size: float) -> FloatArray:
-    """Corners of a part, counterclockwise, without equal ones and without those on straight sides."""
+    """Return the corners of a part, counterclockwise, without duplicates and without corners on straight sides.
+
+    Args:
+        part: Rows (left x, right x, y) of the part, by ascending y [m].
+        size: Longer edge of the outline's bounding rectangle [m].
+
+    Returns:
+        Corners (x, y), shape (k, 2) [m].
+    """
     rows = np.array(part)
     ring = np.concatenate([rows[:, [1, 2]], rows[::-1, [0, 2]]])
     ring = ring[np.hypot(*(ring - np.roll(ring, 1, axis=0)).T) > _COINCIDENT * size]

@@ -1,8 +1,9 @@
-"""Base classes of rigid indenters; each shape has a file of its own in this folder.
+"""Base classes of rigid indenters, the bodies that press on a cover; each shape has a file of its own in this folder.
 
-A shape is defined once and serves both models.  The reference model reads `gap`, the height of the lower surface.  The
-fast model reads `primitives`, convex solids that become geoms of a MuJoCo model.  In the indenter's frame the origin
-lies on the axis, at the height of the lowest point, and z points away from the cover.
+A shape is defined once and serves two models.  The finite-element model (`fem_reference`) reads `gap`, the height of
+the indenter's lower surface.  The fast model (`fastmodel`) reads `primitives`, convex solids that become geoms of a
+MuJoCo model.  In the indenter's frame the origin lies on the indenter's axis, at the height of its lowest point, and z
+points away from the cover.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive:
-    """A convex solid in the indenter's frame.
+    """A convex solid, one part of an indenter, in the indenter's frame.
 
     Attributes:
         kind: Kind of solid; a hull is the convex hull of its vertices.
-        size: Sphere: (radius,); cylinder and capsule: (radius, half length), along z; box: half edge lengths
-            (x, y, z); hull: empty [m].
-        vertices: Vertices of a hull, shape (n, 3); empty for other kinds [m].
-        position: Centre of the solid; of a hull, the origin of its vertices [m].
-        quaternion: Orientation, scalar first [-].
+        size: Sphere: (radius,); cylinder and capsule: (radius, half length along the axis, which is z); box: half
+            edge lengths (x, y, z); hull: empty [m].
+        vertices: Vertices (x, y, z) of a hull, shape (n, 3); empty for other kinds [m].
+        position: Centre of the solid in the indenter's frame; for a hull, the origin of its vertices [m].
+        quaternion: Orientation of the solid in the indenter's frame, a unit quaternion with the scalar first [-].
     """
 
     kind: Literal["sphere", "cylinder", "capsule", "box", "hull"]
@@ -45,34 +46,34 @@ class Indenter(ABC):
 
     @property
     def is_flat(self) -> bool:
-        """Whether the lower surface is a plane, so that its outline bounds the contact."""
+        """Whether the lower surface is a plane, so that its outline bounds the area of contact."""
         return False
 
     @property
     @abstractmethod
     def mirror_symmetry(self) -> tuple[bool, bool]:
-        """Whether the lower surface is its own mirror image in the plane x = 0, and in the plane y = 0."""
+        """Whether the lower surface is symmetric about the plane x = 0, and whether about the plane y = 0."""
 
     @property
     @abstractmethod
     def footprint(self) -> tuple[float, float]:
-        """Half widths, along x and y, of the rectangle around the axis that holds every point of finite gap [m]."""
+        """Half edge lengths along x and y of the rectangle, centred on the axis, that bounds the shape in plan [m]."""
 
     @abstractmethod
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height of the lower surface over the plane through its lowest point; inf beside the shape.
+        """Return the height of the lower surface over the horizontal plane through its lowest point.
 
         Args:
-            x: Positions in the indenter's frame, any shape [m].
-            y: Positions of the same shape [m].
+            x: x coordinates in the indenter's frame, any shape [m].
+            y: y coordinates in the indenter's frame, same shape [m].
 
         Returns:
-            Heights of the same shape [m].
+            Heights, inf at points beside the indenter, same shape [m].
         """
 
     @abstractmethod
     def primitives(self) -> tuple[Primitive, ...]:
-        """Convex solids whose union has the indenter's lower surface."""
+        """Return convex solids whose union has the indenter's lower surface."""
 
 
 class FlatPunch(Indenter):
@@ -80,50 +81,59 @@ class FlatPunch(Indenter):
 
     @property
     def is_flat(self) -> bool:
-        """Always true."""
+        """Whether the lower surface is a plane: always true for a flat punch."""
         return True
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Zero inside the outline and on it, inf outside [m]."""
+        """Return the height of the lower surface: zero inside the outline and on it, inf outside [m]."""
         return np.where(self.signed_distance(x, y) >= 0, 0.0, np.inf)
 
     @abstractmethod
     def signed_distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the outline, positive inside and negative outside.
+        """Return the distance of points from the outline of the face, positive inside and negative outside.
 
         Args:
-            x: Positions in the indenter's frame, any shape [m].
-            y: Positions of the same shape [m].
+            x: x coordinates in the indenter's frame, any shape [m].
+            y: y coordinates in the indenter's frame, same shape [m].
 
         Returns:
-            Distances of the same shape [m].
+            Signed distances, same shape [m].
         """
 
     @abstractmethod
     def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance from the points of the face that lie deeper inside the outline than an inset; zero on them.
+        """Return the distance of points from a smaller face, which lies deeper inside the outline than an inset.
 
         Args:
-            inset: Least depth inside the outline [m].
-            x: Positions in the indenter's frame, any shape [m].
-            y: Positions of the same shape [m].
+            inset: Distance from the outline to the smaller face inside it [m].
+            x: x coordinates in the indenter's frame, any shape [m].
+            y: y coordinates in the indenter's frame, same shape [m].
 
         Returns:
-            Distances of the same shape [m].
+            Distances from the smaller face, zero inside it, same shape [m].
 
         Raises:
-            ValueError: If no point lies that deep inside.
+            ValueError: If no point lies deeper inside the outline than the inset.
         """
 
 
 def quantity_field(quantity: Literal["length", "angle"], **options: Any) -> Any:  # noqa: ANN401 -- as `field`
-    """Make a dataclass field whose metadata names the quantity that it holds, so that it can be read from text."""
+    """Make a dataclass field whose metadata names its quantity, so that its value can be parsed from text with a unit.
+
+    Args:
+        quantity: Quantity of the field's value.
+        options: Further arguments of `dataclasses.field`.
+    """
     return field(metadata={"quantity": quantity}, **options)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AxisymmetricIndenter(Indenter):
-    """An indenter whose surface is one of revolution; `radius` is its largest [m]."""
+    """An indenter whose surface is a surface of revolution.
+
+    Attributes:
+        radius: Largest distance of the surface from the axis [m].
+    """
 
     axisymmetric: ClassVar[bool] = True
     radius: float = quantity_field("length")
@@ -132,40 +142,44 @@ class AxisymmetricIndenter(Indenter):
         """Check the radius.
 
         Raises:
-            ValueError: If it is not positive.
+            ValueError: If the radius is not positive.
         """
         require_positive(self, self.radius)
 
     @property
     def mirror_symmetry(self) -> tuple[bool, bool]:
-        """Always true in both planes."""
+        """Symmetry about the planes x = 0 and y = 0: always true."""
         return (True, True)
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """The radius, along x and y [m]."""
+        """Half edge lengths along x and y of the square that bounds the shape in plan: the radius [m]."""
         return (self.radius, self.radius)
 
 
 def require_positive(shape: object, *lengths: float) -> None:
     """Check that lengths of a shape are finite and positive.
 
+    Args:
+        shape: The shape, whose class name appears in the error message.
+        lengths: Lengths to check [m].
+
     Raises:
-        ValueError: If one is not.
+        ValueError: If a length is not finite or not positive.
     """
     if not all(np.isfinite(length) and length > 0 for length in lengths):
         raise ValueError(f"{type(shape).__name__} needs positive lengths, not {lengths}")
 
 
 def require_remainder(inset: float, greatest_depth: float) -> None:
-    """Check that points of a face lie deeper inside its outline than an inset.
+    """Check that something remains of a flat face when its outline is moved inwards by an inset.
 
     Args:
-        inset: Depth inside the outline [m].
-        greatest_depth: Depth of the point that lies deepest inside [m].
+        inset: Distance by which the outline is moved inwards [m].
+        greatest_depth: Greatest distance of a point of the face from the outline [m].
 
     Raises:
-        ValueError: If none does.
+        ValueError: If nothing remains of the face.
     """
     if not inset < greatest_depth:
         raise ValueError(

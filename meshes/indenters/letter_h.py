@@ -1,4 +1,4 @@
-"""A block in the shape of the letter H."""
+"""Indenter in the shape of the letter H."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class LetterH(PolygonalPunch):
         """Check the lengths.
 
         Raises:
-            ValueError: If one is not positive, or the bars fill the whole rectangle.
+            ValueError: If a length is not positive, or the bar is so wide that the letter fills its whole rectangle.
         """
         require_positive(self, *self.size, self.bar)
         if not (2 * self.bar < self.size[0] and self.bar < self.size[1]):
@@ -35,7 +35,7 @@ class LetterH(PolygonalPunch):
 
     @property
     def polygons(self) -> tuple[Polygon]:
-        """The letter's outline, counterclockwise [m]."""
+        """Outline of the letter, one polygon, counterclockwise [m]."""
         half_x, half_y = self.size[0] / 2, self.size[1] / 2
         leg, bar = half_x - self.bar, self.bar / 2
         quarter = [(half_x, half_y), (leg, half_y), (leg, bar)]
@@ -43,7 +43,7 @@ class LetterH(PolygonalPunch):
         return (half + [(-x, -y) for x, y in half],)
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """Three boxes, as tall as the legs are long."""
+        """Return three boxes, two legs and the bar, as tall as the legs are long."""
         half_x, half_y = self.size[0] / 2, self.size[1] / 2
         bar = self.bar / 2
         parts = ((bar, half_y, half_x - bar), (bar, half_y, bar - half_x), (half_x - self.bar, bar, 0.0))

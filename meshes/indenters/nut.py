@@ -1,4 +1,4 @@
-"""A hexagonal nut."""
+"""Indenter in the shape of a hexagonal nut."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from meshes.indenters.indenter import Primitive, quantity_field, require_positiv
 from meshes.indenters.polygonal_punch import PolygonalPunch
 from meshes.indenters.polygons import Polygon, make_hexagon
 
-#: Height of the nut over its width across flats; only the lower face touches [-].
+#: Height of the nut over its width across flats, about that of standard nuts; only the lower face touches the cover
+#: [-].
 _HEIGHT = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
 class Nut(PolygonalPunch):
-    """A hexagonal nut lying flat, with two of its flats facing along x.
+    """A hexagonal nut lying flat, with two of its six side faces perpendicular to x.
 
-    The bore is replaced by a hexagon of the same area, so that six convex prisms make up the nut exactly.
+    The round bore is replaced by a hexagon of the same area, so that six convex prisms make up the nut exactly.
 
     Attributes:
-        across: Width across flats [m].
+        across: Width across flats, the distance between opposite side faces [m].
         bore: Diameter of the round bore [m].
     """
 
@@ -32,7 +33,7 @@ class Nut(PolygonalPunch):
         """Check the lengths.
 
         Raises:
-            ValueError: If one is not positive, or the bore is too wide to leave a wall.
+            ValueError: If a length is not positive, or the bore is so wide that no wall is left.
         """
         require_positive(self, self.across, self.bore)
         if not match_hexagon(self.bore) < self.across:
@@ -40,11 +41,11 @@ class Nut(PolygonalPunch):
 
     @property
     def polygons(self) -> tuple[Polygon, ...]:
-        """The outer hexagon and that of the bore [m]."""
+        """Outer hexagon, and the hexagon that replaces the bore [m]."""
         return (make_hexagon(self.across), make_hexagon(match_hexagon(self.bore)))
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """Six prisms, one at each flat."""
+        """Return six convex prisms, one at each side face of the nut."""
         outer, inner = self.polygons
         sectors = [(outer[k], outer[k - 1], inner[k], inner[k - 1]) for k in range(6)]
         return tuple(
@@ -54,9 +55,9 @@ class Nut(PolygonalPunch):
 
 
 def match_hexagon(diameter: float) -> float:
-    """Width across flats w of the hexagon that has a circle's area: sqrt(3) / 2 w^2 = pi / 4 d^2 [m].
+    """Compute the width across flats w of the hexagon that has the area of a circle: sqrt(3) / 2 w^2 = pi / 4 d^2 [m].
 
     Args:
-        diameter: d [m].
+        diameter: Diameter d of the circle [m].
     """
     return diameter * float(np.sqrt(np.pi / (2 * np.sqrt(3))))

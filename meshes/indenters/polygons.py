@@ -1,7 +1,7 @@
-"""Outlines made of closed polygons: distances from them, and checks of a single polygon.
+"""Outlines of flat faces, made of closed polygons: distances of points from an outline, and checks of a polygon.
 
-One polygon bounds a face; further ones bound holes in it, or other pieces of it.  A point is inside when it lies inside
-an odd number of polygons.
+One polygon bounds a face; further polygons bound holes in the face, or other pieces of the face.  A point is inside the
+outline when it lies inside an odd number of polygons.
 """
 
 from __future__ import annotations
@@ -15,35 +15,37 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Corner = tuple[float, float]
-#: Corners (x, y) of a closed polygon, in order; the last one is joined to the first.
+#: Corners (x, y) of a closed polygon, in order; a side joins the last corner to the first.
 Polygon = Sequence[Corner]
 
-#: Length below which two points coincide, over the size of the polygon: rounding in double precision [-].
+#: Distance below which two points count as equal, over the longer edge of the polygon's bounding rectangle: rounding in
+#: double precision [-].
 _COINCIDENT = 1e-9
-#: Segments of a full circle in the arcs of an inset outline: they miss the circle by 0.12 % of its radius [-].
+#: Number of straight segments that replace a full circle in the arcs of an inset outline: their distance from the
+#: circle is at most 0.12 % of the radius [-].
 _ARC_SEGMENTS = 64
 
 
 def make_hexagon(across: float) -> list[Corner]:
-    """Make a regular hexagon around the origin with two of its sides facing along x, counterclockwise [m].
+    """Make the corners of a regular hexagon around the origin, counterclockwise, with two sides parallel to y [m].
 
     Args:
-        across: Distance between opposite sides [m].
+        across: Distance between opposite sides of the hexagon [m].
     """
     turn = np.pi / 6 + np.arange(6) * np.pi / 3
     return [(float(across / np.sqrt(3) * np.cos(t)), float(across / np.sqrt(3) * np.sin(t))) for t in turn]
 
 
 def compute_signed_distance(polygons: Sequence[Polygon], x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distance from the nearest side of all polygons, positive inside, negative outside.
+    """Compute the distance of points from the nearest side of an outline, positive inside and negative outside.
 
     Args:
-        polygons: Closed polygons [m].
-        x: Positions, any shape [m].
-        y: Positions of the same shape [m].
+        polygons: Closed polygons of the outline [m].
+        x: x coordinates of the points, any shape [m].
+        y: y coordinates of the points, same shape [m].
 
     Returns:
-        Distances of the same shape [m].
+        Signed distances, same shape [m].
     """
     nearest = np.full(np.broadcast(x, y).shape, np.inf)
     inside = np.zeros(nearest.shape, dtype=bool)
@@ -51,27 +53,28 @@ def compute_signed_distance(polygons: Sequence[Polygon], x: FloatArray, y: Float
         dx, dy = bx - ax, by - ay
         along = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx**2 + dy**2), 0, 1)
         nearest = np.minimum(nearest, np.hypot(x - ax - along * dx, y - ay - along * dy))
-        if dy:  # a ray from the point along +x that crosses the side changes between inside and outside
+        # A ray from the point along +x passes between inside and outside wherever it crosses a side.
+        if dy:
             inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * dx / dy)
     return np.where(inside | (nearest == 0), nearest, -nearest)
 
 
 def compute_distance_from_inset(polygons: Sequence[Polygon], inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distance from the points that lie deeper inside than an inset; zero on them.
+    """Compute the distance of points from the region that lies deeper inside an outline than an inset.
 
-    Beyond a convex corner it is the distance from one point, so that its gradient is continuous there.
+    Outside a convex corner the distance is measured from a single point, so that its gradient is continuous there.
 
     Args:
-        polygons: Closed polygons [m].
-        inset: Least depth inside [m].
-        x: Positions, any shape [m].
-        y: Positions of the same shape [m].
+        polygons: Closed polygons of the outline [m].
+        inset: Distance from the outline to the region inside it [m].
+        x: x coordinates of the points, any shape [m].
+        y: y coordinates of the points, same shape [m].
 
     Returns:
-        Distances of the same shape [m].
+        Distances from the region, zero inside it, same shape [m].
 
     Raises:
-        ValueError: If no point lies that deep inside.
+        ValueError: If no point lies deeper inside the outline than the inset.
         ModuleNotFoundError: If manifold3d is not installed.
     """
     shrunk = _shrink(tuple(tuple((float(x), float(y)) for x, y in polygon) for polygon in polygons), inset)
@@ -80,10 +83,15 @@ def compute_distance_from_inset(polygons: Sequence[Polygon], inset: float, x: Fl
 
 @lru_cache(maxsize=32)
 def _shrink(polygons: tuple[tuple[Corner, ...], ...], inset: float) -> list[Polygon]:
-    """Outlines of the points that lie deeper inside than the inset."""
+    """Return the outline of the region that lies deeper inside polygons than an inset [m].
+
+    Raises:
+        ValueError: If no point lies deeper inside than the inset.
+    """
     import manifold3d
 
-    # manifold3d rounds coordinates to a fixed grid: lengths in insets are far above it
+    # manifold3d rounds coordinates to a grid of fixed spacing.  Coordinates are divided by the inset, so that they are
+    # of order one or larger, far above this spacing.
     section = manifold3d.CrossSection([np.array(each) / inset for each in polygons], manifold3d.FillRule.EvenOdd)
     section = section.offset(-1.0, manifold3d.JoinType.Round, circular_segments=_ARC_SEGMENTS)
     if section.is_empty():
@@ -92,12 +100,15 @@ def _shrink(polygons: tuple[tuple[Corner, ...], ...], inset: float) -> list[Poly
 
 
 def find_inside(polygons: Sequence[Polygon], x: FloatArray, y: FloatArray) -> BoolArray:
-    """Whether points lie inside or on an outline; much faster than the signed distance.
+    """Find out whether points lie inside or on an outline; much faster than `compute_signed_distance`.
 
     Args:
-        polygons: Closed polygons [m].
-        x: Positions, any shape [m].
-        y: Positions of a shape that broadcasts with it [m].
+        polygons: Closed polygons of the outline [m].
+        x: x coordinates of the points, any shape [m].
+        y: y coordinates of the points, of a shape that broadcasts with that of `x` [m].
+
+    Returns:
+        True for points inside or on the outline, in the broadcast shape.
     """
     x, y = np.broadcast_arrays(x, y)
     flat_x, flat_y = x.ravel(), y.ravel()
@@ -115,16 +126,16 @@ def find_inside(polygons: Sequence[Polygon], x: FloatArray, y: FloatArray) -> Bo
 
 
 def list_sides(polygons: Sequence[Polygon]) -> FloatArray:
-    """First and last point of every side of all polygons, shape (n, 2, 2) [m]."""
+    """Return the first and last point (x, y) of each of the n sides of all polygons, shape (n, 2, 2) [m]."""
     return np.concatenate([np.stack([each, np.roll(each, -1, axis=0)], axis=1) for each in polygons])
 
 
 def check_polygon(polygon: Polygon) -> None:
-    """Check that a polygon is simple; its corners may go either way round.
+    """Check that a polygon is simple; its corners may go clockwise or counterclockwise.
 
     Raises:
-        ValueError: If it has fewer than three corners or two equal ones, encloses no area, or crosses or touches
-            itself.
+        ValueError: If the polygon has fewer than three corners or two equal corners, encloses no area, or crosses or
+            touches itself.
     """
     if len(polygon) < 3:  # noqa: PLR2004 -- a triangle
         raise ValueError(f"a polygon needs three corners or more, not {len(polygon)}")
@@ -145,14 +156,22 @@ def check_polygon(polygon: Polygon) -> None:
 
 
 def _find_meeting_sides(corners: FloatArray, size: float) -> tuple[int, int] | None:
-    """Find two sides that share a point other than a corner between them."""
+    """Find two sides of a polygon that share a point other than the corner between neighbouring sides.
+
+    Args:
+        corners: Corners of the polygon, shape (n, 2) [m].
+        size: Longer edge of the polygon's bounding rectangle [m].
+
+    Returns:
+        Indices of the two sides; None if there are none.
+    """
     start, end = corners, np.roll(corners, -1, axis=0)
     n = len(corners)
     for k in range(n):
         a, b = start[k], end[k]
         ahead = end[(k + 1) % n] - b
         if abs(cross(b - a, ahead)) <= _COINCIDENT * size**2 and (b - a) @ ahead < 0:
-            return k, (k + 1) % n  # the next side runs back along this one
+            return k, (k + 1) % n  # side k + 1 runs back along side k
         others = np.arange(k + 2, n if k else n - 1)
         c, d = start[others], end[others]
         from_this = np.stack([cross(b - a, c - a), cross(b - a, d - a)]) / np.hypot(*(b - a))
@@ -167,11 +186,16 @@ def _find_meeting_sides(corners: FloatArray, size: float) -> tuple[int, int] | N
 
 
 def _are_separated(distances: FloatArray, size: float) -> BoolArray:
-    """Whether a line separates two points or goes through one, by their signed distances from it (2, n) [m]."""
+    """Return for n lines and pairs of points whether the line separates the points or goes through one of them.
+
+    Args:
+        distances: Signed distances of the two points from the line, shape (2, n) [m].
+        size: Length to which the tolerance of rounding is relative [m].
+    """
     on_line = np.abs(distances) <= _COINCIDENT * size
     return np.asarray((np.sign(distances[0]) != np.sign(distances[1])) | on_line.any(axis=0))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of vectors in the plane, shapes (..., 2)."""
+    """Compute the cross product a_x b_y - a_y b_x of vectors in the plane, shapes (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

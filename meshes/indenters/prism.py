@@ -1,4 +1,4 @@
-"""A prism of any outline, standing on its flat, sharp-edged face."""
+"""Indenter in the shape of a prism of any outline, which presses with its flat, sharp-edged face."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ Outline = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Prism(PolygonalPunch):
-    """A prism whose face is bounded by one polygon or several; its axis goes through the origin of their corners.
+    """A prism whose face is bounded by one or several polygons; its axis goes through the point (0, 0).
 
     Attributes:
-        points: Corners (x, y) of the outline, in either order, shape (n, 2) [m].
-        holes: Further outlines.  One inside the first bounds a hole; one beside it bounds another piece of the face.
-            Points inside an odd number of outlines are solid [m].
+        points: Corners (x, y) of the outer outline, clockwise or counterclockwise, shape (n, 2) [m].
+        holes: Further outlines, each a sequence of corners (x, y).  An outline inside the outer outline bounds a hole;
+            an outline beside it bounds another piece of the face.  Points inside an odd number of outlines are solid
+            [m].
     """
 
     points: Outline = field(metadata={"quantity": "points"})
@@ -31,7 +32,7 @@ class Prism(PolygonalPunch):
         """Check the outlines.
 
         Raises:
-            ValueError: If one is not a simple polygon, or the axis lies beside the shape.
+            ValueError: If an outline is not a simple polygon, or the axis lies outside the shape's bounding rectangle.
         """
         object.__setattr__(self, "points", _as_floats(self.points))
         object.__setattr__(self, "holes", tuple(_as_floats(hole) for hole in self.holes))
@@ -41,11 +42,11 @@ class Prism(PolygonalPunch):
 
     @property
     def polygons(self) -> tuple[Outline, ...]:
-        """All outlines [m]."""
+        """Outer outline and further outlines [m]."""
         return (self.points, *self.holes)
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """Convex prisms that tile it, as tall as its larger half width."""
+        """Return convex prisms that make up the prism, as tall as the larger half width of its footprint."""
         height = max(self.footprint)
         return tuple(
             Primitive(kind="hull", vertices=tuple((float(x), float(y), z) for z in (0.0, height) for x, y in part))
@@ -54,10 +55,13 @@ class Prism(PolygonalPunch):
 
 
 def require_axis_inside(points: FloatArray) -> None:
-    """Check that the axis, at the origin, lies within the bounding rectangle of points (n, 2).
+    """Check that the indenter's axis, at (0, 0), lies within the bounding rectangle of the shape.
+
+    Args:
+        points: Points (x, y) of the shape, shape (n, 2) [m].
 
     Raises:
-        ValueError: If it does not.
+        ValueError: If the axis lies outside the rectangle.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     if (low > 0).any() or (high < 0).any():

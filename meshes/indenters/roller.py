@@ -1,4 +1,4 @@
-"""A cylinder lying on its side."""
+"""Indenter in the shape of a cylinder lying on its side."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Roller(Indenter):
     """A cylinder lying on its side, along y.
 
     Attributes:
-        radius: Radius R [m].
-        length: Length along y [m].
+        radius: Radius R of the cylinder [m].
+        length: Length of the cylinder along y [m].
     """
 
     radius: float = quantity_field("length")
@@ -26,26 +26,26 @@ class Roller(Indenter):
         """Check the lengths.
 
         Raises:
-            ValueError: If one is not positive.
+            ValueError: If a length is not positive.
         """
         require_positive(self, self.radius, self.length)
 
     @property
     def mirror_symmetry(self) -> tuple[bool, bool]:
-        """Always true in both planes."""
+        """Symmetry about the planes x = 0 and y = 0: always true."""
         return (True, True)
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """The radius along x and half the length along y [m]."""
+        """Half edge lengths of the shape in plan: the radius along x and half the length along y [m]."""
         return (self.radius, self.length / 2)
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """R - sqrt(R^2 - x^2) within the radius and the length [m]."""
+        """Return the height of the lower surface, R - sqrt(R^2 - x^2); inf beyond the radius or the length [m]."""
         return np.where(np.abs(y) <= self.length / 2, spherical_gap(self.radius, x, 0.0), np.inf)
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """One cylinder, rotated by 90 degrees about x."""
+        """Return one cylinder, rotated by 90 degrees about x."""
         rotation = (float(np.sqrt(0.5)), float(np.sqrt(0.5)), 0.0, 0.0)
         size = (self.radius, self.length / 2)
         return (Primitive(kind="cylinder", size=size, position=(0, 0, self.radius), quaternion=rotation),)

@@ -1,4 +1,4 @@
-"""A rod with a hemispherical end."""
+"""Indenter in the shape of an upright rod with a hemispherical end."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class RoundedTip(AxisymmetricIndenter):
     radius: float = quantity_field("length", default=1e-3)
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """R - sqrt(R^2 - x^2 - y^2) within the radius [m]."""
+        """Return the height of the lower surface, R - sqrt(R^2 - x^2 - y^2); inf beyond the radius [m]."""
         return spherical_gap(self.radius, x, y)
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """One capsule, four diameters long."""
+        """Return one capsule, four diameters long."""
         half_length = 3 * self.radius
         position = (0, 0, self.radius + half_length)
         return (Primitive(kind="capsule", size=(self.radius, half_length), position=position),)

@@ -1,4 +1,4 @@
-"""A body bounded by any closed surface of triangles."""
+"""Indenter bounded by any closed surface of triangles."""
 
 from __future__ import annotations
 
@@ -12,33 +12,35 @@ from meshes.indenters.prism import require_axis_inside
 from meshes.surfaces.convex_hulls import split_into_hulls
 from meshes.surfaces.gap import TriangleGap, compute_volume, select_facing_down
 
-#: Volume, over the cube of the body's size, and height, over its size, that count as zero [-].
+#: Volume that counts as zero, over the cube of the largest edge of the body's bounding box, and height that counts as
+#: zero, over that edge: rounding in double precision [-].
 _ZERO = 1e-9
-#: Points along x and y at which the gap is compared with its mirror image [-].
+#: Number of grid points along x and along y at which the gap is compared with its mirror image [-].
 _SYMMETRY_POINTS = 61
-#: Largest difference between the gap and its mirror image for the body to count as symmetric: what the single
-#: precision of STL files leaves, over the larger half width [-], and rounding in double precision [m].
+#: Largest difference between the gap and its mirror image for the body to count as symmetric, the sum of two parts:
+#: rounding in STL files, which have single precision, over the larger half width of the body [-], and rounding in
+#: double precision [m].
 _RELATIVE_TOLERANCE, _TOLERANCE = 1e-6, 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TriangleMesh(Indenter):
-    """A body bounded by triangles, with its lowest point at z = 0 and its axis through the origin.
+    """A body bounded by n triangles, with its lowest point at z = 0 and its axis through the origin.
 
-    Two bodies are equal when their triangles are, whatever files they came from.
+    Two bodies are equal when their triangles are equal and in the same order.
 
     Attributes:
-        triangles: Corners of each triangle, counterclockwise as seen from outside, shape (n, 3, 3) [m].
+        triangles: Corners (x, y, z) of each triangle, counterclockwise as seen from outside, shape (n, 3, 3) [m].
     """
 
     triangles: FloatArray
 
     def __post_init__(self) -> None:
-        """Check the triangles and make them read-only; that the surface is closed is not checked here.
+        """Check the triangles and make them read-only; whether the surface is closed is not checked here.
 
         Raises:
-            ValueError: If the array has another shape or a number that is not finite, or the surface is inside out,
-                encloses no volume, has its lowest point elsewhere than at z = 0, or lies beside the axis.
+            ValueError: If the array has another shape or a number that is not finite; or the triangles face inwards or
+                enclose no volume; or the lowest point is not at z = 0; or the axis lies outside the bounding rectangle.
         """
         corners = np.array(self.triangles, dtype=np.float64)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):  # noqa: PLR2004
@@ -55,11 +57,11 @@ class TriangleMesh(Indenter):
         object.__setattr__(self, "triangles", corners)
 
     def __eq__(self, other: object) -> bool:
-        """Whether the triangles are equal, and in the same order."""
+        """Return whether the other object is a body with equal triangles in the same order."""
         return isinstance(other, TriangleMesh) and np.array_equal(self.triangles, other.triangles)
 
     def __hash__(self) -> int:
-        """Hash of the triangles."""
+        """Return a hash of the triangles."""
         return hash(self.triangles.tobytes())
 
     @cached_property
@@ -69,7 +71,10 @@ class TriangleMesh(Indenter):
 
     @cached_property
     def mirror_symmetry(self) -> tuple[bool, bool]:
-        """Whether the gap is its own mirror image in the planes x = 0 and y = 0, at the points of a grid."""
+        """Whether the gap is symmetric about the plane x = 0, and whether about the plane y = 0.
+
+        The gap and its mirror image are compared at the points of a grid.
+        """
         half = self.footprint
         x, y = np.meshgrid(*(np.linspace(-h, h, _SYMMETRY_POINTS) for h in half))
         gap = np.nan_to_num(self.gap(x, y), posinf=-1.0)
@@ -79,17 +84,19 @@ class TriangleMesh(Indenter):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Largest distances of a corner from the axis, along x and y [m]."""
+        """Largest distance of a corner from the axis along x, and the same along y [m]."""
         half = np.abs(self.triangles[..., :2]).max(axis=(0, 1))
         return (float(half[0]), float(half[1]))
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height of the lowest triangle over each point; inf beside the body [m]."""
+        """Return the height of the lowest triangle over each point; inf beside the body [m]."""
         x, y = np.broadcast_arrays(x, y)
         return self._gap.evaluate(x.ravel(), y.ravel()).reshape(x.shape)
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """One hull if the lower surface is convex; else hulls that make it up within a small share of its width.
+        """Return one hull if the lower surface is convex; else hulls whose union approximates the lower surface.
+
+        The error of the approximation is at most `TOLERANCE` of `meshes.surfaces.convex_hulls`, or a warning is logged.
 
         Raises:
             ModuleNotFoundError: If trimesh is not installed.

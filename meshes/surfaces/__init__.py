@@ -1,1 +1,1 @@
-"""Surfaces of triangles: reading STL files, the gap below a body, and the convex hulls that make up its underside."""
+"""Surfaces of triangles: STL files, the gap between a body and a cover, and convex hulls of a body's underside."""

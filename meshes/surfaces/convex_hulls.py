@@ -1,10 +1,10 @@
-"""Convex hulls that make up the underside of a body.
+"""Approximation of the underside of a body by convex hulls, because MuJoCo only collides convex solids.
 
-Only the underside of a body touches a cover, so everything above the underside counts as solid.  The underside is cut
-into pieces by vertical planes, and each piece gets the convex hull of itself and of all that is above it.  Where a hull
-reaches below the body's underside, it fills empty space.  The piece whose hull does so most is cut again, until the
-error is within a tolerance.  A cut leaves the other triangles as they are: where the underside is convex, the hull is
-exact.
+Only the underside of a body touches a cover, so the space above the underside, up to the body's top, counts as solid.
+Vertical planes cut the underside into pieces; each piece is replaced by the convex hull of the piece and of the space
+above the piece.  Where a hull reaches below the body's underside, the hull fills empty space, and the distance by which
+it does so is the error.  The piece with the largest error is cut again, until the error is within a tolerance.  A cut
+does not move the rest of the surface: where the underside is convex, the hull is exact.
 """
 
 from __future__ import annotations
@@ -22,41 +22,46 @@ FloatArray = npt.NDArray[np.float64]
 
 _LOG = logging.getLogger(__name__)
 
-#: Largest accepted distance between a hull and the body, over the larger half width of the body [-].
+#: Largest accepted distance between the lower surface of a hull and the body, over half the longer edge of the body's
+#: bounding rectangle [-].
 TOLERANCE = 5e-3
-#: Most hulls of a body: each becomes a geom, whose contacts cost time in the simulation [-].
+#: Largest number of hulls of a body: each hull becomes a geom in MuJoCo, whose contacts take computing time [-].
 MOST_HULLS = 64
-#: Most corners of a hull: MuJoCo's collision detection slows down with their number [-].
+#: Largest number of corners of a hull: MuJoCo's collision detection becomes slower with more corners [-].
 MOST_CORNERS = 1000
-#: Share of downward ones among the directions in which the outermost corners of a hull are kept [-].
+#: Of the directions in which the outermost corner of a hull is kept, the share of directions that point down; most of
+#: them do, because only the lower surface touches the cover [-].
 _DOWNWARD = 0.8
-#: Grid points along the longer side of the body at which hulls and body are compared [-].
+#: Number of grid points along the longer edge of the body's bounding rectangle; at the grid points the heights of hulls
+#: and body are compared [-].
 _POINTS = 97
-#: Position of the first grid point, in grid steps from the edge of the body.  It is no round number, so that grid lines
-#: do not coincide with edges of the body [-].
+#: Distance of the first grid point from the edge of the body's bounding rectangle, in grid steps.  A number that is not
+#: round keeps grid lines from coinciding with edges of the body [-].
 _OFFSET = 0.517
-#: Heights of the body for which horizontal distances are tabulated [-].
+#: Number of heights for which the horizontal distance from each grid point to the body is tabulated [-].
 _LEVELS = 16
-#: Directions of the normals of cuts that are tried [rad].
+#: Angles between the x axis and the normals of the vertical planes that are tried as cuts [rad].
 _CUT_ANGLES = tuple(np.arange(4) * np.pi / 4)
-#: Vertical component of a face's unit normal below which the face counts as upright [-].
+#: Vertical component of a triangle's unit normal below which the triangle counts as vertical [-].
 _UPRIGHT = 1e-6
-#: Width below which a piece counts as flat, over the tolerance [-].
+#: Width below which a piece of the underside counts as too narrow for a hull, over the largest accepted distance
+#: between a hull and the body [-].
 _NARROW = 1e-3
 
 
 def split_into_hulls(triangles: FloatArray) -> list[FloatArray]:
-    """Find convex hulls that make up the underside of a body.
+    """Find convex hulls whose union has the underside of a body, within a tolerance.
 
-    A warning is logged if `MOST_HULLS` do not reach the tolerance.  Of a hull of more than `MOST_CORNERS` only the
-    outermost corners are kept, most of them on its underside; a sphere then loses about a thousandth of its radius
-    between them.
+    A warning is logged if the error of `MOST_HULLS` hulls exceeds the tolerance.  Of a hull of more than `MOST_CORNERS`
+    corners only the outermost corners are kept, most of them on the underside of the hull; the hull of a sphere then
+    lies up to about a thousandth of the radius inside the sphere.
 
     Args:
-        triangles: Closed surface, each triangle counterclockwise as seen from outside, shape (n, 3, 3) [m].
+        triangles: Corners of the n triangles of a closed surface, each counterclockwise as seen from outside, shape
+            (n, 3, 3) [m].
 
     Returns:
-        Corners of each hull, shape (k, 3) [m].
+        Corners of each hull, shape (k, 3) for k corners [m].
 
     Raises:
         ModuleNotFoundError: If trimesh is not installed.
@@ -92,16 +97,16 @@ def split_into_hulls(triangles: FloatArray) -> list[FloatArray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Underside:
-    """The underside of a body, sampled at the points of a grid.
+    """The underside of a body, sampled at the n points of a horizontal grid.
 
     Attributes:
-        x: Positions, shape (n,) [m].
-        y: Positions, shape (n,) [m].
-        height: Height of the underside; `top` beside the body, shape (n,) [m].
-        levels: Heights at which horizontal distances are tabulated, shape (k,) [m].
-        beside: Horizontal distance from each point to where the underside is no higher than each level, less one grid
-            step, shape (k, n) [m].
-        top: Height up to which everything above the underside counts as solid [m].
+        x: x coordinates of the grid points, shape (n,) [m].
+        y: y coordinates of the grid points, shape (n,) [m].
+        height: Height of the underside over each grid point; `top` beside the body, shape (n,) [m].
+        levels: The k heights for which horizontal distances are tabulated, shape (k,) [m].
+        beside: Horizontal distance from each grid point to the nearest grid point over which the underside is no higher
+            than each of the k heights, less one grid step, shape (k, n) [m].
+        top: Height up to which the space above the underside counts as solid [m].
         step: Distance between neighbouring grid points [m].
         tolerance: Largest accepted distance between a hull and the body [m].
     """
@@ -117,7 +122,12 @@ class _Underside:
 
     @classmethod
     def sample(cls, lower: FloatArray, *, top: float) -> _Underside:
-        """Sample the triangles that face down (n, 3, 3)."""
+        """Sample the underside of a body at the points of a grid.
+
+        Args:
+            lower: Corners of the triangles that face down, shape (n, 3, 3) [m].
+            top: Height up to which the space above the underside counts as solid [m].
+        """
         flat = lower[..., :2].reshape(-1, 2)
         low, extent = flat.min(axis=0), np.ptp(flat, axis=0)
         count = np.maximum(5, np.round(_POINTS * extent / extent.max())).astype(int)
@@ -140,15 +150,15 @@ class _Underside:
         )
 
     def measure_error(self, hull: FloatArray) -> FloatArray:
-        """Distance from the lower surface of a hull up to the body, where the hull fills empty space.
+        """Return the distance between the lower surface of a hull and the body, where the hull fills empty space.
 
-        It is the smaller of the vertical distance and the distance to the nearest part of the body beside the point.
+        The distance is the smaller of two: vertically up to the body, and sideways to the nearest part of the body.
 
         Args:
-            hull: Height of the hull's lower surface at each point, inf beside the hull, shape (n,) [m].
+            hull: Height of the hull's lower surface over each of n grid points, inf beside the hull, shape (n,) [m].
 
         Returns:
-            Distances, zero beside the hull, shape (n,) [m].
+            Distances at the grid points, zero beside the hull, shape (n,) [m].
         """
         exists = np.isfinite(hull)
         height = np.where(exists, hull, 0.0)
@@ -156,33 +166,40 @@ class _Underside:
         return np.where(exists, np.minimum(self.height - height, sideways), 0.0)
 
     def find_wall(self, point: int, height: float) -> FloatArray:
-        """Place one grid step before the nearest point where the underside is as low as `height`, shape (2,) [m].
+        """Find the place beside a grid point where the underside has come down to a given height.
 
         Args:
-            point: Index of the grid point from which to look.
-            height: Height [m].
+            point: Index of the grid point.
+            height: Height of the underside to look for [m].
+
+        Returns:
+            Position (x, y) one grid step before the nearest grid point at which the underside is as low as `height`;
+            the grid point itself if there is none, shape (2,) [m].
         """
         low = np.flatnonzero(self.height <= height + self.tolerance)
         if not len(low):
             return np.array([self.x[point], self.y[point]])
         distance = np.hypot(self.x[low] - self.x[point], self.y[low] - self.y[point])
         nearest = low[distance.argmin()]
-        # A cut at this place leaves nothing of the wall on the side of the point.
+        # One grid step before the wall: a cut at this place leaves the wall on the other side of the cut, away from the
+        # grid point.
         step = min(1.0, self.step / distance.min()) if distance.min() else 0.0
         return np.array([v[nearest] + step * (v[point] - v[nearest]) for v in (self.x, self.y)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Piece:
-    """A piece of the underside, and the hull of it and of all that is above it.
+    """A piece of the underside of a body, and the convex hull of the piece and of the space above the piece.
 
     Attributes:
-        triangles: Triangles of the piece, shape (n, 3, 3) [m].
-        hull: Corners of the hull, shape (k, 3) [m].
-        error: Largest distance between hull and body [m].
-        excess: Sum over the grid of how far the distance exceeds the tolerance; the largest is cut first [m].
-        worst: Position of the largest distance, shape (2,) [m].
-        wall: Position before the nearest place where the underside is as low as the hull is there, shape (2,) [m].
+        triangles: Corners of the n triangles of the piece, shape (n, 3, 3) [m].
+        hull: The k corners of the hull, shape (k, 3) [m].
+        error: Largest distance between the lower surface of the hull and the body over the grid points [m].
+        excess: Sum over the grid points of the part of this distance that exceeds the tolerance; the piece with the
+            largest sum is cut first [m].
+        worst: Position (x, y) of the largest distance, shape (2,) [m].
+        wall: Position (x, y) just before the nearest place where the underside of the body is as low as the hull is at
+            `worst`, shape (2,) [m].
     """
 
     triangles: FloatArray
@@ -194,7 +211,7 @@ class _Piece:
 
     @classmethod
     def make(cls, triangles: FloatArray, underside: _Underside) -> _Piece | None:
-        """Make a piece of triangles; None if they are too narrow for a hull with a volume."""
+        """Make a piece of the given triangles (n, 3, 3); None if they are too narrow for a hull with a volume."""
         from trimesh.convex import convex_hull
 
         points = np.unique(triangles.reshape(-1, 3), axis=0)
@@ -220,9 +237,12 @@ class _Piece:
         )
 
     def cut(self, underside: _Underside) -> tuple[_Piece, _Piece] | None:
-        """Try several cuts, through the place of the largest error or along the wall; return the halves of the best.
+        """Cut the piece in two along a vertical plane, the best of several.
 
-        None if no cut leaves two halves with a volume.
+        The planes tried go through the place of the largest error, at several angles, and through `wall`.
+
+        Returns:
+            The two halves with the least sum of `excess`; None if no cut leaves two halves with a volume.
         """
         best: tuple[_Piece, _Piece] | None = None
         least = np.inf
@@ -235,21 +255,30 @@ class _Piece:
 
 
 def _measure_distance(marked: npt.NDArray[np.bool_], x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distance of each point of a grid (rows, columns) from the nearest marked point; inf if none is marked [m]."""
+    """Compute the distance of every point of a grid from the nearest marked grid point.
+
+    Args:
+        marked: Whether each grid point is marked, shape (rows, columns).
+        x: Positions of the columns, shape (columns,) [m].
+        y: Positions of the rows, shape (rows,) [m].
+
+    Returns:
+        Distances; inf if no point is marked, shape (rows, columns) [m].
+    """
     squared = np.where(marked[None], ((y[:, None] - y) ** 2)[..., None], np.inf).min(axis=1)
     return np.asarray(np.sqrt((squared[:, None, :] + ((x[:, None] - x) ** 2)[None]).min(axis=2)))
 
 
 def _clip(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> FloatArray:
-    """The part of triangles on one side of a vertical plane, the side to which its normal points.
+    """Clip triangles by a vertical plane, and keep the side to which the plane's normal points.
 
     Args:
-        triangles: Shape (n, 3, 3) [m].
-        normal: Horizontal normal of the plane, of any length, shape (2,).
-        place: A point of the plane, shape (2,) [m].
+        triangles: Corners of n triangles, shape (n, 3, 3) [m].
+        normal: Horizontal components (x, y) of the plane's normal, of any length, shape (2,).
+        place: Horizontal position (x, y) of a point of the plane, shape (2,) [m].
 
     Returns:
-        Triangles, shape (m, 3, 3) [m].
+        Corners of the m triangles that make up the kept part, shape (m, 3, 3) [m].
     """
     from trimesh.intersections import slice_faces_plane
 
@@ -261,7 +290,14 @@ def _clip(triangles: FloatArray, normal: FloatArray, place: FloatArray) -> Float
 
 
 def _keep_outermost(corners: FloatArray) -> FloatArray:
-    """Of too many corners (n, 3), those that are outermost in `MOST_CORNERS` directions along a spiral."""
+    """Reduce the corners of a hull to the outermost ones in `MOST_CORNERS` directions along a spiral on a sphere.
+
+    Args:
+        corners: Corners of the hull, shape (n, 3) [m].
+
+    Returns:
+        All n corners if there are no more than `MOST_CORNERS`; else some of them, shape (k, 3) [m].
+    """
     if len(corners) <= MOST_CORNERS:
         return corners
     share = np.arange(MOST_CORNERS) / (MOST_CORNERS - 1)

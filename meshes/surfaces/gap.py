@@ -1,4 +1,4 @@
-"""Gap of a surface of triangles: the height of the lowest triangle over a point."""
+"""Gap between a plane and a body of triangles: the height of the body's lowest triangle over points of the plane."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-#: Length that counts as zero, over the extent of all triangles: rounding in double precision [-].
+#: Length that counts as zero, over the larger edge of the triangles' bounding box: rounding in double precision [-].
 _ZERO = 1e-12
-#: Most pairs of a point and a triangle that are computed at once, so that they take less than about 200 MB [-].
+#: Largest number of pairs of a point and a triangle that are computed at once; they take less than about 200 MB [-].
 _MOST_PAIRS = 2_000_000
-#: Most cells along the longer side of the search grid; more cost more memory and save hardly any time [-].
+#: Largest number of cells along the longer side of the grid that finds the triangles near a point; more cells take more
+#: memory and save hardly any time [-].
 _MOST_CELLS = 256
-#: Most entries of the search grid per triangle; a long triangle is entered in every cell that it may cross [-].
+#: Largest average number of grid cells in which a triangle is listed; a triangle is listed in every cell that its
+#: bounding box touches, so long triangles need a coarser grid [-].
 _MOST_ENTRIES = 30
 
 
 def select_facing_down(triangles: FloatArray) -> FloatArray:
-    """Triangles whose outer side faces down; upright ones are left out.
+    """Select the triangles whose outer side faces down; vertical triangles are left out.
 
     Args:
-        triangles: Corners, counterclockwise as seen from outside, shape (n, 3, 3) [m].
+        triangles: Corners of n triangles, counterclockwise as seen from outside the body, shape (n, 3, 3) [m].
 
     Returns:
-        Some of them, shape (m, 3, 3) [m].
+        Corners of the m triangles that face down, shape (m, 3, 3) [m].
     """
     (ax, ay), (bx, by) = (triangles[:, k, :2].T - triangles[:, 0, :2].T for k in (1, 2))
     size = float(np.ptp(triangles, axis=(0, 1)).max())
@@ -33,26 +35,26 @@ def select_facing_down(triangles: FloatArray) -> FloatArray:
 
 
 def compute_volume(triangles: FloatArray) -> float:
-    """Volume that a closed surface of triangles encloses, negative if they face inwards, by the divergence theorem.
+    """Compute the volume that a closed surface of triangles encloses, by the divergence theorem.
 
     Args:
-        triangles: Corners, shape (n, 3, 3) [m].
+        triangles: Corners of n triangles, counterclockwise as seen from outside the body, shape (n, 3, 3) [m].
 
     Returns:
-        The volume [m3].
+        The volume; negative if the triangles face inwards [m3].
     """
     corners = triangles - triangles[0, 0]
     return float(np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
 
 
 class TriangleGap:
-    """Height of the lowest of many triangles that face down.
+    """Finds the height of the lowest triangle over each point, for triangles that face down.
 
-    A grid of cells over their extent lists the triangles that may cross each cell, so that a point is compared only
-    with those of its own cell.
+    A search grid over the triangles' bounding rectangle lists for each of its cells the triangles that may cross the
+    cell, so that a point is compared only with the triangles of the cell in which it lies.
 
     Args:
-        triangles: Triangles that face down, none of them upright, shape (n, 3, 3) [m].
+        triangles: Corners of n triangles that face down, none of them vertical, shape (n, 3, 3) [m].
     """
 
     def __init__(self, triangles: FloatArray) -> None:
@@ -66,11 +68,11 @@ class TriangleGap:
         self._lowest, self._highest = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
 
     def evaluate(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height of the lowest triangle over each point, inf where there is none.
+        """Return the height of the lowest triangle over each of m points; inf where no triangle is over the point.
 
         Args:
-            x: Positions, shape (m,) [m].
-            y: Positions, shape (m,) [m].
+            x: x coordinates of the points, shape (m,) [m].
+            y: y coordinates of the points, shape (m,) [m].
 
         Returns:
             Heights, shape (m,) [m].
@@ -91,7 +93,15 @@ class TriangleGap:
         return heights
 
     def _choose_cells(self, flat: FloatArray, extent: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Number of cells along x and y, and their edges: about as many as triangles, fewer if these are long."""
+        """Choose the search grid: about as many cells as triangles, or fewer if the triangles are long.
+
+        Args:
+            flat: Corners of the triangles without their heights, shape (n, 3, 2) [m].
+            extent: Edge lengths of the triangles' bounding rectangle, shape (2,) [m].
+
+        Returns:
+            Numbers of cells along x and y, and edge lengths of a cell along x and y, shape (2,) each.
+        """
         boxes = np.ptp(flat, axis=1)
         along_longer = float(min(_MOST_CELLS, max(1, np.sqrt(len(flat)))))
         while True:
@@ -102,7 +112,11 @@ class TriangleGap:
             along_longer /= 2
 
     def _list_members(self, flat: FloatArray) -> tuple[IntArray, IntArray]:
-        """Triangles of all cells, cell after cell, and where each cell's triangles start in that list."""
+        """List for each cell of the search grid the triangles whose bounding rectangle touches the cell.
+
+        Returns:
+            Indices of triangles, cell after cell; and for each cell the place in this list where its triangles start.
+        """
         first, last = self._find_cells(flat.min(axis=1)), self._find_cells(flat.max(axis=1))
         wide, high = (last - first + 1).T
         triangle = np.repeat(np.arange(len(flat)), wide * high)
@@ -114,12 +128,21 @@ class TriangleGap:
         return triangle[order], np.searchsorted(cell[order], np.arange(self._count.prod() + 1))
 
     def _find_cells(self, points: FloatArray) -> IntArray:
-        """Column and row of the cell of each point, shape (m, 2)."""
+        """Return the column and row of the grid cell in which each of m points lies, shape (m, 2)."""
         cells = ((points - self._low) / self._cell).astype(np.int64)
         return np.asarray(np.clip(cells, 0, self._count - 1))
 
     def _find_lowest(self, points: FloatArray, start: IntArray, members: IntArray) -> FloatArray:
-        """Height of the lowest triangle over points (k, 2), each with `members` triangles listed from `start` [m]."""
+        """Return the height of the lowest triangle over each of k points, among the triangles of the point's cell.
+
+        Args:
+            points: Positions, shape (k, 2) [m].
+            start: Place in the list of triangles at which the triangles of the point's cell start, shape (k,).
+            members: Number of triangles in the point's cell, shape (k,).
+
+        Returns:
+            Heights; inf where no triangle is over the point, shape (k,) [m].
+        """
         first = np.cumsum(members) - members
         triangle = self._members[np.repeat(start - first, members) + np.arange(members.sum())]
         x, y = np.repeat(points, members, axis=0).T
@@ -128,21 +151,28 @@ class TriangleGap:
             a, b, c = self._sides[triangle, side].T
             np.minimum(inside, a * x + b * y + c, out=inside)
         a, b, c = self._plane[triangle].T
-        # A point that lies beside an edge by rounding must not follow a steep plane beyond its triangle.
+        # A point may lie outside an edge by rounding.  Where the triangle's plane is steep, the plane's height there
+        # would leave the range of the triangle's heights; it is clipped to this range.
         z = np.clip(a * x + b * y + c, self._lowest[triangle], self._highest[triangle])
         return np.minimum.reduceat(np.where(inside >= -self._tolerance, z, np.inf), first)
 
 
 def _describe_planes(triangles: FloatArray) -> FloatArray:
-    """Coefficients a, b, c of the plane z = a x + b y + c of each triangle, shape (n, 3)."""
+    """Return the coefficients a, b, c of the plane z = a x + b y + c of each of n triangles, shape (n, 3)."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     slope = -normal[:, :2] / normal[:, 2:]
     return np.column_stack([slope, triangles[:, 0, 2] - np.sum(slope * triangles[:, 0, :2], axis=1)])
 
 
 def _describe_sides(flat: FloatArray) -> FloatArray:
-    """Coefficients a, b, c of the distance a x + b y + c from each side, positive inside, shape (n, 3, 3)."""
+    """Return the coefficients a, b, c of the distance a x + b y + c of a point from each side of n flat triangles.
+
+    The distance is positive inside the triangle.
+
+    Returns:
+        Coefficients by triangle, side and coefficient, shape (n, 3, 3).
+    """
     along = np.roll(flat, -1, axis=1) - flat
-    # Seen from above, the corners of a triangle that faces down go clockwise: its inside is on the right.
+    # Seen from above, the corners of a triangle that faces down go clockwise, and its inside is on the right of a side.
     inward = np.stack([along[..., 1], -along[..., 0]], axis=-1) / np.hypot(*np.moveaxis(along, -1, 0))[..., None]
     return np.concatenate([inward, -np.sum(inward * flat, axis=-1, keepdims=True)], axis=-1)

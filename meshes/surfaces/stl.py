@@ -1,4 +1,4 @@
-"""Indenters from STL files."""
+"""Reading of indenters from STL files."""
 
 from __future__ import annotations
 
@@ -16,30 +16,33 @@ from meshes.surfaces.gap import compute_volume, select_facing_down
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-#: Most triangles of a file; an indenter needs far fewer [-].
+#: Largest accepted number of triangles in an STL file; an indenter needs far fewer [-].
 MOST_TRIANGLES = 200_000
-#: Most bytes of a file: a triangle takes about 250 bytes in ASCII.
+#: Largest accepted size of an STL file: a triangle takes about 250 bytes in ASCII, and this allows 400 [bytes].
 _MOST_BYTES = 400 * MOST_TRIANGLES
-#: Least and greatest length of a body; outside this range the unit must be wrong [m].
+#: Least and greatest accepted length of a body, the largest edge of its bounding box; outside this range the unit of
+#: the file must be wrong [m].
 SIZES = (2e-5, 1.0)
-#: Largest coordinate in a file; beyond it the file is damaged [-].
+#: Largest accepted coordinate in an STL file, in the unit of the file; with a larger one the file counts as damaged.
 _LARGEST_COORDINATE = 1e12
-#: Height above a flat face from which the rest of a body is taken never to touch: half of a cover of 10 mm [m].
+#: Height above a body's lowest, flat face.  Parts of the underside that are higher are assumed never to touch the
+#: cover: 5 mm is half the thickness of a thick cover of 10 mm [m].
 OUT_OF_REACH = 5e-3
-#: Length that counts as zero, over the size of the body: STL files store seven digits [-].
+#: Length that counts as zero, over the largest edge of the body's bounding box: STL files store seven digits [-].
 _ZERO = 1e-6
 
 
 def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] | None = None) -> Prism | TriangleMesh:
-    """Read a closed body from a binary or ASCII STL file; it presses along the file's -z.
+    """Read a closed body from a binary or ASCII STL file, as an indenter that presses along the file's -z.
 
-    A body becomes a `Prism` if it stands on a flat face and all the rest of its underside is higher than
-    `OUT_OF_REACH`; the edges of that face are then treated as sharp.  Any other body becomes a `TriangleMesh`.
+    A body becomes a `Prism` if it stands on a flat face and all the rest of its underside is more than `OUT_OF_REACH`
+    above this face; the edges of the face are then treated as sharp.  Any other body becomes a `TriangleMesh`.
 
     Args:
-        path: The file.
-        unit: Length of one unit of the file, which does not name its unit [m].
-        axis: Position of the axis in the file's x and y; the middle of the body's bounding rectangle if None [m].
+        path: Path of the STL file.
+        unit: Length of one unit of the file's coordinates; STL files do not state their unit [m].
+        axis: Position of the indenter's axis in the file's x and y; the middle of the body's bounding rectangle if
+            None [m].
 
     Raises:
         ValueError: With one line that says what is wrong: the file cannot be read, is no STL file, or has too many
@@ -62,7 +65,7 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
     volume = compute_volume(corners)
     if abs(volume) <= _ZERO**2 * size**3:
         raise ValueError(f"{source.name} holds no volume: it is a sheet, not a body; export a solid")
-    if volume < 0:  # all triangles face inwards, as after mirroring: turn them round
+    if volume < 0:  # all triangles face inwards, as in a mirrored body: reverse the order of their corners
         corners = corners[:, ::-1]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     centre = (low + high)[:2] / 2 if axis is None else np.array(axis)
@@ -74,10 +77,10 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
 
 
 def _read_bytes(source: Path) -> bytes:
-    """Content of a file of acceptable size.
+    """Read the content of an STL file, if its size is at most `_MOST_BYTES`.
 
     Raises:
-        ValueError: If it cannot be read, is not a file, or is too large.
+        ValueError: If the path cannot be read or is not a file, or the file is too large.
     """
     try:
         size = source.stat().st_size
@@ -91,7 +94,15 @@ def _read_bytes(source: Path) -> bytes:
 
 
 def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
-    """Points (n, 3) in the file's unit and faces (m, 3), as indices of points.
+    """Parse the content of an STL file.
+
+    Args:
+        name: Name of the file in error messages.
+        content: The file's bytes.
+
+    Returns:
+        Coordinates of n points in the file's unit, shape (n, 3); indices of the three points of each of m triangles,
+        shape (m, 3).
 
     Raises:
         ValueError: If the content is not a whole STL file, or has too many triangles.
@@ -113,10 +124,18 @@ def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
 
 
 def _merge_points(name: str, points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Points without duplicates, and the faces on them, without those of which two corners coincide.
+    """Merge equal points, and remove the triangles of which two corners coincide.
+
+    Args:
+        name: Name of the file in error messages.
+        points: Coordinates of the points, shape (n, 3).
+        faces: Indices of the three points of each triangle, shape (m, 3).
+
+    Returns:
+        The points without duplicates, and the remaining triangles as indices of these points.
 
     Raises:
-        ValueError: If a coordinate is not a number or too large, or no face is left.
+        ValueError: If a coordinate is not a number or too large, or no triangle is left.
     """
     if not np.isfinite(points).all() or np.abs(points).max() > _LARGEST_COORDINATE:
         raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
@@ -136,10 +155,15 @@ def _too_many_triangles(name: str, found: str) -> ValueError:
 
 
 def _check_closed(name: str, faces: IntArray) -> None:
-    """Check that every edge joins two triangles that run along it in opposite directions.
+    """Check that a surface is closed and oriented: two triangles share every edge, and run along it in opposite ways.
+
+    Args:
+        name: Name of the file in error messages.
+        faces: Indices of the three points of each triangle, shape (m, 3).
 
     Raises:
-        ValueError: If one does not.
+        ValueError: If an edge belongs to one triangle or to more than two, or its two triangles have opposite
+            orientations.
     """
     directed, edge, count = _list_edges(faces)
     alone, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004 -- two triangles meet in an edge
@@ -159,11 +183,12 @@ def _check_closed(name: str, faces: IntArray) -> None:
 
 
 def _list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """Edges of triangles (n, 3).
+    """List the edges of n triangles, given as indices of their points, shape (n, 3).
 
     Returns:
-        First and last point of each triangle's edges, shape (3 n, 2); the index of each among the undirected edges,
-        shape (3 n,); how many triangles share each undirected edge, shape (m,).
+        Indices of the first and last point of the three edges of each triangle, shape (3 n, 2); for each of these
+        directed edges, the index of the undirected edge, shape (3 n,); and the number of triangles that share each of
+        the m undirected edges, shape (m,).
     """
     directed = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
     _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
@@ -171,7 +196,15 @@ def _list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
-    """The prism on the body's lowest face if nothing else of its underside can touch; else the body."""
+    """Convert a body that stands on a flat face to a prism, if no other part of its underside can touch the cover.
+
+    Args:
+        body: The body.
+        size: Largest edge of the body's bounding box [m].
+
+    Returns:
+        A prism on the body's lowest face, or the body itself.
+    """
     lower = select_facing_down(body.triangles)
     on_face = (lower[..., 2] <= _ZERO * size).all(axis=1)
     face, rest = lower[on_face], lower[~on_face]
@@ -180,12 +213,19 @@ def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
     outlines = [tuple((x, y) for x, y in outline) for outline in _trace_outlines(face[..., :2])]
     try:
         return Prism(points=outlines[0], holes=tuple(outlines[1:]))
-    except ValueError:  # an outline touches itself or lies beside the axis: a body with rounded edges is right too
+    except ValueError:  # an outline touches itself, or the axis lies outside the shape: keep the body of triangles
         return body
 
 
 def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
-    """Outlines of triangles in a plane (n, 3, 2), that with most corners first [m]."""
+    """Trace the closed outlines of a flat face of n triangles.
+
+    Args:
+        face: Corners (x, y) of the triangles, shape (n, 3, 2) [m].
+
+    Returns:
+        Corners (x, y) of each outline; the outline with most corners comes first [m].
+    """
     points, index = np.unique(face.reshape(-1, 2), axis=0, return_inverse=True)
     directed, edge, count = _list_edges(index.reshape(-1, 3))
     following: dict[int, list[int]] = {}
@@ -201,7 +241,9 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
             after = following[here].pop()
             if not following[here]:
                 del following[here]
-            if after in chain:  # an outline is closed; the chain before it continues from the same point
+            # When the chain returns to one of its points, the points since then are a closed outline; the rest of the
+            # chain continues from the same point.
+            if after in chain:
                 first = chain.index(after)
                 outlines.append(_remove_straight_corners(points[chain[first:]]))
                 chain = chain[: first + 1] if first else []
@@ -211,7 +253,7 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
 
 
 def _remove_straight_corners(outline: FloatArray) -> FloatArray:
-    """Corners (n, 2) without those at which the outline goes straight on."""
+    """Return the corners of an outline, shape (n, 2), without those on a straight line between their neighbours."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     straight = np.abs(cross(before, after)) <= _ZERO * np.hypot(*before.T) * np.hypot(*after.T)
     return np.asarray(outline[~straight])
