@@ -1,15 +1,16 @@
 """The fast model: a tactile array under a soft cover, in MuJoCo, faster than real time.
 
-The model is a chain of vectors with one entry per texel (row-major, x fastest):
+The model is a chain of operations on vectors with one entry per texel (row-major, x fastest):
 
     contact force on each texel         `METHODS`       on every n-th physics step             [N]
     -> Butterworth low-pass             `Butterworth`   at the same rate                       [N]
-    -> spread by the cover              `Gaussian`      once per frame, one constant matrix    [N]
+    -> point spread of the cover        `Gaussian`      once per frame, one constant matrix    [N]
     -> noise, characteristic, counts    `Electronics`   once per frame                         [-]
-    -> `Frame`                          true time, counts, texel forces, 8-bit image
+    -> `Frame`                          time of the sample, counts, texel forces, 8-bit image
 
 `Parameters` holds all numbers of one sensor and is stored as a folder (`Parameters.save`, `load`).  `fit_gaussian` fits
-the spread to a response of the reference.  There are two ways to run the model.  In a simulation of your own:
+the point spread to texel forces that the finite-element reference computed.  There are two ways to run the model.  In a
+simulation of your own:
 
     parameters = fastmodel.load("wts-0614-34")                    # or a folder
     fastmodel.recommend_options(spec)                             # solver settings for steady contact forces
@@ -25,12 +26,13 @@ Or as a simulated bench test, in which a weight presses on the array until it re
 
     result = fastmodel.indent(parameters, meshes.Sphere(radius=5e-3), load=4.9)
 
-Contact forces add up to the weight.  After spread, the force that no texel measures is `outside`.  Two results have no
-physical meaning: the depth to which an object sinks, which MuJoCo's contact softness sets and not the cover; and the
-distribution of the force over a flat face by `BoxTexels`, which divide it by number of contact points.  `AreaTexels`
-divide it by area, `Foundation` by an elastic foundation, and `CoverContact` by the compliance of the cover.
+The contact forces on the texels add up to the weight of the indenter.  After the point spread, the force that no texel
+measures is called `outside`.  Two results have no physical meaning.  The depth to which an object sinks follows from
+the softness of MuJoCo's contacts, not from the cover.  And `BoxTexels` distribute the force of a flat face over texels
+by number of contact points; `AreaTexels` distribute it by area, `Foundation` by an elastic foundation, and
+`CoverContact` by the compliance of the cover.
 
-Every error about input is a `FastModelError`, which is a `ValueError`.
+Every error about a user's input is a `FastModelError`, which is a `ValueError`.
 """
 
 from importlib.metadata import version

@@ -1,8 +1,9 @@
-"""Simulated bench tests: a weight in a guide presses on the array and comes to rest.
+"""Simulated bench tests in MuJoCo: an indenter of given weight slides in a guide onto the array and comes to rest.
 
-The indenter has the mass of its weight and moves on a slide along the array's normal.  Contacts are frictionless, as in
-the reference.  Results are steady forces before the electronics.  With box texels the depth to which the indenter sinks
-has no meaning: MuJoCo's contact softness sets it, not the cover.
+The mass of the indenter is its weight over standard gravity.  A slide joint guides the indenter along the array's
+normal.  Contacts are frictionless, as in the finite-element reference.  Results are steady forces before the
+electronics.  With box texels the depth to which the indenter sinks has no meaning, because it follows from the softness
+of MuJoCo's contacts and not from the cover.
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ from meshes import Indenter
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
 
-#: Timestep of the bench model [s].
+#: Timestep of the simulated bench tests [s].
 TIMESTEP = 1e-3
-#: Longest time in which an indenter may come to rest [s].
+#: Simulated time after which the simulation no longer waits for the indenters to come to rest [s].
 SETTLE_TIME = 1.0
-#: Time over which forces are averaged if the indenter does not come to rest [s].
+#: Simulated time over which forces are averaged if the indenters do not come to rest [s].
 AVERAGE_TIME = 1.0
-#: Largest relative difference between mean force and load at which the load counts as carried [-].
+#: Relative difference between the mean force on the array and the load, up to which the array carries the load [-].
 LOAD_TOLERANCE = 1e-3
-#: Largest acceleration over gravity [-], and largest speed [m/s], at which an indenter counts as resting.
+#: Acceleration over gravity [-], and speed [m/s or rad/s], below which an indenter counts as at rest.
 REST = 1e-6
-#: Tolerance of MuJoCo's constraint solver in these simulated bench tests [-].
+#: Tolerance of MuJoCo's constraint solver in simulated bench tests [-].
 SOLVER_TOLERANCE = 1e-12
-#: Radius of gyration of a guided indenter [m].  The guide prevents rotation, so that the value has no effect.
+#: Radius of gyration of a guided indenter [m].  The guide prevents rotation, so the value has no effect.
 GYRATION_RADIUS = 1e-3
-#: Prefix of the names of the array's geoms.
+#: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
-#: MuJoCo's geom type of each kind of primitive.
+#: MuJoCo's geom type for each kind of primitive of an indenter.
 _GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -52,19 +53,19 @@ _GEOMS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastIndentation:
-    """Steady forces of one indentation by the fast model.
+    """Steady forces of one indentation, computed by the fast model.
 
     Attributes:
         contact_forces: Force that presses on each texel before spread, shape (n,) [N].
         texel_forces: Force on each texel after spread, shape (n,); masked texels are zero [N].
         outside: Force after spread that no texel measures [N].
-        total_force: Total force that presses on the array and its margin; equals the weight [N].
-        chatter: Standard deviation of the total force over time, over the load, if the indenter did not come to rest
-            and forces are means over time; zero if it rested [-].
+        total_force: Total force that presses on the array and its margin; it equals the weight of the indenters [N].
+        chatter: Standard deviation of the total force over time, divided by the load.  Zero if the indenters came to
+            rest; otherwise all forces are means over time [-].
         depth: Approach of the indenter since its first touch of the undeformed cover [m]; None for methods without a
             meaningful depth, and for several or tilting indenters.
         method: Name of the contact method, or its settings as text.
-        seconds: Wall time [s].
+        seconds: Wall-clock time of the simulation [s].
     """
 
     contact_forces: FloatArray
@@ -86,9 +87,9 @@ class Placement:
         load: Weight of the indenter [N].
         at: Position of the indenter's axis in the array's frame [m].
         yaw: Rotation of the indenter about that axis [rad].
-        guided: Whether the indenter moves along the array's normal only.  Otherwise it may also tilt about both axes in
-            the array's plane.
-        centre: Position of the centre of gravity relative to the axis, in the indenter's frame [m].
+        guided: Whether the indenter moves along the array's normal only.  Otherwise the indenter may also tilt about
+            the x and y axes of the array.
+        centre: x and y of the centre of gravity in the indenter's frame, relative to the indenter's axis [m].
     """
 
     indenter: Indenter
@@ -108,7 +109,7 @@ def indent(
     yaw: float = 0.0,
     method: str | TexelContact = DEFAULT,
 ) -> FastIndentation:
-    """Lower a guided indenter onto the array and wait until it rests.
+    """Simulate one guided indenter that is lowered onto the array, until the indenter is at rest.
 
     Args:
         parameters: The array and its cover.
@@ -117,7 +118,7 @@ def indent(
         at: Position of the indenter's axis in the array's frame [m].
         yaw: Rotation of the indenter about that axis [rad].
         method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
-            parameters allow.
+            parameters allow (see `choose_method`).
 
     Raises:
         ArgumentTypeError: If an argument has a wrong type.
@@ -133,7 +134,7 @@ def indent(
 def indent_together(
     parameters: Parameters, placements: Sequence[Placement], *, method: str | TexelContact = DEFAULT
 ) -> FastIndentation:
-    """Lower several indenters at once, each guided or free to tilt, and wait until they rest.
+    """Simulate several indenters on the array at once, each guided or free to tilt, until all are at rest.
 
     Args:
         parameters: The array and its cover.
@@ -181,21 +182,21 @@ def add_indenter(
     yaw: float = 0.0,
     name: str = "indenter",
 ) -> mujoco.MjsBody:
-    """Add an indenter to the world: a body with the mass of its weight on a slide along z.
+    """Add an indenter to the world of a spec, as a body on a slide joint along z whose mass is its load over gravity.
 
-    The mass matters: a light body under a large force would pass through the texels within two steps.
+    The mass matters: a light body under a large applied force would pass through the texels within two physics steps.
 
     Args:
         spec: The spec to edit.
         indenter: The shape.
         load: Weight of the indenter [N].
-        at: Position of its axis [m].
-        height: Height of its lowest point [m].
-        yaw: Rotation about its axis [rad].
-        name: Name of the body, of its slide, and prefix of its meshes.
+        at: Position of the indenter's axis in the world, x and y [m].
+        height: Height of the indenter's lowest point in the world [m].
+        yaw: Rotation of the indenter about its axis [rad].
+        name: Name of the body and of its slide joint, and prefix of the names of its meshes.
 
     Returns:
-        The body.
+        The added body.
     """
     body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=make_z_rotation(yaw))
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
@@ -242,7 +243,7 @@ def _check_placement(placement: Placement) -> None:
 
 
 def _build_model(parameters: Parameters, placements: Sequence[Placement], method: TexelContact) -> mujoco.MjModel:
-    """The array on the fixed world, and the indenters above it."""
+    """Build the model of a simulated bench test: the array on the fixed world, and the indenters above the array."""
     spec = mujoco.MjSpec()
     recommend_options(spec)
     spec.option.timestep = TIMESTEP
@@ -261,13 +262,16 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
                 body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
             body.inertia = [body.mass * max(placement.indenter.footprint) ** 2] * 3
     for geom in spec.geoms:
-        # With friction the edge of an indenter can hook on the side of a box and lift it.
+        # No friction: with friction, the edge of an indenter can hook on the side of a box texel and pull it upwards.
         geom.condim = 1
     return spec.compile()
 
 
 def _choose_height(parameters: Parameters, placement: Placement) -> float:
-    """Start height: the surface of a flat array; on a curved one a height at which nothing touches yet [m]."""
+    """Choose the height at which an indenter starts [m].
+
+    On a flat array this is the surface.  On a curved array it is a height at which the indenter touches no texel yet.
+    """
     array = parameters.array
     if array.planar:
         return 0.0
@@ -277,14 +281,14 @@ def _choose_height(parameters: Parameters, placement: Placement) -> float:
 
 
 def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:
-    """Step until the indenters rest, and return the reading and its chatter (see `FastIndentation`).
+    """Step until the indenters are at rest, and return the contact forces and their chatter (see `FastIndentation`).
 
-    A face that just touches one more texel can make and lose this contact for ever.  Then the mean over time is the
-    steady force, because the mean carries exactly the weight.
+    An indenter whose face barely touches a texel can make and lose this contact without end.  Then the result is the
+    mean over time, because the mean total force equals the weight.
 
     Args:
         model: The model with array and indenters.
-        reader: The contact method.
+        reader: Contact method bound to the model.
         load: Weight of all indenters [N].
 
     Raises:

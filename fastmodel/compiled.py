@@ -1,7 +1,7 @@
-"""Kernels: explicit loops over arrays, compiled by numba.
+"""Compilation of kernels by numba; a kernel is a function of explicit loops over arrays.
 
-A kernel is an ordinary function in the part of Python that numba understands.  `compile_kernel` compiles one; functions
-that kernels call are marked with `called_by_kernels`.  Numba is imported by the first compilation only.
+A kernel is an ordinary function in the subset of Python that numba can compile.  `compile_kernel` compiles one;
+functions that kernels call are marked with `called_by_kernels`.  Numba is imported by the first compilation only.
 """
 
 from __future__ import annotations
@@ -12,25 +12,27 @@ from typing import Any, TypeVar
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
-#: Options of every kernel: numpy's error model saves a branch at each division, and the wrapper for calls from C is not
-#: needed.  Both shorten compilation.
+#: Options of numba for every kernel.  Numpy's error model omits the check for division by zero, and the wrapper for
+#: calls from C, which nothing uses, is omitted.  Each of the two options shortens compilation.
 _OPTIONS: Any = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
-#: Functions that kernels call and that are not registered with numba yet.
+#: Functions marked with `called_by_kernels` that are not registered with numba yet.
 _CALLED: list[Callable[..., Any]] = []
 
 
 def called_by_kernels(function: _F) -> _F:
-    """Decorate a function that kernels call, so that numba compiles it with them."""
+    """Mark a function that kernels call, so that numba compiles the function together with the kernels."""
     _CALLED.append(function)
     return function
 
 
 def compile_kernel(loops: _F) -> _F:
-    """Compile a function with numba on its first call; the machine code is kept on disk for later processes.
+    """Return a version of a function that numba compiles on its first call.
+
+    The machine code is kept on disk for later processes.
 
     Args:
-        loops: The function.
+        loops: The function; its loops are written out.
     """
     return _compile(loops)  # type: ignore[return-value]  # numba's dispatcher takes the same arguments
 
@@ -41,10 +43,10 @@ def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
 
     while _CALLED:
         function = _CALLED.pop()
-        # as numba.extending.register_jitable does, which takes no compiler options
+        # this does what numba.extending.register_jitable does, which does not accept compiler options
         numba.extending.overload(function, jit_options=_OPTIONS, strict=False)(lambda *_, compiled=function: compiled)
     try:
         kernel: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(loops)
-    except RuntimeError:  # no folder to keep machine code in: compile in every process
+    except RuntimeError:  # no writable folder for the machine code: compile anew in every process
         kernel = numba.njit(**_OPTIONS)(loops)
     return kernel

@@ -10,29 +10,29 @@ class FastModelError(ValueError):
 
 
 class ArgumentTypeError(FastModelError, TypeError):
-    """An argument of a wrong type."""
+    """An argument has a wrong type."""
 
 
 class ParametersError(FastModelError):
-    """A parameters folder that is missing or damaged, or holds values out of range."""
+    """Parameters cannot be read, have values out of range, or lack data that a contact method needs."""
 
 
 class FilterError(FastModelError):
-    """A filter that cannot exist at the given sampling rate."""
+    """A low-pass filter has a bad order or cut-off, or a cut-off not below half the sampling rate."""
 
 
 class ShapeError(FastModelError):
-    """An array whose shape does not fit the texel array."""
+    """A numeric array has a shape that does not fit the texel array or the other inputs."""
 
 
 class UnknownNameError(FastModelError):
-    """A name that does not exist in the model or in this package."""
+    """A given name does not exist in the MuJoCo model or in this package."""
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
-        """Compose the message.
+        """Compose the message from the given name and the valid names.
 
         Args:
-            kind: What is named, for example "body".
+            kind: Kind of the named object, for example "body".
             name: The name that was given.
             valid: The names that exist.
         """
@@ -40,27 +40,27 @@ class UnknownNameError(FastModelError):
 
 
 class LifeCycleError(FastModelError):
-    """A sensor used out of order: not bound, bound to another model, or stepped off its time grid."""
+    """A sensor is not bound, is bound to another model, or was not stepped once after every physics step."""
 
 
 class OverlapError(FastModelError):
-    """Texels that overlap, so that one force would be measured twice."""
+    """Two texels of an array overlap, so that one force would be measured twice."""
 
 
 class StateError(FastModelError):
-    """A simulation state that is not finite."""
+    """A force in the simulation, or a given force to start from, is not finite."""
 
 
 class MissedArrayError(FastModelError):
-    """An indenter that came to rest beside the texels."""
+    """An indenter did not come to rest on the texels, for example because it lies beside them."""
 
 
 def check_type(name: str, value: object, expected: type | tuple[type, ...], wanted: str) -> None:
-    """Check the type of an argument.
+    """Check that an argument has one of the accepted types.
 
     Args:
         name: Name of the argument.
-        value: Its value.
+        value: Value of the argument.
         expected: The type, or the types, that are accepted.
         wanted: The accepted types in words, for the message.
 

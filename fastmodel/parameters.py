@@ -1,9 +1,10 @@
 """The parameters of one sensor, and the folder that holds them: `parameters.toml` beside `cover.npz`.
 
-The TOML file is complete and in SI units: array, spread, filter, electronics, provenance.  `cover.npz` holds the
-large tables: the spread operator `[texel, loaded texel]`, the cover between sub-texel cells, and any further tables.
-The TOML file contains the sha256 of `cover.npz`.  Nothing is pickled.  If a save is killed, the folder holds either the
-old pair of files or the new one.
+The TOML file holds everything but the large tables, in SI units: array, point spread, filter, electronics, provenance.
+`cover.npz` holds the large tables: the spread operator `[texel, loaded texel]`, the compliance and influence of the
+cover between cells smaller than a texel, and any further tables.  The TOML file contains the sha256 of `cover.npz`.
+No file contains pickled objects.  If a save is interrupted, the folder still holds a matching pair of files, either
+the old pair or the new one.
 """
 
 from __future__ import annotations
@@ -31,17 +32,18 @@ from meshes import TexelArray, atomic_file
 from meshes.array_types import FloatArray
 from meshes.npz import pack_npz
 
-#: Version of the folder's format; other versions are refused.
+#: Version of the format of a parameters folder; `load` refuses other versions.
 FORMAT = 1
+#: Names of the two files in a parameters folder.
 TOML_NAME = "parameters.toml"
 NPZ_NAME = "cover.npz"
-#: Folder of the sensors that come with the package, one folder each.
+#: Folder that holds one parameters folder for each sensor that comes with the package.
 SENSORS = Path(__file__).parent / "sensors"
-#: Name of the spread operator among the tables.
+#: Name of the spread operator among the tables of the npz file.
 _OPERATOR = "operator"
-#: Attributes of `CoverCells` that are tables, with their names among the tables.
+#: Attributes of `CoverCells` that are stored in the npz file, with the names of their tables there.
 _CELL_TABLES = {name: f"cells_{name}" for name in ("compliance", "influence", "table")}
-#: Names that further tables must not have.
+#: Names of tables that the format itself uses; further tables must not have them.
 _RESERVED = (_OPERATOR, *_CELL_TABLES.values())
 
 
@@ -50,13 +52,14 @@ class Parameters:
     """The parameters of a tactile array with its cover.
 
     Attributes:
-        array: The texels.
-        spread: The point spread of the cover.
-        electronics: The conversion of forces to counts.
-        filter: Low-pass filter on every texel; None for none.
+        array: The texels and their positions.
+        spread: The point spread of the cover, from contact forces on texels to forces that the texels measure.
+        electronics: The conversion of texel forces to counts.
+        filter: Low-pass filter on the force of every texel; None for no filter.
         provenance: Origin of the numbers: estimator, versions, hashes, assumptions.
-        tables: Further arrays of the cover that are stored with it, by name, for example a point response.
-        cells: The cover between sub-texel cells, for the contact methods `cover` and `foundation`; None if unknown.
+        tables: Further arrays about the cover, by name, that are stored in `cover.npz`, for example a point response.
+        cells: Compliance and influence of the cover between cells smaller than a texel, for the contact methods
+            `cover` and `foundation`; None if unknown.
     """
 
     array: TexelArray
@@ -68,7 +71,7 @@ class Parameters:
     cells: CoverCells | None = None
 
     def __post_init__(self) -> None:
-        """Check that the parts fit one another.
+        """Check that spread operator, gains and cells fit the array.
 
         Raises:
             ArgumentTypeError: If a part has a wrong type.
@@ -90,10 +93,10 @@ class Parameters:
                 raise ParametersError(f"a table must not be named {name!r}; the format uses that name itself")
 
     def save(self, folder: str | Path) -> Path:
-        """Write `parameters.toml` and `cover.npz` into a folder, which is made if it does not exist.
+        """Write `parameters.toml` and `cover.npz` into a folder, and make the folder if it does not exist.
 
         Args:
-            folder: The folder.
+            folder: The folder to write to.
 
         Returns:
             The path of `parameters.toml`.
@@ -101,7 +104,7 @@ class Parameters:
         Raises:
             OSError: If the folder cannot be written.
         """
-        # Only writing needs this package.
+        # Imported here, because only writing needs the package tomli_w.
         import tomli_w
 
         target = Path(folder)
@@ -117,7 +120,7 @@ class Parameters:
 
 
 def list_sensors() -> tuple[str, ...]:
-    """Names of the sensors whose parameters come with the package."""
+    """List the names of the sensors whose parameters come with the package."""
     return tuple(sorted(path.parent.name for path in SENSORS.glob(f"*/{TOML_NAME}")))
 
 
@@ -126,7 +129,8 @@ def load(sensor: str | Path) -> Parameters:
 
     Args:
         sensor: Name of a sensor that comes with the package (see `list_sensors`), or a folder that `Parameters.save`
-            wrote, or its `parameters.toml`.  A text that is such a name means the sensor; write `./name` for a folder.
+            wrote, or the path of its `parameters.toml`.  A name that belongs to both a sensor and a folder means the
+            sensor; write `./name` for the folder.
 
     Raises:
         ArgumentTypeError: If the argument is neither a text nor a path.
@@ -173,11 +177,11 @@ def load(sensor: str | Path) -> Parameters:
 
 
 class _Document:
-    """A parsed TOML file.  Errors name the file and the place in it, in one line.
+    """A parsed `parameters.toml`, whose error messages name the file and the place in the file, in one line.
 
     Attributes:
-        path: Path of the file.
-        values: Its content.
+        path: Path of the TOML file.
+        values: Content of the TOML file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -188,7 +192,7 @@ class _Document:
             raise ParametersError(f"{path}: not readable as TOML: {error}") from error
 
     def take(self, key: str) -> Any:  # noqa: ANN401 -- TOML values
-        """The value under a dotted key."""
+        """Return the value under a dotted key such as `array.rows`; raise a `ParametersError` if it is missing."""
         value: Any = self.values
         for part in key.split("."):
             if not isinstance(value, Mapping) or part not in value:
@@ -198,7 +202,7 @@ class _Document:
 
     @contextlib.contextmanager
     def section(self, name: str) -> Iterator[None]:
-        """Turn errors about values into errors that name the file and a section."""
+        """Convert errors raised in a `with` block to a `ParametersError` that names the file and a section."""
         try:
             yield
         except ParametersError:
@@ -208,11 +212,11 @@ class _Document:
 
 
 def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
-    """The content of the TOML file.
+    """Convert parameters to the content of `parameters.toml`.
 
     Args:
-        parameters: The parameters.
-        sha256: Hash of the npz file.
+        parameters: The parameters of the sensor.
+        sha256: Hash of `cover.npz`.
     """
     document: dict[str, Any] = {
         "format": FORMAT,
@@ -232,7 +236,10 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
 
 
 def _describe_array(array: TexelArray) -> dict[str, Any]:
-    """Name, size and pitch; mask, positions and normals only if they differ from those of the plain grid."""
+    """Convert an array to TOML values.
+
+    Mask, positions and normals are written only if they differ from those of a flat, regular grid without a mask.
+    """
     values: dict[str, Any] = {
         "name": array.name,
         "rows": array.rows,
@@ -250,7 +257,7 @@ def _describe_array(array: TexelArray) -> dict[str, Any]:
 
 
 def _build_array(document: _Document) -> TexelArray:
-    """The inverse of `_describe_array`."""
+    """Build the array from the section `[array]` of the TOML file; this inverts `_describe_array`."""
     pitch, size = document.take("array.pitch"), document.take("array.texel_size")
     table = document.take("array")
     grid = TexelArray.grid(
@@ -271,14 +278,18 @@ def _build_array(document: _Document) -> TexelArray:
 
 
 def _describe_spread(spread: Spread) -> dict[str, Any]:
-    """The numbers of a Gaussian; of any other spread only the source, because its operator is in the npz file."""
+    """Convert a point spread to TOML values.
+
+    A Gaussian is described by its numbers.  Any other spread is described by its source alone, because its operator is
+    in the npz file.
+    """
     if isinstance(spread, Gaussian):
         return {"kind": "gaussian", **_describe_dataclass(spread)}
     return {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
 
 
 def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
-    """The inverse of `_describe_spread`."""
+    """Build the point spread from the section `[spread]` and the operator; this inverts `_describe_spread`."""
     values = dict(table)
     match values.pop("kind", None):
         case "gaussian":
@@ -300,12 +311,12 @@ def _build_cells(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> 
 
 
 def _describe_dataclass(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance
-    """The fields of a dataclass as TOML values, see `_convert_values`."""
+    """Convert the fields of a dataclass to TOML values, see `_convert_values`."""
     return _convert_values(dataclasses.asdict(instance))
 
 
 def _convert_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert tuples and numpy values to TOML values, and leave out None."""
+    """Convert tuples and numpy values to TOML values, and omit fields that are None."""
     converted: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):
@@ -318,17 +329,18 @@ def _convert_values(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
-    """Replace both files such that a reader finds a matching pair at every moment.
+    """Replace `parameters.toml` and `cover.npz` such that a reader finds a matching pair at every moment.
 
-    A copy of the old npz file is kept until the TOML file, which names its hash, is replaced too.
+    The old TOML file contains the hash of the old npz file, so a copy of the old npz file is kept until the TOML file
+    is replaced too.
 
     Args:
-        folder: The folder.
-        packed: Content of the npz file.
-        text: Content of the TOML file.
+        folder: The parameters folder.
+        packed: New content of the npz file.
+        text: New content of the TOML file.
 
     Raises:
-        OSError: If the folder cannot be written; the old pair can still be read then.
+        OSError: If the folder cannot be written; the old pair of files can still be read then.
     """
     tables = folder / NPZ_NAME
     if tables.exists() and (old := tables.read_bytes()) != packed:
@@ -341,12 +353,12 @@ def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
 
 
 def _path_of_copy(tables: Path, sha256: str) -> Path:
-    """Path of the copy of an npz file of this hash, which exists while the pair is being replaced."""
+    """Return the path of the copy of an old npz file with a given hash; it exists while both files are replaced."""
     return tables.with_name(f"{tables.stem}.{sha256[:16]}{tables.suffix}")
 
 
 def _read_tables(document: _Document) -> dict[str, FloatArray]:
-    """The tables of the npz file that the TOML file names."""
+    """Read the tables of `cover.npz`, and check its hash against the one in the TOML file."""
     name, sha256 = document.take("cover.file"), document.take("cover.sha256")
     if name != NPZ_NAME or not isinstance(sha256, str):
         raise ValueError(f"file must be {NPZ_NAME!r} and sha256 a text, not {name!r} and {sha256!r}")

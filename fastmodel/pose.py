@@ -1,4 +1,4 @@
-"""Poses in space, and quaternions with the scalar first, as in MuJoCo."""
+"""Poses of rigid frames, and operations on quaternions with the scalar first, as in MuJoCo."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pose:
-    """Position and orientation of one frame in another.
+    """Position and orientation of one frame in another frame.
 
     Attributes:
-        position: Origin, shape (3,) [m].
-        quaternion: Orientation as a unit quaternion, scalar first, shape (4,) [-].
+        position: Origin of the first frame in the other, shape (3,) [m].
+        quaternion: Orientation of the first frame as a unit quaternion, scalar first, shape (4,) [-].
     """
 
     position: FloatArray
@@ -26,11 +26,11 @@ class Pose:
 
     @classmethod
     def of(cls, position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
-        """Make a pose from numbers, with the quaternion normalised.
+        """Make a pose from numbers, and normalise the quaternion.
 
         Args:
-            position: Origin, shape (3,) [m].
-            quaternion: Orientation, scalar first, of any length but zero, shape (4,) [-].
+            position: Origin of the frame, shape (3,) [m].
+            quaternion: Orientation of the frame, scalar first, of any length but zero, shape (4,) [-].
 
         Raises:
             FastModelError: If a shape is wrong, a number not finite, or the quaternion zero.
@@ -47,7 +47,7 @@ class Pose:
 
 
 def make_quaternions(matrices: FloatArray) -> FloatArray:
-    """Quaternions of rotation matrices, shape (n, 4) [-].
+    """Convert n rotation matrices to unit quaternions, shape (n, 4) [-].
 
     Args:
         matrices: Rotation matrices, shape (n, 3, 3) [-].
@@ -59,9 +59,9 @@ def make_quaternions(matrices: FloatArray) -> FloatArray:
 
 
 def multiply(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Hamilton product of quaternions, shape (4,) or (n, 4) [-].
+    """Compute the Hamilton product of quaternions, shape (4,) or (n, 4) [-].
 
-    The product rotates by the second factor first, then by the first.
+    As a rotation, the product applies the second factor first, then the first factor.
 
     Args:
         first: First factor, shape (4,) or (n, 4) [-].
@@ -81,7 +81,7 @@ def multiply(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def rotate(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Rotate vectors by a unit quaternion, shape (n, 3) [unit of the vectors].
+    """Rotate n vectors by a unit quaternion; return them, shape (n, 3) [unit of the vectors].
 
     With scalar w and vector part u of the quaternion, v becomes v + 2 u x (u x v + w v).
 
@@ -94,7 +94,7 @@ def rotate(quaternion: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def make_z_rotation(angle: float) -> FloatArray:
-    """Quaternion of a rotation about z, shape (4,) [-].
+    """Make the unit quaternion of a rotation about the z axis, shape (4,) [-].
 
     Args:
         angle: Angle of the rotation [rad].

@@ -1,12 +1,12 @@
 """A tactile array in a MuJoCo model.
 
-A sensor is made in two phases.  `attach` edits a `mujoco.MjSpec` before it is compiled, and `Sensor.bind` finds the
-array in the compiled model.  Then `Sensor.step` is called after every `mj_step`, and `Sensor.frame` returns the latest
-frame.
+A sensor is made in two phases.  `attach` edits a `mujoco.MjSpec` before the spec is compiled, and `Sensor.bind` finds
+the array in the compiled model.  Then `Sensor.step` is called after every `mj_step`, and `Sensor.frame` returns the
+latest frame.
 
-Three clocks run.  The physics has its timestep.  Contact forces are sampled, and filtered, on every n-th physics step.
-Frames are made at the sensor's own rate and carry the true time of their sample: at 271 frames/s and a timestep of 1 ms
-they are 3 or 4 ms apart.
+Three rates are distinct.  The physics runs with its timestep.  Contact forces are sampled and filtered on every n-th
+physics step.  Frames are made at the sensor's own rate, and each frame contains the simulation time of its sample: at
+271 frames/s and a timestep of 1 ms, successive frames are 3 or 4 ms apart.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from fastmodel.signal.chain import SignalChain
 from fastmodel.signal.frame import Frame
 from meshes.array_types import FloatArray
 
-#: Tolerance for comparisons of clocks, as a share of a time step or of a frame period [-].
+#: Tolerance for comparisons of times, as a share of a physics step or of a frame period; it allows for rounding [-].
 _CLOCK_TOLERANCE = 1e-3
-#: Lowest sampling rate of costly contact methods over the filter's cut-off: the highest frequency that samples
-#: represent is half the sampling rate, and stays at twice the cut-off or above [-].
+#: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  With this value the highest frequency
+#: that samples can represent, which is half the sampling rate, is at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
-#: Time after which `bind` reports that kernels are being compiled [s].
+#: Time after which `Sensor.bind` logs a message that kernels are being compiled [s].
 _COMPILATION_TIME = 2.0
 
 _LOG = logging.getLogger(__name__)
 
 
 class OptionWarning(UserWarning):
-    """Options of the model or of the sensor that cost accuracy; nothing was changed."""
+    """Warn of options of the model or of the sensor that reduce accuracy; the options stay as they are."""
 
 
 def attach(
@@ -58,7 +58,7 @@ def attach(
     contact: str | TexelContact = DEFAULT,
     every: int | None = None,
 ) -> Sensor:
-    """Add a tactile array to a body of a spec that is not compiled yet.
+    """Add a tactile array to a body of a spec, before the spec is compiled.
 
     Options of the whole model (solver, cone, integrator, timestep) stay as they are; see `recommend_options`.
 
@@ -66,20 +66,23 @@ def attach(
         spec: The spec to edit.
         body: The body that carries the array, or its name; "world" for the fixed world.
         parameters: The array and its cover.
-        name: Name of the sensor, and prefix of its geoms' names.
-        position: Origin of the array's frame in the body's, shape (3,) [m].
-        quaternion: Orientation of the array's frame in the body's, scalar first, shape (4,) [-].
-        contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
-            parameters allow.
-        every: Number of physics steps between two samples of the contact forces [-].  By default 1 for the boxes, and
-            for the other methods the largest number that frame rate and filter allow.
+        name: Name of the sensor, and prefix of the names of its geoms.
+        position: Origin of the array's frame in the body's frame, shape (3,) [m].
+        quaternion: Orientation of the array's frame in the body's frame, scalar first, shape (4,) [-].
+        contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default `cover` if the parameters
+            hold the cover's cells, otherwise `boxes`.
+        every: Number of physics steps between two samples of the contact forces [-].  By default 1 for
+            the method `boxes`, and for the other methods the largest number that frame rate and filter allow.
+
+    Returns:
+        The sensor, which must be bound to the compiled model.
 
     Raises:
         ArgumentTypeError: If an argument has a wrong type.
         UnknownNameError: If the body or the contact method does not exist.
         OverlapError: If texels overlap.
-        FastModelError: If the body belongs to another spec, the name is taken, `every` is not a positive whole number,
-            or position and quaternion are not a pose.
+        FastModelError: If the body belongs to another spec, another sensor has this name, `every` is not a positive
+            whole number, or position and quaternion are not a pose.
     """
     _check_spec(spec)
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
@@ -97,7 +100,7 @@ def attach(
 
 
 def recommend_options(spec: mujoco.MjSpec) -> None:
-    """Set the solver options under which contact forces are steadiest: elliptic cones, Newton, impratio 10.
+    """Set the solver options of a spec that give the steadiest contact forces: elliptic cones, Newton, impratio 10.
 
     The total force of a sliding indenter then has a standard deviation of 0.13 % of its mean, compared with 1.7 % under
     MuJoCo's defaults.
@@ -115,7 +118,7 @@ def recommend_options(spec: mujoco.MjSpec) -> None:
 
 
 class Sensor:
-    """An attached array; made by `attach`.  A model may have several, independent of one another.
+    """A tactile array that `attach` added to a spec.  A model may have several sensors, which are independent.
 
     Attributes:
         name: Name of the sensor.
@@ -131,17 +134,17 @@ class Sensor:
         self._running: _RunningSensor | None = None
 
     def twin(self) -> Sensor:
-        """Make another, unbound sensor of the same array, for another copy of the world; see `Batch`."""
+        """Make another, unbound sensor of the same array, for another state of the same model; see `Batch`."""
         return Sensor(name=self.name, parameters=self.parameters, contact=self._contact, every=self._every)
 
     def bind(self, model: mujoco.MjModel) -> Sensor:
-        """Find the array in the compiled model, compile the kernels, and start at rest.
+        """Find the array in the compiled model, compile the kernels, and reset the sensor to its state at rest.
 
         The first call on a machine compiles the kernels, which may take several seconds; later processes load them
         from disk.
 
         Args:
-            model: The compiled model.
+            model: The model that was compiled from the spec with this array.
 
         Returns:
             The sensor itself.
@@ -163,24 +166,24 @@ class Sensor:
         return self
 
     def step(self, data: mujoco.MjData) -> bool:
-        """Take in one physics step; call this after every `mj_step`.
+        """Update the sensor after one physics step; call this after every `mj_step`.
 
         Args:
-            data: The state that was stepped.
+            data: The state of the simulation after the step.
 
         Returns:
-            Whether a new frame was made.
+            Whether the sensor made a new frame.
 
         Raises:
             ArgumentTypeError: If the argument has a wrong type.
-            LifeCycleError: If the sensor is not bound to the model of this state, or the step does not follow the
-                previous one on the clock.
+            LifeCycleError: If the sensor is not bound to the model of this state, or the simulation time did not
+                advance by one timestep since the previous call.
             StateError: If a contact force is not finite.
         """
         return self._bound().step(data)
 
     def frame(self) -> Frame:
-        """The latest frame; before the first one, the frame of the array at rest.
+        """Return the latest frame; before the first frame is made, return a frame of the array at rest.
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -188,7 +191,7 @@ class Sensor:
         return self._bound().frame
 
     def contact_forces(self) -> FloatArray:
-        """Contact force on each texel at the latest sample, before filter and spread, shape (n,) [N].
+        """Return the contact force on each texel at the latest sample, before filter and spread, shape (n,) [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -196,7 +199,7 @@ class Sensor:
         return self._bound().reading.contact_forces.copy()
 
     def carried(self) -> float:
-        """Total force that pressed on the array and its margin at the latest sample [N].
+        """Return the total force that pressed on the array and its margin at the latest sample [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -204,7 +207,7 @@ class Sensor:
         return self._bound().reading.carried
 
     def outside(self) -> float:
-        """Filtered contact force of the latest frame that no texel measures [N].
+        """Return the part of the filtered contact force that no texel measures, at the latest frame [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -212,11 +215,11 @@ class Sensor:
         return self._bound().chain.outside
 
     def reset(self, contact_forces: npt.ArrayLike = 0.0) -> None:
-        """Restart clocks, filter, hysteresis and noise, as after `mj_resetData`.
+        """Restart clocks, filter, hysteresis and noise; call this after `mj_resetData`.
 
         Args:
-            contact_forces: Constant force on each texel for which the filter is in its steady state, a number or
-                shape (n,) [N].
+            contact_forces: Constant force on each texel, a number or shape (n,); the filter starts in its steady
+                state under these forces [N].
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -231,11 +234,11 @@ class Sensor:
 
 
 class _RunningSensor:
-    """The state of a bound sensor.
+    """The clocks, contact reader and signal chain of a sensor that is bound to a model.
 
     Attributes:
         reading: The contact forces of the latest sample.
-        chain: The signal chain.
+        chain: The signal chain: filter, point spread and electronics.
         frame: The latest frame.
     """
 
@@ -283,14 +286,14 @@ class _RunningSensor:
         return True
 
     def _check_data(self, data: mujoco.MjData) -> None:
-        """Check a state that was not seen before, and remember it."""
+        """Check that another state belongs to the bound model, and store the state for later comparison."""
         check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
         if data.model is not self._model:
             raise LifeCycleError(f"sensor {self._name!r} is bound to another model; call bind(model) again")
         self._data = data
 
     def _check_clock(self, now: float) -> None:
-        """Start the clock on the first step; on any other step raise the error about a clock that jumped."""
+        """Start the clock of the sensor on its first step; on a later step raise an error about a jump in time."""
         if not math.isnan(self._time):
             raise LifeCycleError(
                 f"sensor {self._name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "
@@ -300,7 +303,7 @@ class _RunningSensor:
 
 
 def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: float) -> int:
-    """Number of physics steps between two samples of a contact method."""
+    """Choose the number of physics steps between two samples of the contact forces [-]."""
     if not contact.costly:
         return 1
     wanted = parameters.electronics.rate_hz
@@ -314,7 +317,7 @@ def _check_spec(spec: mujoco.MjSpec) -> None:
 
 
 def _find_body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
-    """The body of a spec that was given by name or as itself."""
+    """Return a body of a spec, given by its name or as the body itself."""
     check_type("body", body, (str, mujoco.MjsBody), "the name of a body or a mujoco.MjsBody (a site has it as .parent)")
     if isinstance(body, str):
         found = spec.body(body)
@@ -341,7 +344,7 @@ def _report_slow_compilation(name: str) -> Iterator[None]:
 
 
 def _warn_of_options(parameters: Parameters, model: mujoco.MjModel, every: int) -> None:
-    """Warn of options that cost accuracy."""
+    """Warn of options of the model or of the sensor that reduce accuracy."""
     rate = parameters.electronics.rate_hz
     sampled = 1.0 / (every * model.opt.timestep)
     messages = []

@@ -1,9 +1,9 @@
-"""Butterworth low-pass filters of any order, over all texels at once.
+"""Butterworth low-pass filters of orders 1 to 20, applied to the signals of all texels at once.
 
 The filter is a cascade of second-order sections, with one first-order section if the order is odd.  Each section is
-the bilinear transform of an analogue one.  The cut-off is pre-warped, so that the gain at the cut-off is -3 dB at any
-sampling rate.  A single transfer function of high order would be unstable from about order 5 on, because rounding of
-its coefficients moves the poles; sections stay stable.
+the bilinear transform of an analogue section.  The cut-off is pre-warped, so that the gain at the cut-off is -3 dB at
+any sampling rate.  A single transfer function of high order would be unstable from about order 5 on, because rounding
+of its coefficients moves the poles; sections stay stable.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from fastmodel.errors import FilterError, ShapeError
 from meshes.array_types import FloatArray
 
-#: Highest order that is accepted [-].  Higher orders are not verified.
+#: Highest accepted order of a filter [-].  Higher orders are not tested.
 ORDER_MAX = 20
 
 
@@ -44,7 +44,7 @@ class Butterworth:
             raise FilterError(f"order must be a whole number 1..{ORDER_MAX}, not {self.order}")
 
     def sections(self, rate_hz: float) -> FloatArray:
-        """Coefficients b0 b1 b2 a0 a1 a2 of each section, shape (ceil(order / 2), 6) [-].
+        """Compute the coefficients b0 b1 b2 a0 a1 a2 of each section, shape (ceil(order / 2), 6) [-].
 
         With K = tan(pi cutoff / rate), a pole pair of quality Q gives D = 1 + K/Q + K^2, b = K^2/D (1, 2, 1),
         a = (1, 2(K^2 - 1)/D, (1 - K/Q + K^2)/D); the real pole of an odd order gives b = K/(1 + K) (1, 1),
@@ -67,7 +67,7 @@ class Butterworth:
         return np.array(rows)
 
     def gain(self, frequency_hz: npt.ArrayLike, rate_hz: float) -> FloatArray:
-        """Amplitude gain of the sampled filter, same shape as the frequencies [-].
+        """Compute the amplitude gain of the sampled filter at given frequencies, same shape as the frequencies [-].
 
         Args:
             frequency_hz: Frequencies, any shape [Hz].
@@ -81,16 +81,17 @@ class Butterworth:
 
 
 class FilterBank:
-    """A running filter with a state of its own for each of `count` signals.
+    """One low-pass filter applied to several signals, with separate states for each signal.
 
-    One product with a constant matrix takes states and sample of all signals to their next states and filtered sample.
+    In each step, one product with a constant matrix maps the states and the new sample of every signal to the next
+    states and the filtered sample.
     """
 
     def __init__(self, design: Butterworth | None, rate_hz: float, count: int) -> None:
-        """Prepare a filter at rest.
+        """Build the matrix of the filter, and set all states to zero.
 
         Args:
-            design: The low-pass; None passes every sample unchanged.
+            design: The low-pass filter; None passes every sample unchanged.
             rate_hz: Sampling rate [Hz].
             count: Number of signals [-].
 
@@ -104,18 +105,18 @@ class FilterBank:
 
     @property
     def filtered(self) -> FloatArray:
-        """The latest filtered sample, shape (count,) [unit of the input]."""
+        """The latest filtered sample of every signal, shape (count,) [unit of the input]."""
         return np.asarray(self._states[-1])
 
     def settle(self, values: npt.ArrayLike = 0.0) -> None:
-        """Put the filter into the state that it reaches under constant input.
+        """Set the filter to its steady state under constant input.
 
         Args:
-            values: Constant input, a number or shape (count,) [any unit].
+            values: Constant input of every signal, a number or shape (count,) [any unit].
         """
         self._states[-1] = values
         for k, (b0, _, b2, _, _, a2) in enumerate(self._sections):
-            # In the steady state input and output of every section are equal, because each has unit gain at rest.
+            # Every section has unit gain at zero frequency, so its input and output are equal in the steady state.
             self._states[2 * k] = (1.0 - b0) * self.filtered
             self._states[2 * k + 1] = (b2 - a2) * self.filtered
 
@@ -123,10 +124,10 @@ class FilterBank:
         """Filter one sample of every signal.
 
         Args:
-            values: Input, shape (count,) [any unit].
+            values: New sample of every signal, shape (count,) [any unit].
 
         Returns:
-            The filtered sample, shape (count,) [unit of the input].
+            The filtered sample of every signal, shape (count,) [unit of the input].
 
         Raises:
             ShapeError: If the input has another shape.
@@ -139,9 +140,10 @@ class FilterBank:
 
 
 def _combine(sections: FloatArray) -> FloatArray:
-    """Matrix from the states and the sample of a cascade to the next ones, shape (2 s + 1, 2 s + 1) [-].
+    """Build the matrix of one step of a cascade of s sections, shape (2 s + 1, 2 s + 1) [-].
 
-    Every section is in transposed direct form II, with states m0 and m1: output y = b0 x + m0, then
+    The matrix maps the states and the new sample to the next states and the filtered sample.  Every section is in
+    transposed direct form II, with states m0 and m1: output y = b0 x + m0, then
     m0 = b1 x - a1 y + m1 and m1 = b2 x - a2 y.  The output of a section is the input x of the next.
 
     Args:
@@ -160,13 +162,13 @@ def _combine(sections: FloatArray) -> FloatArray:
 
 
 def _second_order(K: float, inverse_quality: float) -> list[float]:
-    """Coefficients of a section with a pole pair, see `Butterworth.sections` [-]."""
+    """Compute the coefficients of a section with a complex pole pair, see `Butterworth.sections` [-]."""
     D = 1 + K * inverse_quality + K**2
     b = K**2 / D
     return [b, 2 * b, b, 1.0, 2 * (K**2 - 1) / D, (1 - K * inverse_quality + K**2) / D]
 
 
 def _first_order(K: float) -> list[float]:
-    """Coefficients of the section with the real pole, see `Butterworth.sections` [-]."""
+    """Compute the coefficients of the section with the real pole, see `Butterworth.sections` [-]."""
     b = K / (1 + K)
     return [b, b, 0.0, 1.0, (K - 1) / (K + 1), 0.0]

@@ -1,7 +1,8 @@
-"""The signal chain of one array: contact forces go through filter, spread and electronics and become frames.
+"""The signal chain of one array: low-pass filter, point spread and electronics convert contact forces to frames.
 
-The filter runs on every sample.  Spread and electronics run once per frame, on the latest filtered sample: spread and
-filter are linear and all texels have the same filter, so their order does not matter.
+The filter runs on every sample of the contact forces.  Point spread and electronics run once per frame, on the latest
+filtered sample.  Filter and point spread are linear and all texels have the same filter, so the order of filter and
+point spread has no effect on the result.
 """
 
 from __future__ import annotations
@@ -16,19 +17,20 @@ from fastmodel.signal.point_spread import build_operator
 
 
 class SignalChain:
-    """The running chain of one array; `settle` starts it.
+    """The signal chain of one array with the states of its filters; call `settle` before the first sample.
 
     Attributes:
-        outside: Filtered contact force of the latest frame that no texel measures [N].
+        outside: Part of the filtered contact force that no texel measures, at the latest frame [N].
     """
 
     def __init__(self, parameters: Parameters, rate_hz: float, *, spreads: bool) -> None:
-        """Prepare a chain.
+        """Build filter and spread operator.
 
         Args:
-            parameters: The array and its cover.
-            rate_hz: Samples per second [Hz].
-            spreads: Whether the chain applies the point spread; False if the contact method has done so.
+            parameters: The array, its cover and its electronics.
+            rate_hz: Samples of the contact forces per second [Hz].
+            spreads: Whether the chain applies the point spread; False if the contact method gives the forces at the
+                base of the cover.
 
         Raises:
             FilterError: If the filter's cut-off is not below half the sampling rate.
@@ -37,35 +39,36 @@ class SignalChain:
         self._array, self._electronics = array, parameters.electronics
         self._inactive = None if array.active.all() else ~array.active
         self._operator = build_operator(parameters.spread, array) if spreads else None
-        # One signal per texel.  The last signal is the total force, so that `outside` is filtered as the texels are.
+        # One signal per texel and, as the last signal, the total force, so that `outside` passes through the same
+        # filter.
         self._filter = FilterBank(parameters.filter, rate_hz, array.count + 1)
         self._sample = np.zeros(array.count + 1)
         self.outside = 0.0
 
     def settle(self, reading: Reading) -> None:
-        """Start again in the state that is reached after a long time under constant forces.
+        """Set the filter to its steady state under constant forces, and restart hysteresis and noise.
 
         Args:
-            reading: The constant forces.
+            reading: The constant contact forces.
         """
         self._filter.settle(self._signals(reading))
         self._hysteresis = np.zeros(self._array.count)
         self._noise = np.random.default_rng(self._electronics.seed)
 
     def take(self, reading: Reading) -> None:
-        """Filter one more sample.
+        """Pass one more sample through the filter.
 
         Args:
-            reading: The forces of the sample.
+            reading: The contact forces of the sample.
         """
         self._filter.step(self._signals(reading))
 
     def frame(self, time: float, *, noisy: bool = True) -> Frame:
-        """Make a frame of the latest sample.
+        """Make a frame from the latest filtered sample.
 
         Args:
-            time: Time of that sample [s].
-            noisy: Whether to add the sensor's noise.
+            time: Time of the latest sample [s].
+            noisy: Whether to add the noise of the electronics.
         """
         electronics, filtered = self._electronics, self._filter.filtered
         forces = filtered[:-1].copy() if self._operator is None else self._operator @ filtered[:-1]
@@ -78,7 +81,10 @@ class SignalChain:
         return Frame(time=time, counts=counts, texel_forces=forces, image=image)
 
     def _signals(self, reading: Reading) -> np.ndarray:
-        """Force on each texel, spread if the contact method spreads, and the total force, shape (n + 1,) [N]."""
+        """Return the inputs of the filter: force on each of n texels, then the total force, shape (n + 1,) [N].
+
+        The texel forces are those at the base of the cover if the contact method computes them.
+        """
         forces = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
         self._sample[:-1], self._sample[-1] = forces, reading.carried
         return self._sample

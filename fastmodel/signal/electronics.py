@@ -1,7 +1,7 @@
-"""From texel forces to the sensor's integers and grey levels.
+"""Conversion of texel forces to the counts (integers) that a sensor sends, and to grey levels.
 
-Each texel passes the stages hysteresis, temperature, noise, characteristic, gain, threshold, saturation, rounding to
-whole counts, and 8-bit grey, in this order.  Hysteresis, temperature and noise are off by default.
+The force on each texel passes the stages hysteresis, temperature, noise, characteristic, gain, threshold, saturation,
+rounding to whole counts, and 8-bit grey, in this order.  Hysteresis, temperature and noise are off by default.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ GreyArray = npt.NDArray[np.uint8]
 
 #: Grey level of white in an 8-bit image [-].
 WHITE = 255
-#: Clip sharply if the bend is narrower than this [-]: counts are whole numbers, so that it makes no difference.
+#: Width of the saturation bend, in counts, below which counts are clipped sharply [-].  Counts are rounded to whole
+#: numbers, so a bend this narrow has no effect.
 _SHARP = 1e-6
-#: Number of coefficients of the 5th-degree characteristic of the 2015 report [-].
+#: Number of coefficients of a characteristic of degree 5, as in the 2015 report [-].
 _COEFFICIENTS = 6
 
 
@@ -31,22 +32,23 @@ class Electronics:
     Attributes:
         rate_hz: Frames per second [Hz].
         sensitivity: Slope of the linear characteristic, counts = sensitivity * force + offset [1/N].
-        offset: Counts at zero force; a negative offset makes a dead zone [-].
+        offset: Counts at zero force.  With a negative offset, small forces give no counts [-].
         output_max: Largest count that the sensor delivers; white in the image [-].
         bits: Resolution of the converter: no count exceeds 2^bits - 1 [-].
         noise: Standard deviation of the Gaussian noise on each texel force of each frame [N].
-        threshold: Counts that the firmware subtracts; negative results read zero [-].
+        threshold: Counts that the firmware subtracts; negative results are set to zero [-].
         saturation_band: Counts below `output_max` over which the characteristic bends into saturation; 0 clips
             sharply [-].
-        characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, which replaces the straight line [1/N^k];
-            None for the line.
-        gains: One factor per texel on the counts, applied before the threshold, shape (n,) [-]; None for ones.
+        characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, which replaces the linear
+            characteristic [1/N^k]; None for the linear one.
+        gains: Factor on the counts of each of n texels, applied before the threshold, shape (n,) [-]; None for factors
+            of one.
         seed: Seed of the noise; equal seeds give equal frames [-].
         hysteresis_share: Share of the force that passes through a play operator, 0..1; 0 for no hysteresis [-].
         hysteresis_width: Half width of the play operator.  Unloading and loading curves differ by twice this width
             times the share [N].
         temperature_coefficient: Relative change of the measured force per kelvin; 0 for none [1/K].
-        temperature_excess: Temperature above the one at which the characteristic was measured [K].
+        temperature_excess: Temperature minus the temperature at which the characteristic was measured [K].
     """
 
     rate_hz: float
@@ -76,7 +78,7 @@ class Electronics:
             raise ValueError("; ".join(faults))
 
     def _list_rules(self) -> list[tuple[bool, str]]:
-        """Whether each rule is broken, and the message that says so."""
+        """List for each rule whether the numbers break the rule, and the error message."""
         largest = 2**self.bits - 1
         c = self.characteristic
         positive = [(name, getattr(self, name)) for name in ("rate_hz", "sensitivity")]
@@ -110,14 +112,15 @@ class Electronics:
 
     @property
     def temperature_gain(self) -> float:
-        """Factor of the temperature on the measured force: 1 + coefficient * excess [-]."""
+        """Factor by which the temperature changes the measured force: 1 + coefficient * excess [-]."""
         return 1.0 + self.temperature_coefficient * self.temperature_excess
 
     def apply_hysteresis(self, forces: FloatArray, play: FloatArray) -> FloatArray:
-        """Return texel forces with rate-independent hysteresis, shape (n,) [N].
+        """Return the forces on n texels after rate-independent hysteresis, shape (n,) [N].
 
-        The share `hysteresis_share` of each force passes through a play operator.  Its output stays constant while the
-        input differs from it by at most `hysteresis_width`; beyond, it follows the input at that distance.
+        The share `hysteresis_share` of each force passes through a play operator.  The output of the play operator
+        stays constant while the input differs from the output by at most `hysteresis_width`.  Otherwise the output
+        follows the input at that distance.
         Source: Visintin, Differential Models of Hysteresis (1994), section III.2.
 
         Args:
@@ -130,11 +133,11 @@ class Electronics:
         return np.asarray((1 - self.hysteresis_share) * forces + self.hysteresis_share * play)
 
     def counts(self, forces: npt.ArrayLike, noise: np.random.Generator | None = None) -> IntArray:
-        """Counts of texels under given forces, shape (..., n) to (..., n) [-].
+        """Convert the forces on n texels to counts, shape (..., n) [-].
 
         Args:
-            forces: Texel forces after filter, spread and hysteresis [N].
-            noise: Source of the noise; None for counts without noise.
+            forces: Texel forces after filter, spread and hysteresis, shape (..., n) [N].
+            noise: Random generator of the noise; None for counts without noise.
 
         Raises:
             ShapeError: If the gains are for another number of texels.
@@ -154,20 +157,20 @@ class Electronics:
         return np.rint(saturate(signal, self.output_max, self.saturation_band)).astype(np.int64)
 
     def image(self, counts: npt.ArrayLike) -> GreyArray:
-        """Grey levels of counts, with white at `output_max`, same shape [-]."""
+        """Convert counts to grey levels 0..255, with white at `output_max`, same shape [-]."""
         return grey_levels(counts, self.output_max)
 
 
 def saturate(counts: FloatArray, output_max: float, band: float) -> FloatArray:
-    """Limit counts to a largest value, same shape [-].
+    """Limit counts to a largest value; return the limited counts, same shape [-].
 
-    Counts up to the knee output_max - band pass unchanged.  Above it the curve continues with slope one and approaches
-    the largest count exponentially: output_max - band exp(-(counts - knee) / band).
+    Counts up to the knee output_max - band pass unchanged.  Above the knee the curve continues with slope one and
+    approaches the largest count exponentially: output_max - band exp(-(counts - knee) / band).
 
     Args:
         counts: Unlimited counts, any shape [-].
         output_max: Largest count [-].
-        band: Width of the bend; 0 clips sharply [-].
+        band: Counts between the knee and the largest count; 0 clips sharply [-].
     """
     if band < _SHARP:
         return np.minimum(counts, output_max)
@@ -177,13 +180,13 @@ def saturate(counts: FloatArray, output_max: float, band: float) -> FloatArray:
 
 
 def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
-    """Grey levels round(255 values / full_scale), limited to 0..255, same shape [-].
+    """Convert values to grey levels, round(255 values / full_scale) clipped to 0..255, same shape [-].
 
-    All levels are black if the full scale is not positive.  Halves are rounded to the even level, as numpy does.
+    All levels are 0 if the full scale is not positive.  Halves are rounded to the even level, as numpy does.
 
     Args:
         values: Counts [-] or forces [N], any shape.
-        full_scale: Value that is white, in the same unit.
+        full_scale: Value that is shown white (255) [unit of the values].
     """
     if not full_scale > 0:
         return np.zeros(np.shape(values), dtype=np.uint8)
@@ -191,5 +194,5 @@ def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
     return np.asarray(np.rint(WHITE * np.minimum(np.maximum(ratio, 0.0), 1.0)), dtype=np.uint8)
 
 
-#: Characteristic of the Weiss WTS 0614-34 in the 2015 report: zero below 0.185 N, saturated from 1.646 N.
+#: Electronics of the Weiss WTS 0614-34 in the 2015 report: counts are zero below 0.185 N and saturate from 1.646 N.
 WTS_0614_34 = Electronics(rate_hz=271.0, sensitivity=2665.7, offset=-493.87, output_max=3895, bits=12)

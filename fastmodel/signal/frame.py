@@ -19,8 +19,8 @@ class Frame:
         counts: Output of the sensor, shape (n,), row-major, x fastest [-].
         image: The counts as grey levels, shape (rows, columns), uint8, row 0 at the smallest y [-].
         texel_forces: Filtered and spread texel forces before the electronics, shape (n,) [N]; None if only counts are
-            known, as on a real sensor.  A texel force may be slightly negative, because a nearly incompressible cover
-            pulls on the texels around the load.  Counts are never negative.
+            known, as for a real sensor.  A texel force may be slightly negative, because the pressure under a nearly
+            incompressible cover is negative around the load.  Counts are never negative.
     """
 
     time: float
@@ -29,7 +29,7 @@ class Frame:
     texel_forces: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only, so that a frame never changes."""
+        """Make the arrays of the frame read-only."""
         self.counts.setflags(write=False)
         self.image.setflags(write=False)
         if self.texel_forces is not None:

@@ -1,8 +1,9 @@
-"""The point spread of the cover over the texels: a constant linear operator.
+"""The point spread of the cover: a constant linear operator from contact forces on texels to measured texel forces.
 
-Every model of the spread (a Gaussian, a table from finite elements) becomes one matrix `[texel, loaded texel]` at run
-time.  A column may sum to less than one: the difference is the force that leaves the array or acts on masked texels,
-and counts as `outside`.  It is neither reflected at the edges nor distributed over the other texels.
+Every model of the point spread (a Gaussian, a table from finite elements) is applied as one matrix `[texel, loaded
+texel]`.  A column may sum to less than one: the difference is the force that leaves the array or acts on masked
+texels, and counts as `outside`.  This force is neither reflected at the edges of the array nor distributed over the
+other texels.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from fastmodel.errors import ShapeError
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
-#: Smallest share of the Gaussian's sum that a kernel contains [-].
+#: Smallest share of the sum of a sampled Gaussian that its kernel must contain [-]; it determines the kernel's width.
 KERNEL_MASS = 0.999
-#: Largest number of texels for which the operator is a dense matrix [-]: for more, a sparse one is faster.
+#: Largest number of texels for which the operator is a dense matrix [-]; for more texels, a sparse matrix is faster.
 DENSE_MOST = 500
-#: Treat a projected axis shorter than this as zero: the texel's normal is then parallel to the array's x axis [-].
+#: Length of the array's x axis, projected on a texel's plane, below which the texel's normal counts as parallel to the
+#: x axis [-].
 _PARALLEL = 1e-6
 
 
@@ -30,10 +32,10 @@ class Spread(Protocol):
     """A model of the point spread."""
 
     def operator(self, array: TexelArray) -> FloatArray:
-        """Matrix `[texel, loaded texel]` from contact forces to texel forces, shape (n, n) [-].
+        """Compute the matrix `[texel, loaded texel]` from contact forces to texel forces, shape (n, n) [-].
 
         Args:
-            array: The array.
+            array: The array of n texels.
         """
 
 
@@ -75,7 +77,7 @@ class Gaussian:
 
         Args:
             sigma_x: Standard deviation along x [pitches].
-            sigma_y: Standard deviation along y, by default that along x [pitches].
+            sigma_y: Standard deviation along y, by default equal to sigma_x [pitches].
         """
         along_y = sigma_x if sigma_y is None else sigma_y
         return cls(
@@ -86,7 +88,7 @@ class Gaussian:
         )
 
     def kernel(self) -> FloatArray:
-        """The kernel as an image, shape (ksize_y, ksize_x), unit sum [-]."""
+        """Return the kernel as an image with unit sum, shape (ksize_y, ksize_x) [-]."""
         weights = [
             sample_gaussian(np.arange(ksize) - ksize // 2, sigma, ksize)
             for sigma, ksize in ((self.sigma_x, self.ksize_x), (self.sigma_y, self.ksize_y))
@@ -94,15 +96,15 @@ class Gaussian:
         return np.outer(weights[1], weights[0])
 
     def operator(self, array: TexelArray) -> FloatArray:
-        """Matrix `[texel, loaded texel]` on any layout, shape (n, n) [-].
+        """Compute the matrix `[texel, loaded texel]` for n texels in any layout, shape (n, n) [-].
 
-        Offsets are measured in pitches in the tangent plane of the loaded texel, so that columns on a flat grid are
-        the kernel itself.  Rows of masked texels are zero, but their columns are not: a load on a masked texel spreads
-        to its neighbours.  Entries between texels whose normals are 90 degrees or more apart are zero.  Columns of a
-        curved layout that sum to more than one are scaled to one.
+        Offsets between texels are measured in pitches in the tangent plane of the loaded texel, so that each column
+        of a flat grid is the kernel itself.  Rows of masked texels are zero, but their columns are not: a load on a
+        masked texel spreads to its neighbours.  Entries between texels whose normals are 90 degrees or more apart are
+        zero.  Columns of a curved layout that sum to more than one are scaled to unit sum.
 
         Args:
-            array: The array.
+            array: The array of n texels.
         """
         offset_x, offset_y = measure_offsets(array)
         matrix = sample_gaussian(offset_x, self.sigma_x, self.ksize_x)
@@ -115,7 +117,7 @@ class Gaussian:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tabulated:
-    """Any linear operator as a table, for example from finite elements with the edges of the cover.
+    """A point spread given as a matrix, for example from finite elements for a cover with free side edges.
 
     Attributes:
         matrix: Texel force per unit force on a loaded texel, `[texel, loaded texel]`, shape (n, n) [-].
@@ -126,10 +128,10 @@ class Tabulated:
     source: str = "given by the user"
 
     def __post_init__(self) -> None:
-        """Check the table and make it read-only.
+        """Check the matrix and make it read-only.
 
         Raises:
-            ShapeError: If it is not square.
+            ShapeError: If the matrix is not square.
             ValueError: If an entry is not finite.
         """
         if self.matrix.ndim != 2 or self.matrix.shape[0] != self.matrix.shape[1]:  # noqa: PLR2004 -- a matrix
@@ -139,13 +141,13 @@ class Tabulated:
         self.matrix.setflags(write=False)
 
     def operator(self, array: TexelArray) -> FloatArray:
-        """The table, with zero rows for masked texels, shape (n, n) [-].
+        """Return the matrix with zero rows for masked texels, shape (n, n) [-].
 
         Args:
-            array: The array.
+            array: The array of n texels.
 
         Raises:
-            ShapeError: If the table is for another number of texels.
+            ShapeError: If the matrix is for another number of texels.
         """
         if len(self.matrix) != array.count:
             raise ShapeError(
@@ -156,11 +158,11 @@ class Tabulated:
 
 
 def build_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_array:
-    """Build the operator in the form that is fastest to apply, dense or sparse, shape (n, n) [-].
+    """Build the spread operator as a dense or sparse matrix, whichever is faster to apply, shape (n, n) [-].
 
     Args:
-        spread: The spread.
-        array: The array.
+        spread: The point spread.
+        array: The array of n texels.
     """
     if array.count <= DENSE_MOST:
         return spread.operator(array)
@@ -170,7 +172,7 @@ def build_operator(spread: Spread, array: TexelArray) -> FloatArray | sp.csr_arr
 
 
 def _build_banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:
-    """The operator of a Gaussian on a regular flat grid, without the dense matrix, shape (n, n) [-]."""
+    """Build the sparse operator of a Gaussian on a flat, regular grid without a dense one, shape (n, n) [-]."""
     axes = []
     for count, sigma, ksize in (
         (array.rows, spread.sigma_y, spread.ksize_y),
@@ -185,11 +187,13 @@ def _build_banded(spread: Gaussian, array: TexelArray) -> sp.csr_array:
 
 
 def find_smallest_kernel(sigma: float, mass: float = KERNEL_MASS) -> int:
-    """Smallest odd width that contains a given share of a Gaussian sampled at whole offsets [texels].
+    """Find the smallest odd width of a kernel that contains a given share of a sampled Gaussian [texels].
+
+    The Gaussian is sampled at whole offsets in texels.
 
     Args:
         sigma: Standard deviation [pitches].
-        mass: Share of the sampled Gaussian's sum [-].
+        mass: Share of the sum of the sampled Gaussian [-].
 
     Raises:
         ValueError: If sigma is not positive and finite.
@@ -204,15 +208,15 @@ def find_smallest_kernel(sigma: float, mass: float = KERNEL_MASS) -> int:
 
 
 def sample_gaussian(offsets: npt.ArrayLike, sigma: float, ksize: int) -> FloatArray:
-    """One axis of the kernel at given offsets, same shape as `offsets` [-].
+    """Evaluate the factor of a Gaussian kernel along one axis at given offsets, same shape as `offsets` [-].
 
-    The value at distance d is exp(-d^2 / (2 sigma^2)) over the sum of this expression at the whole offsets inside the
-    kernel.  It is zero farther than half a texel beyond the outermost of these offsets.
+    The value at offset d is exp(-d^2 / (2 sigma^2)) over the sum of this expression at the whole offsets inside the
+    kernel.  The value is zero where |d| is at least ksize / 2.
 
     Args:
         offsets: Distances along the axis, any shape [pitches].
         sigma: Standard deviation [pitches].
-        ksize: Odd width [texels].
+        ksize: Width of the kernel, odd [texels].
     """
     distance = np.asarray(offsets, dtype=np.float64)
     lattice = np.arange(-(ksize // 2), ksize // 2 + 1)
@@ -221,10 +225,10 @@ def sample_gaussian(offsets: npt.ArrayLike, sigma: float, ksize: int) -> FloatAr
 
 
 def measure_offsets(array: TexelArray) -> tuple[FloatArray, FloatArray]:
-    """Offsets of every texel from every loaded texel, in the loaded texel's tangent plane.
+    """Compute the offset of every texel from every loaded texel, in the tangent plane of the loaded texel.
 
     Args:
-        array: The array.
+        array: The array of n texels.
 
     Returns:
         Offsets along x and along y, each `[texel, loaded texel]` of shape (n, n) [pitches].
@@ -236,13 +240,13 @@ def measure_offsets(array: TexelArray) -> tuple[FloatArray, FloatArray]:
 
 
 def find_tangents(array: TexelArray) -> tuple[FloatArray, FloatArray]:
-    """Unit tangents of every texel, both of shape (n, 3) [-].
+    """Compute two unit tangents of each of n texels, each of shape (n, 3) [-].
 
-    The first is the array's x axis projected on the texel's plane, or the array's y axis if the projection vanishes.
-    The second is the cross product of the normal and the first.
+    The first tangent is the array's x axis projected on the texel's plane, or the array's y axis if the projection
+    vanishes.  The second tangent is the cross product of the texel's normal and the first tangent.
 
     Args:
-        array: The array.
+        array: The array of n texels.
     """
     axis_x = np.array([1.0, 0.0, 0.0]) - array.normals[:, :1] * array.normals
     length = np.linalg.norm(axis_x, axis=1)
@@ -254,7 +258,7 @@ def find_tangents(array: TexelArray) -> tuple[FloatArray, FloatArray]:
 
 
 def outside_share(operator: FloatArray) -> FloatArray:
-    """Share of a force on each loaded texel that no texel measures: 1 - column sum, shape (n,) [-].
+    """Compute the share of the force on each texel that no texel measures, 1 - column sum, shape (n,) [-].
 
     Args:
         operator: Spread operator `[texel, loaded texel]`, shape (n, n) [-].
