@@ -1,4 +1,4 @@
-"""Errors that a user can correct, and hints in their messages."""
+"""Exceptions for errors that a user can correct, and the hint at accepted names in their messages."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 
 class InputError(ValueError):
-    """The user's input has faults.
+    """Reports faults in the user's input, such as files and options.
 
     Attributes:
-        faults: One line per fault: where it is, what is wrong, what would be accepted.
+        faults: One line per fault: the place of the fault, what is wrong, and what is accepted.
     """
 
     def __init__(self, *faults: str) -> None:
@@ -19,7 +19,11 @@ class InputError(ValueError):
 
 
 class MissingExtraError(ImportError):
-    """An optional package is needed and not installed."""
+    """Reports that an optional package is needed and not installed.
+
+    Attributes:
+        extra: Name of the optional dependency group (`softcover[...]`) that installs the package.
+    """
 
     def __init__(self, extra: str, module: str) -> None:
         super().__init__(f"{module} is not installed; run: python -m pip install 'softcover[{extra}]'")
@@ -27,7 +31,15 @@ class MissingExtraError(ImportError):
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """The end of a fault's line: the known name most similar to `word`, if any, and all known names."""
+    """Return the hint of an error message on an unknown name.
+
+    Args:
+        word: The unknown name.
+        known: The accepted names.
+
+    Returns:
+        Text that lists the accepted names, after the one most similar to `word` if any is similar.
+    """
     names = list(known)
     close = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""

@@ -1,4 +1,4 @@
-"""Results as JSON: only dicts, lists, numbers, text and null."""
+"""Converts results with numpy arrays and NaN to values that JSON can hold, and to JSON text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def to_json_values(value: Any) -> Any:  # noqa: ANN401 -- JSON is untyped
-    """Turn arrays and numpy numbers into lists and numbers; NaN and infinity become None."""
+    """Convert a nested value to dicts, lists, numbers and text: arrays to lists, NaN and infinity to None."""
     if isinstance(value, Mapping):
         return {str(key): to_json_values(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -23,5 +23,5 @@ def to_json_values(value: Any) -> Any:  # noqa: ANN401 -- JSON is untyped
 
 
 def json_text(value: Any, *, indent: int | None = 1) -> str:  # noqa: ANN401 -- JSON is untyped
-    """The value as JSON text; NaN and infinity become null."""
+    """Return a nested value as JSON text; NaN and infinity become null."""
     return json.dumps(to_json_values(value), indent=indent, allow_nan=False)

@@ -1,17 +1,20 @@
-"""Metrics between a tactile image and its reference: pure functions from arrays to numbers.
+"""Metrics between a predicted tactile image and its reference image: functions from arrays to numbers.
 
-`score` compares the texel forces of one case by every metric.  `score_images` compares grey levels alone, because
-recordings have no forces.  `validation.campaign.pooling` averages over cases.  Force arrays have one entry per texel,
-shape (n,) [N].  Errors are fractions unless the name says percent; lengths are in metres.
+The reference is the finite-element solution of the same indentation, or another sensor model.  `score` compares the
+texel forces of one case (one indentation that is scored) by every metric.  `score_images` compares the grey levels of
+two images, because recordings of real sensors hold no forces.  `validation.campaign.pooling` averages scores over
+cases.  Force arrays have one entry per texel, shape (n,) for n texels [N].  Errors are fractions unless the name says
+percent; lengths are in metres.
 
 Conventions:
 
-* Only active texels are compared.  Force on a masked texel counts as `outside`, like force that leaves the array.
-* A quantity that does not exist (the centre of pressure of an empty image) is NaN here and null in JSON.  Input that
-  is not finite and a load that is not positive raise an error.
-* Texel forces may be slightly negative: the response of a bonded layer dips below zero.  Sums and differences use them
-  as they are.  Metrics that need masses (Wasserstein) use the positive part.
-* Rounding to grey levels is half to even, as in numpy and Python.
+* Only active texels are compared.  Force on a masked texel counts as `outside`, like force beyond the array.
+* A quantity that does not exist, such as the centre of pressure of an empty image, is NaN in Python and null in JSON.
+  Input that is not finite and a load that is not positive raise an error.
+* Texel forces may be slightly negative, because the pressure under an elastic layer bonded to its base is negative at
+  some distance from the contact.  Sums and differences use the signed forces.  Metrics that need masses (Wasserstein)
+  clip the forces at zero.
+* Grey levels are rounded half to even, as in numpy and Python.
 """
 
 from __future__ import annotations
@@ -25,18 +28,18 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import WHITE, WTS_0614_34, grey_levels
 from meshes.array import FloatArray, TexelArray
 
-#: A texel counts as active in `active_area_iou` above this share of the largest reference texel [-].
+#: Threshold of the areas that `active_area_iou` compares: force over the largest texel force of the reference [-].
 AREA_THRESHOLD = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageScore:
-    """Differences of two 8-bit images.
+    """Differences between an 8-bit image and its reference image, one pixel per active texel.
 
     Attributes:
-        image_changed_percent: Mean absolute difference over 255, active texels only [%].
-        pixels_changed: Active texels whose grey level differs [-].
-        pixels_lit: Active texels of the reference image that are not black [-].
+        image_changed_percent: Mean absolute difference of the grey levels over 255 [%].
+        pixels_changed: Number of pixels whose grey levels differ [-].
+        pixels_lit: Number of pixels of the reference image that are not black [-].
     """
 
     image_changed_percent: float
@@ -46,23 +49,27 @@ class ImageScore:
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """One case by every metric.
+    """Differences between predicted and reference texel forces of one case, by every metric.
+
+    Two grey scales are used.  On the first, white is the largest texel force of the reference.  On the second, the
+    published straight line from force to counts of the WTS 0614-34 sensor gives the grey levels.
 
     Attributes:
-        total_force_error: Difference of the total texel forces over the load [-].
-        misplaced_force: Share of the load that must move to turn one image into the other [-].
-        relative_l2: Norm of the difference over the norm of the reference [-].
-        centre_of_pressure_m: Distance between the centres of pressure [m].
-        image_changed_percent: Mean grey difference over 255, with white at the reference's largest texel [%].
-        pixels_changed: Texels whose grey level differs, on the same grey scale [-].
-        image_changed_line_percent: Mean grey difference over 255 after the published line of the WTS 0614-34 [%].
-        pixels_changed_line: Texels whose grey level differs after that line [-].
-        pixels_lit_line: Texels of the reference that are not black after that line [-].
-        wasserstein_m: Wasserstein-1 distance of the maps, each scaled to unit mass [m].
-        active_area_iou: Intersection over union of the active areas, at `AREA_THRESHOLD` of the reference's peak [-].
-        peak_error: Difference of the largest texels over the reference's largest [-].
-        width_error_x_m: Difference of the root second central moments along x [m].
-        width_error_y_m: Difference of the root second central moments along y [m].
+        total_force_error: Absolute difference of the sums of texel forces, over the load [-].
+        misplaced_force: Share of the load that must move between texels to turn one image into the other [-].
+        relative_l2: Euclidean norm of the difference over the Euclidean norm of the reference [-].
+        centre_of_pressure_m: Distance between the two centres of pressure [m].
+        image_changed_percent: Mean absolute difference of grey levels over 255, on the first grey scale [%].
+        pixels_changed: Number of texels whose grey levels differ, on the first grey scale [-].
+        image_changed_line_percent: Mean absolute difference of grey levels over 255, on the second grey scale [%].
+        pixels_changed_line: Number of texels whose grey levels differ, on the second grey scale [-].
+        pixels_lit_line: Number of reference texels that are not black, on the second grey scale [-].
+        wasserstein_m: Wasserstein-1 distance of the two force maps, each scaled to unit mass [m].
+        active_area_iou: Intersection over union of the areas with a force above `AREA_THRESHOLD` times the largest
+            reference force [-].
+        peak_error: Absolute difference of the two largest texel forces, over the largest reference force [-].
+        width_error_x_m: Absolute difference of the root second central moments along x [m].
+        width_error_y_m: Absolute difference of the root second central moments along y [m].
     """
 
     total_force_error: float
@@ -81,7 +88,7 @@ class Score:
     width_error_y_m: float
 
     def as_json(self) -> dict[str, float | int | None]:
-        """Values by name; None for NaN, which JSON lacks."""
+        """Return the scores by the names of the metrics, with None for NaN, which JSON does not have."""
         return {key: None if math.isnan(value) else value for key, value in asdict(self).items()}
 
 
@@ -94,18 +101,19 @@ def score(
     load: float,
     array: TexelArray,
 ) -> Score:
-    """Compare the texel forces of one case with the reference's.
+    """Compare predicted texel forces with the reference texel forces of the same case, by every metric.
 
     Args:
-        reference: Reference texel forces, shape (n,) or (rows, columns) [N].
-        forces: Texel forces to score, same size [N].
-        reference_outside: Reference force beyond the array [N].
-        outside: Scored force beyond the array [N].
+        reference: Reference texel forces, shape (n,) or (rows, columns) for n texels [N].
+        forces: Predicted texel forces, of the same size [N].
+        reference_outside: Part of the reference force that acts beyond the array [N].
+        outside: Part of the predicted force that acts beyond the array [N].
         load: Applied load [N].
-        array: The texels.
+        array: The texels, with the mask of active ones.
 
     Raises:
-        ValueError: If a shape is not the array's, a value is not finite or the load is not positive.
+        ValueError: If `reference` or `forces` has another number of values than the array has texels, a value is not
+            finite or the load is not positive.
     """
     r_all, f_all = _check_forces(reference, array, "reference"), _check_forces(forces, array, "forces")
     r, f = r_all[array.active], f_all[array.active]
@@ -135,12 +143,12 @@ def score(
 
 
 def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.ArrayLike | None = None) -> ImageScore:
-    """Compare two 8-bit images by the two figures of the 2015 report.
+    """Compare two 8-bit images by mean grey difference and number of changed pixels, as the 2015 report does.
 
     Args:
-        reference: Grey levels 0..255, any shape [-].
-        image: Grey levels 0..255 of the same shape [-].
-        active: Which texels measure, same shape or flat; all when not given.
+        reference: Grey levels 0..255 of the reference image, any shape [-].
+        image: Grey levels 0..255 of the predicted image, of the same size [-].
+        active: True for each texel that measures, of the same size; all texels when not given.
 
     Raises:
         ValueError: If sizes differ, a value is not a whole number in 0..255, or no texel is active.
@@ -159,39 +167,43 @@ def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.
     )
 
 
-# --- single metrics, on active texels only ------------------------------------------------------------------
+# --- single metrics: `reference` and `forces` hold the forces on the n active texels, shape (n,) [N] ----------
 
 
 def total_force_error(reference: FloatArray, forces: FloatArray, *, load: float) -> float:
-    """|sum f - sum r| / load: error of the total measured force [-]."""
+    """Return |sum f - sum r| / load, the error of the total force f against the reference r [-]."""
     return float(abs(forces.sum() - reference.sum()) / _check_load(load))
 
 
 def misplaced_force(
     reference: FloatArray, forces: FloatArray, *, reference_outside: float, outside: float, load: float
 ) -> float:
-    """(sum |f - r| + |outside_f - outside_r|) / (2 load) [-].
+    """Return (sum |f - r| + |outside_f - outside_r|) / (2 load): the share of the load on a wrong texel [-].
 
-    The factor 2 counts a newton that moves from one texel to another once, not twice.
+    f are the texel forces and r the reference texel forces.  A newton that moves from one texel to another changes
+    two of the differences, therefore the sum is divided by 2.
     """
     moved = np.abs(forces - reference).sum() + abs(outside - reference_outside)
     return float(moved / (2 * _check_load(load)))
 
 
 def relative_l2(reference: FloatArray, forces: FloatArray) -> float:
-    """|f - r| / |r| in the Euclidean norm; NaN for an empty reference [-]."""
+    """Return |f - r| / |r| in the Euclidean norm for forces f and reference r; NaN if r is zero [-]."""
     norm = float(np.linalg.norm(reference))
     return float(np.linalg.norm(forces - reference)) / norm if norm > 0 else math.nan
 
 
 def peak_error(reference: FloatArray, forces: FloatArray) -> float:
-    """|max f - max r| / max r; NaN where no reference texel is positive [-]."""
+    """Return |max f - max r| / max r for forces f and reference r; NaN if no reference force is positive [-]."""
     peak = float(reference.max())
     return abs(float(forces.max()) - peak) / peak if peak > 0 else math.nan
 
 
 def centre_of_pressure(forces: FloatArray, positions: FloatArray) -> FloatArray:
-    """Force-weighted mean of the texel centres, shape (d,) [m]; NaN where the total is not positive."""
+    """Return the force-weighted mean of the texel centres, shape (d,) for d coordinates [m].
+
+    The coordinates are NaN if the sum of the forces is not positive.
+    """
     total = float(forces.sum())
     if total <= 0:
         return np.full(positions.shape[1], np.nan)
@@ -199,13 +211,16 @@ def centre_of_pressure(forces: FloatArray, positions: FloatArray) -> FloatArray:
 
 
 def centre_of_pressure_error(reference: FloatArray, forces: FloatArray, positions: FloatArray) -> float:
-    """Distance between the two centres of pressure; NaN where one does not exist [m]."""
+    """Return the distance between the centres of pressure of forces and reference [m]; NaN if either is undefined."""
     apart = centre_of_pressure(forces, positions) - centre_of_pressure(reference, positions)
     return float(np.linalg.norm(apart))
 
 
 def second_moments(forces: FloatArray, positions: FloatArray) -> tuple[float, float]:
-    """Root second central moments along x and y [m]; NaN where the total is not positive or a moment is negative."""
+    """Return the root second central moments of the force distribution along x and y [m].
+
+    A moment is NaN if the sum of the forces is not positive or if its square is negative.
+    """
     total = float(forces.sum())
     if total <= 0:
         return (math.nan, math.nan)
@@ -215,12 +230,15 @@ def second_moments(forces: FloatArray, positions: FloatArray) -> tuple[float, fl
 
 
 def active_area_iou(reference: FloatArray, forces: FloatArray, *, threshold: float) -> float:
-    """Texels above the threshold in both images over texels above it in either; 1 if there are none [-].
+    """Return the intersection over union of the two sets of texels with a force above a threshold [-].
 
     Args:
         reference: Reference texel forces, shape (n,) [N].
-        forces: Texel forces, shape (n,) [N].
-        threshold: Force above which a texel is active [N].
+        forces: Predicted texel forces, shape (n,) [N].
+        threshold: Force above which a texel belongs to the set [N].
+
+    Returns:
+        Number of texels in both sets over number of texels in at least one set; 1 if both sets are empty [-].
     """
     r, f = reference > threshold, forces > threshold
     either = np.count_nonzero(r | f)
@@ -228,10 +246,11 @@ def active_area_iou(reference: FloatArray, forces: FloatArray, *, threshold: flo
 
 
 def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray) -> float:
-    """Wasserstein-1 distance of the positive parts, each scaled to unit mass [m]; NaN where one is empty.
+    """Return the Wasserstein-1 distance of two force maps, clipped at zero and scaled to unit mass [m].
 
-    With a distance as cost, mass common to both maps need not move (Kantorovich and Rubinstein).  So the exact linear
-    programme runs from the texels with a surplus to those with a deficit only, which makes it much smaller.
+    The result is NaN if one of the maps has no positive force.  Because the cost is a distance, mass that is common to
+    both maps need not move (Kantorovich-Rubinstein duality).  The exact linear programme therefore only transports mass
+    from texels with a surplus to texels with a deficit, which makes it much smaller.
     """
     from scipy.stats import wasserstein_distance_nd
 
@@ -253,10 +272,13 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
 
 
 def grey_by_line(forces: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-    """Grey levels after the published line of the WTS 0614-34, same shape [-].
+    """Convert texel forces to grey levels by the published straight line of the WTS 0614-34 sensor.
 
     Args:
         forces: Texel forces, any shape [N].
+
+    Returns:
+        Grey levels 0..255, of the same shape [-].
     """
     return grey_levels(WTS_0614_34.counts(forces), WTS_0614_34.output_max)
 

@@ -1,4 +1,4 @@
-"""Output folders and files that are written completely or not at all."""
+"""Writes output folders and text files completely or not at all, so that a killed run leaves no partial result."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from pathlib import Path
 from meshes import atomic_file
 from validation.errors import InputError
 
-#: Name of an empty file in each folder that this program wrote.  Only such a folder may be replaced.
+#: Name of an empty file that marks each folder that this program wrote.  Only a marked folder may be replaced.
 _MARKER = ".softcover-output"
-#: An unfinished folder older than this is left from a killed run: no run lasts a day [s].
+#: Age above which a temporary output folder counts as left by a killed run, because no run lasts a day [s].
 _STALE_AGE = 24 * 3600.0
 
 
 @contextlib.contextmanager
 def new_folder(target: Path) -> Iterator[Path]:
-    """Provide a temporary folder beside `target`, and rename it to `target` if the block ends without an error.
+    """Provide a temporary folder beside `target`, and rename it to `target` if the `with` block raises no error.
 
-    The temporary folder is made at once, so that an unwritable place is reported before any long computation.
+    The temporary folder is made at the start, so that an unwritable location is reported before a long computation.
 
     Args:
-        target: The folder of the results; an earlier result of this program is replaced.
+        target: The output folder; if it holds an earlier output of this program, that output is replaced.
 
     Yields:
-        The folder to write to.
+        The temporary folder, to which the caller writes.
 
     Raises:
         InputError: If `target` is a file or holds files that this program did not write.
-        OSError: If the place cannot be written.
+        OSError: If the parent folder of `target` cannot be written.
     """
     target = target.absolute()
     _check_replaceable(target)
@@ -53,6 +53,7 @@ def new_folder(target: Path) -> Iterator[Path]:
 
 
 def _make_work_folder(target: Path) -> Path:
+    """Make an empty temporary folder beside `target`, after old temporary folders of killed runs are removed."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(target)
@@ -62,7 +63,7 @@ def _make_work_folder(target: Path) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Remove the folders of killed runs beside `target`; younger folders may belong to a run that is still going on."""
+    """Remove temporary output folders beside `target` that are older than `_STALE_AGE`; others may still be in use."""
     for folder in target.parent.glob(f".{glob.escape(target.name)}-*"):
         is_ours = (folder / target.name / _MARKER).is_file() or (folder / "before" / _MARKER).is_file()
         if is_ours and time.time() - folder.stat().st_mtime > _STALE_AGE:
@@ -73,7 +74,7 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file completely or not at all.
 
     Raises:
-        OSError: If the place cannot be written.
+        OSError: If the file or its folder cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -84,6 +85,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _check_replaceable(target: Path) -> None:
+    """Raise `InputError` if `target` is a file or a folder with files that this program did not write."""
     if target.is_dir():
         if any(target.iterdir()) and not (target / _MARKER).is_file():
             raise InputError(f"--out: {target} holds files that softcover did not write; name a new or an empty folder")

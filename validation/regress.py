@@ -1,8 +1,9 @@
-"""The accuracy gate: scores of the fast model against a stored baseline.
+"""Regression check of accuracy: compares scores of the fast model with the scores in a stored baseline.
 
-`make_baseline` turns a campaign into a baseline, `compare_baselines` lists the scores that moved.  A score is worse if
-it exceeds the stored one by more than the tolerance of its metric.  Each tolerance is larger than the reference's own
-error and the differences between machines, and smaller than a change that matters.
+A campaign scores a list of cases (indentations).  `make_baseline` takes the scores of the fast model from a campaign;
+`compare_baselines` lists the scores that changed.  A score is worse if it exceeds the stored score by more than the
+tolerance of its metric.  Each tolerance is larger than the error of the finite-element reference and the differences
+between machines, and smaller than a change of accuracy that matters.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ from validation.json_values import to_json_values
 from validation.output_folder import write_text
 from validation.sensor_file import SensorDescription
 
-#: Version of the file format [-].
+#: Version of the format of baseline files; files of other versions are refused [-].
 FORMAT = 1
-#: Largest growth of a metric that does not count as worse, in the metric's own unit.
+#: Tolerance of each metric: largest increase of a score over the stored score that does not count as worse.  Units are
+#: those of the metrics: [m] for `centre_of_pressure_m`, [%] for `image_changed_percent`, [-] for the others.
 TOLERANCES: Mapping[str, float] = MappingProxyType(
     {
         "misplaced_force": 0.005,
@@ -33,7 +35,7 @@ TOLERANCES: Mapping[str, float] = MappingProxyType(
         "image_changed_percent": 0.1,
     }
 )
-#: Name of the entry that holds the means over all cases.
+#: Key in `Baseline.scores` of the mean scores over all cases.
 MEAN = "mean over cases"
 
 
@@ -44,7 +46,7 @@ class Baseline:
     Attributes:
         sensor: Name of the sensor.
         fingerprint: Hash of array, cover and cases; baselines with different hashes cannot be compared.
-        scores: By case (and `MEAN`) and metric; None where a metric does not exist.
+        scores: Scores by name of the case (or `MEAN`), then by name of the metric; None for an undefined score.
     """
 
     sensor: str
@@ -52,24 +54,24 @@ class Baseline:
     scores: Mapping[str, Mapping[str, float | None]]
 
     def save(self, path: Path) -> None:
-        """Write the file atomically.
+        """Write the baseline as a JSON file, completely or not at all.
 
         Raises:
-            OSError: If it cannot be written.
+            OSError: If the file cannot be written.
         """
         write_text(path, json.dumps({"format": FORMAT, **asdict(self)}, indent=1, sort_keys=True) + "\n")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One score that moved by more than its tolerance.
+    """One score that differs from its stored value by more than the tolerance of its metric.
 
     Attributes:
         case: Name of the case, or `MEAN`.
         metric: Name of the metric.
-        before: Stored value; None where there was none.
-        now: Present value; None where there is none.
-        worse: Whether accuracy dropped.
+        before: Score in the baseline; None if it was undefined.
+        now: Present score; None if it is undefined.
+        worse: Whether the score increased or became undefined.
     """
 
     case: str
@@ -80,10 +82,10 @@ class Change:
 
 
 def load_baseline(path: Path) -> Baseline:
-    """Read a baseline.
+    """Read the baseline that `Baseline.save` wrote.
 
     Raises:
-        InputError: If there is no such file or it is not a baseline.
+        InputError: If the file does not exist, is not a baseline or has another format version.
     """
     if not path.is_file():
         raise InputError(f"--baseline: {path}: no such file; write one with --update")
@@ -108,12 +110,15 @@ def make_baseline(sensor: SensorDescription, campaign: CampaignResult) -> Baseli
 
 
 def compare_baselines(baseline: Baseline, now: Baseline) -> list[Change]:
-    """Scores that moved by more than their tolerance, the worst first.
+    """List the scores of `now` that differ from those of `baseline` by more than the tolerance of their metric.
 
-    A score that existed in the baseline and does not exist now counts as worse.
+    A score that is defined in `baseline` and undefined in `now` counts as worse.
+
+    Returns:
+        The changes: scores that became worse first, each group by falling ratio of change to tolerance.
 
     Raises:
-        InputError: If the two differ in array, cover or list of cases.
+        InputError: If the two baselines differ in array, cover or list of cases.
     """
     if baseline.fingerprint != now.fingerprint:
         raise InputError(
@@ -132,14 +137,14 @@ def compare_baselines(baseline: Baseline, now: Baseline) -> list[Change]:
 
 
 def _measure_growth(before: float | None, now: float | None) -> float:
-    """Growth of a score; infinite for one that vanished, minus infinite for a new one."""
+    """Return the increase of a score: infinity if it became undefined, minus infinity if it became defined."""
     if before is None:
         return 0.0 if now is None else -math.inf
     return math.inf if now is None else now - before
 
 
 def _fingerprint(sensor: SensorDescription, campaign: CampaignResult) -> str:
-    """Hash of everything that two baselines must share."""
+    """Return the SHA-256 of array, cover and cases, which two baselines must have in common to be compared."""
     array = sensor.array
     cases = [result.case for result in campaign.cases] + [each.case for each in campaign.skipped]
     described = {

@@ -1,1 +1,1 @@
-"""What a real sensor does with force, from recordings under known loads."""
+"""Determines from recordings under known loads how a real sensor turns force into counts."""

@@ -1,12 +1,13 @@
-"""Calibration of a real sensor: its counts as a function of force, from recordings under known loads.
+"""Calibrates a real sensor: fits its counts as a function of texel force to recordings under known loads.
 
-Two curves are fitted to the same images: a straight line, as in the 2015 report, and a polynomial of degree 5.  Both
-have a gain per texel.  Further results are the saturation (if the loads reach it), the dependence on temperature (if it
-varies), noise, drift under a constant load and the spread between recordings of one load.  Every number has an interval
-and names the data that it was fitted on.  If a force sensor was recorded with the frames, its readings are the loads.
+Two curves are fitted to the same mean images: a straight line, as in the 2015 report, and a polynomial of degree 5.
+Each curve has a gain per texel.  Further results are the saturation (if the loads reach it), the dependence on
+temperature (if the temperature varies), noise, drift under a constant load and the scatter between recordings of the
+same load.  Every result has a confidence interval and names the data that it was fitted to.  If a force sensor was
+recorded together with the frames, its readings are the loads.
 
-The share of the load on each texel must be known: from a tool on a single texel, from a model, or by the assumption of
-`flat_shares`.  An error of the shares becomes an error of the gains.
+The share of the load on each texel must be known: from a tool that presses a single texel, from a model, or from the
+assumption of uniform pressure in `flat_shares`.  An error of the shares becomes an error of the gains.
 """
 
 from __future__ import annotations
@@ -26,21 +27,24 @@ from validation.calibration.noise_and_drift import Estimate, find_load_onset, me
 from validation.metrics import centre_of_pressure
 from validation.recordings.recording import FloatArray, Recording, RecordingError
 
-#: Texels with less than this share of the largest are left out: noise and dead zone dominate their counts [-].
+#: Smallest share of the load on a fitted texel, over the largest share of any texel [-].  The counts of texels with
+#: smaller shares are dominated by noise and by the dead zone, so these texels are left out.
 _LEAST_SHARE = 0.15
-#: Frames in one mean image where a force sensor gives a load for every frame [-].
+#: Number of consecutive frames that are averaged to one image if a force sensor was recorded with the frames [-].
 _FRAMES_PER_IMAGE = 10
-#: Blocks of such a recording that count as independent recordings [-].
+#: Number of parts into which a recording with a force sensor is divided; each counts as an independent recording [-].
 _BLOCKS = 8
-#: Smallest range of temperature for which its effect is fitted: below it, noise dominates [K].
+#: Smallest range of temperature over all recordings for which a temperature coefficient is fitted [K].  In a smaller
+#: range, noise dominates the effect of temperature.
 _TEMPERATURE_RANGE = 5.0
-#: Largest fitted `output_max` over the largest recorded count: a larger one fits a slight bend, not a saturation [-].
+#: Largest credible saturation count: fitted `output_max` over the largest recorded count [-].  A larger fitted value
+#: describes a slight curvature of the characteristic, not a saturation.
 _LARGEST_EXTRAPOLATION = 1.3
-#: Degree of the second characteristic, as in the 2015 report [-].
+#: Degree of the polynomial characteristic, as in the 2015 report [-].
 _DEGREE = 5
-#: Points along each edge of a texel at which `flat_shares` samples the face of the indenter [-].
+#: Number of points along each edge of a texel at which `flat_shares` samples the face of the indenter [-].
 _SUBDIVISIONS = 12
-#: Units of the parameters that all texels share, and their names in `Calibration.estimates`.
+#: Name in `Calibration.estimates` and unit of each parameter that all texels share, by its name in `CurveForm`.
 _PARAMETERS = {
     "c0": ("offset", "counts"),
     "c1": ("sensitivity", "counts/N"),
@@ -52,18 +56,19 @@ _PARAMETERS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """The fitted curves and every number with its interval.
+    """Result of a calibration: fitted curves, and estimates with confidence intervals.
 
     Attributes:
-        line: The linear characteristic with gains.
-        polynomial: The characteristic of degree 5 with gains; None if there are too few loads.
-        estimates: Named numbers of the line with intervals.
-        gains: Gain of every texel of the array, 1 where nothing was measured, shape (texels,) [-].
-        gain_intervals: Half widths, NaN where nothing was measured, shape (texels,) [-].
-        texels: Indices of the fitted texels, shape (n,).
-        observations: The data of the fit.
-        report_line: Sensitivity [1/N] and offset [-] of the 2015 report's line, for comparison.
-        confidence: Confidence of the intervals [-].
+        line: The fitted straight line from texel force to counts, with gains.
+        polynomial: The fitted polynomial of degree 5 with gains; None if there are too few different loads.
+        estimates: Parameters of the line, dead force, noise, drift and hysteresis, by name.
+        gains: Gain of every texel of the array, shape (texels,); 1 for texels that were not fitted [-].
+        gain_intervals: Half width of the confidence interval of each gain, shape (texels,); NaN for texels that were
+            not fitted [-].
+        texels: Indices of the n fitted texels, shape (n,).
+        observations: The mean images that the curves were fitted to.
+        report_line: Sensitivity [1/N] and offset [-] of the straight line in the 2015 report, for comparison.
+        confidence: Confidence level of the intervals, 0..1 [-].
     """
 
     line: FittedCurve
@@ -77,7 +82,7 @@ class Calibration:
     confidence: float = 0.95
 
     def as_json(self) -> dict[str, Any]:
-        """Every number, by name."""
+        """Return all results by name, as numbers, text, arrays and nested dicts."""
         sensitivity, offset = self.report_line
         return {
             "confidence": self.confidence,
@@ -101,20 +106,20 @@ def calibrate(
     temperature_channel: int = -1,
     confidence: float = 0.95,
 ) -> Calibration:
-    """Fit characteristic, gains, noise and drift to recordings under known loads.
+    """Estimate characteristic, gains, noise and drift of a sensor from recordings under known loads.
 
     Args:
         recordings: Recordings with a load in their labels, or with readings of a force sensor.
         shares: Share of the load on each texel of the array, shape (texels,) [-].
-        array: Index of the array in the recordings.
-        threshold: Counts that the firmware subtracts; from the labels when not given [-].
-        window: Times after the load was applied between which frames are averaged [s].
-        temperature_channel: Index of the temperature sensor.
-        confidence: Confidence of the intervals, 0..1 [-].
+        array: Index of the pressed array in the recordings.
+        threshold: Counts that the firmware subtracts; taken from the labels of the recordings when not given [-].
+        window: First and last time after the load was applied between which frames are averaged [s].
+        temperature_channel: Index of the temperature sensor whose readings are used.
+        confidence: Confidence level of the intervals, 0..1 [-].
 
     Raises:
         RecordingError: If a load is unknown, a recording is empty, or the arrays of the recordings differ.
-        ValueError: If there are too few recordings or loads.
+        ValueError: If there are too few recordings or too few different loads.
     """
     _check_alike(recordings, array)
     texels = np.flatnonzero(shares > _LEAST_SHARE * shares.max())
@@ -144,13 +149,13 @@ def calibrate(
 def flat_shares(
     array: TexelArray, indenter: Indenter, *, at: tuple[float, float] = (0.0, 0.0), spread: Gaussian | None = None
 ) -> FloatArray:
-    """Return the share of a load that acts on each texel under a flat face with uniform pressure.
+    """Return the share of a load on each texel if the flat face of an indenter presses with uniform pressure.
 
     Args:
         array: The texels.
-        indenter: A shape with a flat lower face.
-        at: Position of the indenter's axis in the array's frame [m].
-        spread: Spread of the force by the cover; without it the force is not spread.
+        indenter: An indenter with a flat lower face.
+        at: Position of the indenter's axis in the array's frame, x and y [m].
+        spread: Gaussian kernel by which the cover spreads force to neighbouring texels; no spread when not given.
 
     Returns:
         Shares, shape (texels,) [-].  Their sum is less than 1 if part of the force acts outside the array.
@@ -170,7 +175,14 @@ def flat_shares(
 
 
 def find_pressed_position(recordings: Sequence[Recording], array: int) -> tuple[float, float]:
-    """Centre of pressure of the mean image over the second half of all recordings, in the array's frame [m].
+    """Find where an array was pressed: the centre of pressure of its mean image over the second half of all recordings.
+
+    Args:
+        recordings: Recordings of one sensor under load.
+        array: Index of the pressed array in the recordings.
+
+    Returns:
+        Position x, y in the array's frame [m].
 
     Raises:
         RecordingError: If the array reads zero throughout, a recording is empty, or the arrays differ.
@@ -186,7 +198,7 @@ def find_pressed_position(recordings: Sequence[Recording], array: int) -> tuple[
 
 
 def _check_alike(recordings: Sequence[Recording], array: int) -> None:
-    """Refuse recordings without frames, and recordings of different arrays."""
+    """Raise `RecordingError` if a recording has no frames or its array differs from that of the first recording."""
     for each in recordings:
         if not len(each.times):
             raise RecordingError(f"{each.path}: holds no frames; expected a recording under a load")
@@ -198,7 +210,7 @@ def _check_alike(recordings: Sequence[Recording], array: int) -> None:
 
 
 def _find_threshold(recordings: Sequence[Recording]) -> float:
-    """The threshold in the labels of the recordings; 0 if no label names one [-]."""
+    """Return the firmware's threshold from the labels of the recordings [counts]; 0 if no label contains one."""
     labelled = {float(each.setup.device["threshold"]) for each in recordings if "threshold" in each.setup.device}
     if len(labelled) > 1:
         raise RecordingError(f"the recordings have several thresholds: {sorted(labelled)}; calibrate each on its own")
@@ -208,7 +220,10 @@ def _find_threshold(recordings: Sequence[Recording]) -> float:
 def _average_frames(
     recording: Recording, array: int, shares: FloatArray, window: tuple[float, float], channel: int
 ) -> Observations:
-    """One mean image of a recording with a known load, or many if a force sensor gives the loads."""
+    """Average the frames of a recording to one image under its known load.
+
+    If the recording holds readings of a force sensor, the result is a series of images, each under its own load.
+    """
     counts = recording.arrays[array].counts.astype(np.float64)
     if counts.shape[1] != len(shares):
         raise RecordingError(f"{recording.path}: array {array} has {counts.shape[1]} texels; expected {len(shares)}")
@@ -233,7 +248,10 @@ def _average_frames(
 def _average_with_force_sensor(
     recording: Recording, counts: FloatArray, shares: FloatArray, temperature: float
 ) -> Observations:
-    """Mean images of a few frames each; blocks of the recording count as independent recordings."""
+    """Average every `_FRAMES_PER_IMAGE` frames to one image, with the mean reading of the force sensor as its load.
+
+    The recording is divided into `_BLOCKS` parts, which the fit takes as independent recordings.
+    """
     loads = np.interp(recording.times, recording.force_times, recording.forces)
     pieces = np.array_split(np.arange(len(loads)), max(1, len(loads) // _FRAMES_PER_IMAGE))
     blocks = np.arange(len(pieces)) * _BLOCKS // len(pieces)
@@ -247,7 +265,7 @@ def _average_with_force_sensor(
 
 
 def _join_observations(parts: Sequence[Observations], texels: npt.NDArray[np.intp]) -> Observations:
-    """All observations together, of the fitted texels only."""
+    """Join the observations of all recordings to one set that holds the fitted texels only."""
     if not parts:
         raise ValueError("there are no recordings to calibrate with; name at least three")
     return Observations(
@@ -260,7 +278,7 @@ def _join_observations(parts: Sequence[Observations], texels: npt.NDArray[np.int
 
 
 def _fit_line(observations: Observations, threshold: float, confidence: float) -> FittedCurve:
-    """The line without or with saturation: with it only if it explains the images much better."""
+    """Fit the straight line without and with saturation; return the one with saturation only if it fits much better."""
     temperatures, counts = observations.temperatures, observations.counts
     form = CurveForm(
         degree=1,
@@ -271,14 +289,15 @@ def _fit_line(observations: Observations, threshold: float, confidence: float) -
     )
     straight = fit_curve(observations, form, confidence=confidence)
     bent = fit_curve(observations, replace(form, saturation=True), confidence=confidence)
-    # Twice the gain in log likelihood must exceed the Bayesian information criterion of two parameters by ten.
+    # Saturation adds two parameters.  Twice the increase of the log likelihood must exceed the penalty of two
+    # parameters in the Bayesian information criterion, 2 ln(number of counts), by ten.
     gain = counts.size * np.log(max(straight.residual, 1e-9) / max(bent.residual, 1e-9)) * 2
     credible = bent.value("output_max") < _LARGEST_EXTRAPOLATION * float(counts.max())
     return bent if credible and gain > 10 + 2 * np.log(counts.size) else straight
 
 
 def _line_estimates(line: FittedCurve, observations: Observations) -> dict[str, Estimate]:
-    """The parameters of the line, and the force below which it reads zero, with their intervals."""
+    """Return the parameters of the fitted line and the force below which a texel reads zero, with their intervals."""
     loads = observations.loads
     fitted_on = f"{line.recordings} recordings, {loads.min():.3g}..{loads.max():.3g} N"
     estimates = {}
@@ -294,7 +313,10 @@ def _line_estimates(line: FittedCurve, observations: Observations) -> dict[str, 
 
 
 def _gains_of_array(line: FittedCurve, texels: npt.NDArray[np.intp], count: int) -> tuple[FloatArray, FloatArray]:
-    """Gains of every texel of the array, and half widths of their intervals; their mean over fitted texels is 1."""
+    """Return gain and half width of its confidence interval for each of the `count` texels of the array, two arrays.
+
+    The fit determines all gains but one; the last gain follows because the mean over the fitted texels is 1.
+    """
     gains, half_widths = np.ones(count), np.full(count, np.nan)
     if not line.form.gains:
         return gains, half_widths
@@ -308,6 +330,7 @@ def _gains_of_array(line: FittedCurve, texels: npt.NDArray[np.intp], count: int)
 
 
 def _describe_curve(curve: FittedCurve) -> dict[str, Any]:
+    """Return the parameters of a fitted curve with the half widths of their intervals, by name."""
     return {
         "residual_rms_counts": curve.residual,
         "recordings": curve.recordings,

@@ -1,16 +1,17 @@
-"""Least-squares fit of a sensor's characteristic, with intervals that hold when errors share a recording.
+"""Fits a sensor's characteristic by least squares, with intervals that allow for common errors within a recording.
 
 Counts of texel i in observation k under the texel force f = share_i load_k are modelled as
 
-    counts = S(g_i (1 + t (T_k - T_0)) P(f) - threshold),   never below 0,
+    counts = S(max(0, g_i (1 + t (T_k - T_0)) P(f) - threshold)),
 
-with a polynomial P of degree 1 or 5, gains g of mean 1, a temperature coefficient t and the soft saturation S of
-`fastmodel.signal.electronics`.  `CurveForm` selects which of these are fitted.
+with a polynomial P of degree 1 or 5, gains g_i of mean 1, a temperature coefficient t, the temperature T_k of the
+observation, a reference temperature T_0 and the soft saturation S of `fastmodel.signal.electronics`.  `CurveForm`
+selects which of these are fitted.
 
-All frames of one recording share the same errors (placement, drift, history of the rubber), so the number of recordings
-counts as evidence, not the number of frames.  The covariance is the cluster-robust one with the CR3 correction (Bell
-and McCaffrey 2002), which is close to a jackknife over recordings.  Intervals use Student's t with one degree of
-freedom less than there are recordings.
+All frames of one recording have the same errors (placement, drift, history of the rubber).  The uncertainty therefore
+depends on the number of recordings, not on the number of frames.  The covariance of the parameters is the
+cluster-robust estimate with the CR3 correction (Bell and McCaffrey 2002), which is close to a jackknife over
+recordings.  Intervals use Student's t; the degrees of freedom are the number of recordings minus one.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ from fastmodel.signal.electronics import saturate
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Fewest recordings for an interval: the spread between two is too uncertain [-].
+#: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
 _FEWEST_RECORDINGS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observations:
-    """Mean tactile images under known loads.
+    """Mean tactile images under known loads: m observations of n texels.
 
     Attributes:
         loads: Load of each observation, shape (m,) [N].
-        counts: Mean counts, shape (m, n) [-].
+        counts: Mean counts of each texel in each observation, shape (m, n) [-].
         shares: Share of the load on each texel, shape (n,) [-].
-        groups: Recording of each observation, shape (m,).
-        temperatures: Temperature of each observation, NaN if unknown, shape (m,) [degC].
+        groups: Name of the recording that each observation comes from, shape (m,).
+        temperatures: Temperature of the sensor at each observation, NaN if unknown, shape (m,) [degC].
     """
 
     loads: FloatArray
@@ -66,20 +67,20 @@ class Observations:
 
     @property
     def forces(self) -> FloatArray:
-        """Texel forces, shape (m, n) [N]."""
+        """Texel forces: load of each observation times share of each texel, shape (m, n) [N]."""
         return np.outer(self.loads, self.shares)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurveForm:
-    """Which parts of the curve are fitted.
+    """Selects the parameters of the characteristic that are fitted.
 
     Attributes:
-        degree: Degree of the polynomial, 1 or 5 [-].
-        saturation: Whether largest count and saturation band are fitted.
-        gains: Whether every texel has its own gain.
-        temperature: Whether the sensitivity depends on the temperature.
-        threshold: Counts that the firmware subtracts [-].
+        degree: Degree of the polynomial from force to counts, 1 or 5 [-].
+        saturation: Whether the largest count and the width of the bend below it (saturation band) are fitted.
+        gains: Whether a gain is fitted for every texel.
+        temperature: Whether a temperature coefficient is fitted.
+        threshold: Counts that the firmware subtracts; given, not fitted [-].
     """
 
     degree: int
@@ -90,28 +91,32 @@ class CurveForm:
 
     @property
     def shared_names(self) -> list[str]:
-        """Names of the parameters that all texels share, in the order of the fit."""
+        """Names of the parameters that all texels share, in the order of the vector of parameters."""
         names = [f"c{power}" for power in range(self.degree + 1)]
         names += ["temperature"] if self.temperature else []
         return names + (["output_max", "saturation_band"] if self.saturation else [])
 
     def names(self, texels: int) -> list[str]:
-        """Names of all parameters, in the order of the fit; the last gain follows from the mean of 1."""
+        """Return the names of all parameters, in the order of the vector of parameters.
+
+        The gain of the last texel is not a parameter: it follows from the mean gain of 1.
+        """
         return self.shared_names + ([f"gain{texel}" for texel in range(texels - 1)] if self.gains else [])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FittedCurve:
-    """Parameters of the curve with their covariance.
+    """Fitted characteristic: its p parameters with their covariance.
 
     Attributes:
-        form: Which parts were fitted.
-        values: Parameters in the order of `form.names`; coefficients in SI units.
-        covariance: Cluster-robust covariance of the parameters.
+        form: The selection of parameters that were fitted.
+        values: Parameters in the order of `form.names`, shape (p,); the coefficient of force^k in counts/N^k.
+        covariance: Cluster-robust covariance of the parameters, shape (p, p).
         reference: Temperature T_0 at which the temperature factor is 1 [degC].
-        recordings: Number of recordings [-].
-        residual: Root mean square of counts minus model [-].
-        quantile: Student's t for the requested confidence [-].
+        recordings: Number of recordings in the fit [-].
+        residual: Root mean square of the differences between predicted and measured counts [-].
+        quantile: Quantile of Student's t for the requested confidence; an interval's half width over the standard
+            error [-].
     """
 
     form: CurveForm
@@ -124,33 +129,37 @@ class FittedCurve:
 
     @property
     def half_widths(self) -> FloatArray:
-        """Half width of the interval of each parameter."""
+        """Half width of the confidence interval of each parameter, shape (p,), in the parameter's unit."""
         return self.quantile * np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def value(self, name: str) -> float:
-        """A parameter that all texels share."""
+        """Return the value of a parameter that all texels share, by its name in `form.shared_names`."""
         return float(self.values[self.form.shared_names.index(name)])
 
     def predict(self, observations: Observations) -> FloatArray:
-        """Counts by the curve, shape (m, n) [-]."""
+        """Return the counts that the curve predicts at the loads and temperatures of `observations`, shape (m, n)."""
         return _predict_counts(self.form, self.values, observations.forces, observations.temperatures - self.reference)
 
     def interval(self, gradient: FloatArray) -> float:
-        """Half width of the interval of a function of the parameters with this gradient."""
+        """Return the half width of the confidence interval of a function of the parameters.
+
+        Args:
+            gradient: Derivatives of the function with respect to the parameters, shape (p,).
+        """
         variance = float(gradient @ self.covariance @ gradient)
         return self.quantile * math.sqrt(max(0.0, variance))
 
 
 def fit_curve(observations: Observations, form: CurveForm, *, confidence: float = 0.95) -> FittedCurve:
-    """Least squares over all texels and observations.
+    """Fit a characteristic to mean images under known loads by least squares over all texels and observations.
 
     Args:
         observations: Mean images under known loads.
-        form: Which parts of the curve to fit.
-        confidence: Confidence of the intervals, 0..1 [-].
+        form: Selection of the parameters to fit.
+        confidence: Confidence level of the intervals, 0..1 [-].
 
     Raises:
-        ValueError: If there are fewer than three recordings or fewer loads than the curve has coefficients.
+        ValueError: If there are fewer than three recordings, or fewer different loads than polynomial coefficients.
     """
     groups = list(dict.fromkeys(observations.groups))
     loads = len(np.unique(observations.loads))
@@ -182,7 +191,17 @@ def fit_curve(observations: Observations, form: CurveForm, *, confidence: float 
 
 
 def _predict_counts(form: CurveForm, values: FloatArray, forces: FloatArray, warmth: FloatArray) -> FloatArray:
-    """Counts by the curve, shape (m, n) [-]; `warmth` is the temperature above T_0, shape (m,) [K]."""
+    """Evaluate the characteristic.
+
+    Args:
+        form: Selection of the fitted parameters.
+        values: Parameters in the order of `form.names`, shape (p,).
+        forces: Texel forces, shape (m, n) [N].
+        warmth: Temperature minus the reference temperature T_0 at each observation, shape (m,) [K].
+
+    Returns:
+        Counts, shape (m, n) [-].
+    """
     signal = np.polynomial.polynomial.polyval(forces, values[: form.degree + 1])
     shared = dict(zip(form.shared_names, values.tolist(), strict=False))
     if form.temperature:
@@ -197,10 +216,13 @@ def _predict_counts(form: CurveForm, values: FloatArray, forces: FloatArray, war
 
 
 def _start_and_scale(form: CurveForm, forces: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Start of the fit, and the size of each parameter, by which the solver's steps are scaled.
+    """Return the initial parameters of the fit, and their typical magnitudes, which scale the steps of the solver.
 
-    The start is a straight line through counts that are neither zero nor near saturation, without dependence on
-    temperature and with equal gains.
+    The initial curve is a straight line through counts that are neither zero nor near saturation, without dependence
+    on temperature and with equal gains.
+
+    Returns:
+        Initial parameters and magnitudes, each of shape (p,).
     """
     top = float(counts.max())
     live = (counts > 0) & (counts < (0.8 * top if form.saturation else np.inf))
@@ -219,7 +241,16 @@ def _start_and_scale(form: CurveForm, forces: FloatArray, counts: FloatArray) ->
 
 
 def _robust_covariance(jacobian: FloatArray, residual: FloatArray, groups: npt.NDArray[np.int64]) -> FloatArray:
-    """CR3 covariance of the parameters, clustered by group."""
+    """Return the covariance of the parameters, clustered by recording, with the CR3 correction.
+
+    Args:
+        jacobian: Derivatives of the residuals with respect to the parameters, shape (r, p) for r residuals.
+        residual: Residuals of the fit, shape (r,).
+        groups: Number of the recording that each residual belongs to, shape (r,).
+
+    Returns:
+        Covariance, shape (p, p).
+    """
     information = jacobian.T @ jacobian
     bread = np.linalg.pinv(information, hermitian=True)
     count = int(groups.max()) + 1
@@ -227,7 +258,8 @@ def _robust_covariance(jacobian: FloatArray, residual: FloatArray, groups: npt.N
     for group in range(count):
         rows = jacobian[groups == group]
         own, score = rows.T @ rows, rows.T @ residual[groups == group]
-        # X' (I - X B X')^-1 r by Woodbury's identity, which needs the inverse of a small matrix only
+        # X' (I - X B X')^-1 r for the rows X of the Jacobian and the residuals r of one recording, with B the inverse
+        # of `information`.  Woodbury's identity replaces the inverse by that of a p x p matrix.
         corrected = score + own @ np.linalg.pinv(information - own, rcond=1e-10, hermitian=True) @ score
         meat += np.outer(corrected, corrected)
     return np.asarray((count - 1) / count * bread @ meat @ bread)

@@ -1,4 +1,4 @@
-"""Noise, drift and repeatability of a sensor, which its characteristic does not contain."""
+"""Measures noise, drift and repeatability of a sensor from recordings under constant loads."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from scipy.stats import t as student
 from validation.calibration.curve_fit import FittedCurve, Observations
 from validation.recordings.recording import FloatArray, Recording
 
-#: The load counts as applied when the sum of counts exceeds this share of its final value for good [-].
+#: Sum of counts over its final value [-]: the load counts as applied from the time after which the sum of counts stays
+#: above this share.
 _APPLIED_SHARE = 0.5
-#: Length of the last part of a recording, whose median is the final value [s].
+#: Length of the part at the end of a recording whose median sum of counts is the final value [s].
 _FINAL_PERIOD = 2.0
-#: Times after the load was applied between which drift is measured [s].
+#: Drift is the relative change of the sum of counts between these two times after the load was applied [s].
 _DRIFT_AGES = (2.0, 12.0)
-#: Frames within this time of such an age are averaged [s].
+#: Half the length of the interval around each of the two times of `_DRIFT_AGES` over which frames are averaged [s].
 _HALF_WINDOW = 0.5
-#: Fewest recordings for the mean and interval of noise and drift [-].
+#: Smallest number of recordings from which mean and interval of noise and drift are computed [-].
 _FEWEST_RECORDINGS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A number with its interval.
+    """An estimated quantity with its confidence interval.
 
     Attributes:
         value: The estimate.
         low: Lower end of the interval.
         high: Upper end of the interval.
-        unit: Unit of the three numbers.
-        fitted_on: The data behind it.
+        unit: Unit of `value`, `low` and `high`.
+        fitted_on: Description of the data that the estimate was computed from.
     """
 
     value: float
@@ -46,7 +47,7 @@ class Estimate:
 
     @classmethod
     def symmetric(cls, value: float, half_width: float, unit: str, fitted_on: str) -> Estimate:
-        """An estimate in the middle of its interval."""
+        """Make an estimate whose interval is `value - half_width` to `value + half_width`."""
         return cls(value=value, low=value - half_width, high=value + half_width, unit=unit, fitted_on=fitted_on)
 
 
@@ -59,21 +60,23 @@ def measure_noise_and_drift(
     texels: npt.NDArray[np.intp],
     confidence: float,
 ) -> dict[str, Estimate]:
-    """Noise, drift and the spread between recordings of one load, each only if the recordings determine it.
+    """Estimate noise, drift and scatter between recordings of one load, each only if enough recordings allow it.
 
     Args:
         recordings: The recordings.
         observations: Mean images of each recording.
         line: The fitted characteristic.
-        array: Index of the array in the recordings.
-        texels: Indices of the fitted texels, shape (n,).
-        confidence: Confidence of the intervals, 0..1 [-].
+        array: Index of the pressed array in the recordings.
+        texels: Indices of the n fitted texels, shape (n,).
+        confidence: Confidence level of the intervals, 0..1 [-].
 
     Returns:
-        `noise` [counts], `drift` and `hysteresis` [-].
+        Up to three estimates by name: `noise` is the standard deviation of a texel's counts from frame to frame
+        [counts], `drift` the relative change of the sum of counts from 2 s to 12 s after loading [-], and `hysteresis`
+        the relative standard deviation between recordings of one load [-].
     """
     found: dict[str, Estimate] = {}
-    # counts above the ceiling bend into saturation
+    # counts above this ceiling lie in the saturation band, where noise is compressed
     bent = line.form.saturation
     ceiling = line.value("output_max") - abs(line.value("saturation_band")) if bent else math.inf
     noise = [_frame_noise(each.arrays[array].counts[:, texels], ceiling) for each in recordings]
@@ -89,13 +92,14 @@ def measure_noise_and_drift(
 
 
 def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
-    """Time at which the load was applied for good: the sum of counts stays above half its final value [s].
-
-    It is the last time if the recording ends without load.
+    """Find the time from which the sum of counts stays above half its final value.
 
     Args:
         times: Times of the frames, shape (frames,) [s].
-        counts: Counts, shape (frames, n) [-].
+        counts: Counts of the n texels, shape (frames, n) [-].
+
+    Returns:
+        Time at which the load was applied; the time of the last frame if the recording ends without load [s].
     """
     total = counts.sum(axis=1)
     final = float(np.median(total[times >= times[-1] - _FINAL_PERIOD]))
@@ -104,7 +108,7 @@ def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
 
 
 def _at_one_temperature(observations: Sequence[Observations], line: FittedCurve) -> list[Observations]:
-    """Counts divided by the fitted temperature factor, so that temperature does not count as hysteresis."""
+    """Divide counts by the fitted temperature factor, so that an effect of temperature is not taken for hysteresis."""
     if not line.form.temperature:
         return list(observations)
     slope = line.value("temperature")
@@ -115,9 +119,9 @@ def _at_one_temperature(observations: Sequence[Observations], line: FittedCurve)
 
 
 def _frame_noise(counts: npt.NDArray[np.int32], ceiling: float) -> float:
-    """Standard deviation from frame to frame over the second half of a recording [counts].
+    """Return the standard deviation of counts from frame to frame over the second half of a recording [counts].
 
-    Only texels between zero and `ceiling` in every frame count; NaN if there are none.
+    Only texels with counts between zero and `ceiling` in every frame are used; the result is NaN if there are none.
     """
     steady = counts[len(counts) // 2 :]
     live = steady[:, (steady > 0).all(axis=0) & (steady < ceiling).all(axis=0)].astype(np.float64)
@@ -125,7 +129,10 @@ def _frame_noise(counts: npt.NDArray[np.int32], ceiling: float) -> float:
 
 
 def _drift(recording: Recording, counts: FloatArray) -> float:
-    """Relative change of the sum of counts between the two ages of the load [-]; NaN if the recording is too short."""
+    """Return the relative change of the sum of counts between the two times of `_DRIFT_AGES` after loading [-].
+
+    The result is NaN if the recording is too short.
+    """
     age = recording.times - find_load_onset(recording.times, counts)
     early, late = (counts[np.abs(age - moment) < _HALF_WINDOW].sum(axis=1) for moment in _DRIFT_AGES)
     return float(late.mean() / early.mean() - 1) if len(early) and len(late) and early.any() else np.nan
@@ -134,7 +141,10 @@ def _drift(recording: Recording, counts: FloatArray) -> float:
 def _repeatability(
     observations: Sequence[Observations], texels: npt.NDArray[np.intp], confidence: float
 ) -> Estimate | None:
-    """Relative standard deviation between recordings of one load, pooled over loads; None without repeats."""
+    """Estimate the relative standard deviation of the sum of counts between recordings of one load, pooled over loads.
+
+    The result is None if no load was recorded more than once.
+    """
     totals: dict[float, list[float]] = {}
     for each in observations:
         if len(each.loads) == 1:

@@ -1,4 +1,4 @@
-"""Write a sensor file with calibrated electronics."""
+"""Writes a copy of a sensor file (TOML) in which the table `[electronics]` holds the results of a calibration."""
 
 from __future__ import annotations
 
@@ -12,21 +12,25 @@ from validation.calibration.calibrate import Calibration
 from validation.errors import InputError
 from validation.sensor_file import parse
 
-#: Keys of `[electronics]` that a calibrated characteristic replaces.
+#: Keys of the table `[electronics]` of a sensor file that a calibrated characteristic replaces.
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 
 def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, *, polynomial: bool = False) -> Path:
-    """Write a copy of a sensor file with the calibrated electronics.
+    """Write a copy of a sensor file with calibrated electronics.
 
     Args:
-        calibration: The calibration.
-        sensor: The sensor file to start from; it does not change unless it is also `out`.
+        calibration: Result of the calibration.
+        sensor: The sensor file that is copied; it is unchanged unless `out` names the same file.
         out: The file to write.
-        polynomial: Whether to write the polynomial of degree 5 instead of the line.
+        polynomial: Whether to write the polynomial of degree 5 instead of the straight line.
+
+    Returns:
+        Path of the written file.
 
     Raises:
-        InputError: If the sensor file cannot be read or describes another array, or the polynomial was not fitted.
+        InputError: If the sensor file cannot be read or describes another array, or if the polynomial is requested and
+            was not fitted.
     """
     source, target = Path(sensor), Path(out)
     try:
@@ -35,7 +39,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
         raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}
     tables["electronics"] = {**kept, **_calibrated_electronics(calibration, polynomial=polynomial)}
-    # Check before anything is written: a sensor file for another array is refused here.
+    # `parse` raises InputError if the sensor file describes another array; nothing has been written yet.
     parse(tables, source=source)
     notes = "".join(
         f"# {name} {estimate.value:.5g} [{estimate.low:.5g}, {estimate.high:.5g}] {estimate.unit}, "
@@ -48,7 +52,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
 
 
 def _calibrated_electronics(calibration: Calibration, *, polynomial: bool) -> dict[str, Any]:
-    """Keys and values of the table `[electronics]`."""
+    """Return keys and values for the table `[electronics]` of a sensor file, from a calibration."""
     curve = calibration.polynomial if polynomial else calibration.line
     if curve is None:
         raise InputError("a polynomial of degree 5 needs recordings under at least 7 loads; there were fewer")

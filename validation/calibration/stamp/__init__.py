@@ -1,12 +1,13 @@
-"""The fast model against recordings of a flat square stamp under known weights.
+"""Compares the fast model with recordings of a flat square stamp under known weights.
 
-Fitted is what the recordings alone can determine: one load curve for all texels, the pose of the stamp and the cover;
-then the same with a gain per texel.  The stamp does not move within a series, so texel gains can absorb almost any
-error of a model.  Extrapolation separates a model from a table, so it is scored: from light weights to heavy ones, and
-from room to operating temperature.  A recording that was fitted is never scored.
+The unknown quantities are fitted to a part of the recordings: one curve from texel force to counts (load curve) for all
+texels, the pose of the stamp, and the spread of force by the cover.  A second fit adds a gain per texel.  The stamp
+does not move within a series, so texel gains can compensate almost any error of a model.  A table of counts per texel
+would then score well too.  Therefore the scores measure extrapolation: from light to heavy weights, and from room to
+operating temperature.  A recording that was fitted is never scored.
 
-The recorded counts have three properties.  The firmware has subtracted a threshold of 100, they saturate softly, and
-they drift under a constant weight; so every recording is read at the same time after its load was applied.
+The firmware has subtracted a threshold of 100 from the recorded counts.  The counts saturate softly, and they drift
+under a constant weight, so every recording is evaluated at the same time after its load was applied.
 """
 
 from validation.calibration.stamp.score import (

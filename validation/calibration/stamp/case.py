@@ -1,4 +1,4 @@
-"""One recording of the stamp series: the array that was pressed, and its steady mean frame."""
+"""Reads one recording of the stamp under a known weight and averages the steady frames of the pressed array."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from validation.calibration.noise_and_drift import find_load_onset
 from validation.recordings import RecordedArray, Recording, RecordingError, dsa
 from validation.recordings.series import StampFile
 
-#: Times after the load was applied between which frames are averaged [s].  Counts drift under a constant weight (about
-#: a fifth between 2 s and 12 s), so the same window is used for every recording; every recording lasts to its end.
+#: First and last time after the load was applied between which frames are averaged [s].  Counts drift under a constant
+#: weight (by about a fifth between 2 s and 12 s), so all recordings are averaged over the same interval.  Every
+#: recording lasts at least until the end of the interval.
 WINDOW = (6.0, 9.0)
-#: Fewest frames of which the noise about a straight trend can be estimated [-].
+#: Smallest number of frames from which the noise about a straight trend can be estimated [-].
 _FEWEST_FRAMES = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampCase:
-    """One recording as it is fitted or scored.
+    """One recording of the stamp, reduced to a mean image that models are fitted to or scored against.
 
     Attributes:
-        file: The file, which gives the load.
-        counts: Steady mean counts of the pressed array, shape (n,) [-].
-        noise: Standard deviation of a texel's counts in the window after a straight trend is removed; root mean square
-            over texels that are not zero [-].
-        full_scale: Declared full scale [-].
-        onset: Time at which the load was applied [s].
-        sha256: Hash of the file.
+        file: The file of the recording; its name gives the load.
+        counts: Mean counts of the n texels of the pressed array over `WINDOW`, shape (n,) [-].
+        noise: Standard deviation of a texel's counts over `WINDOW` after a straight trend is removed; root mean square
+            over the texels that are not zero [counts].
+        full_scale: Largest count of the array, as stated in the file [-].
+        onset: Time at which the load was applied, from the first frame [s].
+        sha256: SHA-256 hash of the file.
     """
 
     file: StampFile
@@ -42,11 +43,11 @@ class StampCase:
 
 
 def read_case(file: StampFile, array: TexelArray) -> StampCase:
-    """Read one recording of a weight series.
+    """Read one recording of a series of weights on the stamp.
 
     Args:
-        file: The file.
-        array: The sensor's array, which must be the one that was pressed.
+        file: The file of the recording.
+        array: The array of the sensor; the pressed array of the recording must have the same layout.
 
     Raises:
         RecordingError: If the file is damaged, another array was pressed, or the load was applied for too short a time.
@@ -65,7 +66,7 @@ def read_case(file: StampFile, array: TexelArray) -> StampCase:
 
 
 def _pressed_array(recording: Recording, array: TexelArray) -> RecordedArray:
-    """The array with the largest sum of counts; it must have the sensor's layout."""
+    """Return the array of the recording with the largest sum of counts; it must have the layout of `array`."""
     sums = [int(each.counts.sum()) for each in recording.arrays]
     index = int(np.argmax(sums))
     pressed = recording.arrays[index]
@@ -80,12 +81,13 @@ def _pressed_array(recording: Recording, array: TexelArray) -> RecordedArray:
 
 
 def _describe_layout(array: TexelArray) -> str:
+    """Describe columns, rows, number of active texels and pitch of an array, for error messages."""
     pitch = " x ".join(f"{step * 1e3:g}" for step in array.pitch)
     return f"{array.columns} x {array.rows}, {int(array.active.sum())} active, pitch {pitch} mm"
 
 
 def _steady_frames(recording: Recording, pressed: RecordedArray) -> tuple[float, FloatArray]:
-    """Time of the load's onset [s], and the frames of the window, shape (k, n) [-]."""
+    """Return the time at which the load was applied [s], and the k frames in `WINDOW` after it, shape (k, n) [-]."""
     times, counts = recording.times, pressed.counts.astype(np.float64)
     onset = find_load_onset(times, counts)
     if onset >= times[-1]:
@@ -98,7 +100,10 @@ def _steady_frames(recording: Recording, pressed: RecordedArray) -> tuple[float,
 
 
 def _noise(frames: FloatArray) -> float:
-    """Standard deviation about a straight trend, over texels that are never zero; 0 if it cannot be estimated [-]."""
+    """Return the standard deviation of counts about a straight trend in time, over texels that are never zero [counts].
+
+    The result is 0 if there are too few frames or no such texels.
+    """
     lit = frames[:, frames.min(axis=0) > 0]
     if len(lit) < _FEWEST_FRAMES or not lit.shape[1]:
         return 0.0

@@ -1,4 +1,4 @@
-"""Least-squares fits of a forward model and one load curve to stamp recordings."""
+"""Fits a forward model of the stamp and one curve from force to counts to recordings, by least squares."""
 
 from __future__ import annotations
 
@@ -16,26 +16,27 @@ from validation.calibration.stamp.forward_models import Candidate, StampModel, u
 from validation.calibration.stamp.load_curve import LOWER, START, UPPER, LoadCurve
 from validation.metrics import centre_of_pressure
 
-#: Unit of the residuals, so that they are of order one [counts].
+#: Scale by which differences of counts are divided to make the residuals of the fit of order one [counts].
 _UNIT = 100.0
-#: Standard deviation of the prior on ln(gain): a gain this far from one costs as much as `_UNIT` counts [-].
+#: Standard deviation of the Gaussian prior on ln(gain) of a texel [-].  A gain with |ln(gain)| of this value adds as
+#: much to the sum of squares as one residual of `_UNIT` counts.
 _GAIN_SPREAD = 0.5
-#: Gains closer to one than this belong to texels that no fitted image determines [-].
+#: Tolerance of |gain - 1| below which a gain counts as not fitted, because no fitted image determines it [-].
 _UNFITTED_GAIN = 1e-6
-#: Step of the finite differences in logarithms [-].
+#: Step of the finite differences of the Jacobian, in transformed parameters (logarithms and logit) [-].
 _STEP = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampFit:
-    """A fitted model.
+    """Forward model of the stamp with fitted parameters, load curve and gains.
 
     Attributes:
-        candidate: The candidate with the smallest residual.
-        shape: Its fitted parameters, shape (p,).
-        load_curve: The load curve, one for all texels.
-        gains: Gain of each texel, shape (n,) [-]; None if no gains were fitted.
-        rms: Root mean square residual over active texels of the fitted cases [counts].
+        candidate: The parametrisation of the forward model with the smallest residual.
+        shape: The p fitted parameters of the candidate, shape (p,).
+        load_curve: The fitted curve from texel force to counts, one for all texels.
+        gains: Gain of each of the n texels, shape (n,) [-]; None if no gains were fitted.
+        rms: Root mean square of predicted minus recorded counts, over active texels of the fitted recordings [counts].
     """
 
     candidate: Candidate
@@ -45,7 +46,7 @@ class StampFit:
     rms: float
 
     def counts(self, load: float) -> FloatArray:
-        """Predicted mean counts under a weight, shape (n,) [-].
+        """Predict the mean counts of each texel under a weight, shape (n,) [-].
 
         Args:
             load: Weight on the stamp [N].
@@ -54,7 +55,7 @@ class StampFit:
         return self.load_curve.counts(forces, 1.0 if self.gains is None else self.gains)
 
     def parameters(self) -> dict[str, float]:
-        """The fitted parameters, by name with unit."""
+        """Return the fitted parameters by name; the names end in the units."""
         described = self.candidate.describe(self.shape) | {
             "sensitivity_per_N": self.load_curve.sensitivity,
             "dead_force_N": self.load_curve.dead_force,
@@ -68,7 +69,14 @@ class StampFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Data:
-    """Fitted cases as arrays: loads (k,), counts (k, n) and which texels measure (n,)."""
+    """Fitted recordings as arrays.
+
+    Attributes:
+        loads: Weight on the stamp in each of the k recordings, shape (k,) [N].
+        counts: Mean counts of the n texels, shape (k, n) [-].
+        active: Whether each texel measures, shape (n,).
+        output_max: Largest count after subtraction of the threshold [-].
+    """
 
     loads: FloatArray
     counts: FloatArray
@@ -79,16 +87,16 @@ class _Data:
 def fit(
     model: StampModel, cases: Sequence[StampCase], array: TexelArray, *, output_max: int
 ) -> tuple[StampFit, StampFit]:
-    """Fit a model without and with texel gains.
+    """Fit a forward model of the stamp to recordings, without and with texel gains.
 
     Args:
         model: The forward model.
         cases: Recordings to fit.
-        array: The texels.
-        output_max: Largest count after the threshold; it is given, not fitted [-].
+        array: The texels of the pressed array.
+        output_max: Largest count after subtraction of the threshold; it is given, not fitted [-].
 
     Returns:
-        The fit without texel gains, and a second fit that starts from it and adds a gain per texel.
+        The fit without texel gains, and a second fit that starts from the first and adds a gain per texel.
     """
     data = _Data(
         loads=np.array([case.file.load for case in cases]),
@@ -96,7 +104,8 @@ def fit(
         active=array.active,
         output_max=output_max,
     )
-    # The forces on box texels jump with the pose and have no usable gradient: the pose comes from uniform pressure.
+    # The forces that the fast model gives are discontinuous functions of the pose, so their gradient cannot be used.
+    # The first estimate of the position is therefore fitted with uniform pressure under the stamp.
     x, y = centre_of_pressure(data.counts.sum(axis=0), array.centres[:, :2]).tolist()
     x, y, *_ = _fit(uniform(array, (x, y)), data).shape.tolist()
     fits = [_fit(candidate, data) for candidate in model.candidates((x, y))]
@@ -105,9 +114,11 @@ def fit(
 
 
 def _fit(candidate: Candidate, data: _Data) -> StampFit:
+    """Fit the parameters of a candidate and the load curve, without texel gains."""
     split = len(candidate.start)
 
-    # Finite differences in the load curve leave the forces unchanged: keep the latest forces.
+    # Finite differences in the parameters of the load curve leave the texel forces unchanged, so the forces of the
+    # latest parameters of the candidate are cached.
     @lru_cache(maxsize=1)
     def forces(*shape: float) -> FloatArray:
         return np.outer(data.loads, candidate.texel_forces(np.array(shape)))
@@ -138,19 +149,24 @@ def _fit(candidate: Candidate, data: _Data) -> StampFit:
 
 
 def _rms(misfit: FloatArray, data: _Data) -> float:
+    """Return the root mean square over active texels [counts] of residuals in units of `_UNIT`, shape (k, n)."""
     return float(np.sqrt(np.mean(misfit[:, data.active] ** 2)) * _UNIT)
 
 
 def _scale(candidate: Candidate) -> FloatArray:
-    """Typical size of each parameter: a millimetre for lengths; angles and logarithms otherwise."""
+    """Return the scale of each fitted parameter for the solver, shape (p + 3,).
+
+    The scales are 1 mm for positions, 0.3 for angles [rad] and logarithms, and 1 for the logit of the saturation band.
+    """
     shape = [1e-3, 1e-3, 0.3, 0.3][-len(candidate.start) :]
     return np.array([*shape, 0.3, 0.3, 1.0])
 
 
 def _with_gains(plain: StampFit, data: _Data) -> StampFit:
-    """Refit the load curve with a ln(gain) for every texel that is not always zero; pose and cover stay fixed.
+    """Fit the load curve again together with ln(gain) of every texel that is not zero in all recordings.
 
-    The stamp does not move within a series, so gains that were fitted together with pose and cover would absorb both.
+    The pose of the stamp and the cover stay as fitted in `plain`.  The stamp does not move within a series, so gains
+    that were fitted together with pose and cover would compensate errors of the pose and the cover.
     """
     forces = np.outer(data.loads, plain.candidate.texel_forces(plain.shape))
     places = np.flatnonzero(data.active & (data.counts.max(axis=0) > 0))
@@ -173,7 +189,8 @@ def _with_gains(plain: StampFit, data: _Data) -> StampFit:
         base = misfit(vector)
         steps = _STEP * np.eye(len(vector))[:shared]
         columns = [(misfit(vector + step) - base)[:, data.active].ravel() / _STEP for step in steps]
-        # A gain affects its own texel only, so one difference gives the derivatives by all gains.
+        # A gain changes the counts of its own texel only.  One finite difference, with all ln(gain) increased at once,
+        # therefore gives the derivatives with respect to all of them.
         slope = (misfit(vector + _STEP * (np.arange(len(vector)) >= shared)) - base) / _STEP
         texels = np.arange(len(data.active))
         columns += [np.where(texels == texel, slope, 0.0)[:, data.active].ravel() for texel in places]

@@ -1,7 +1,7 @@
-"""Response of a one-layer cover of any thickness, from one finite-element solve per Poisson ratio.
+"""Computes texel forces under a one-layer cover of any thickness, from one finite-element solution per Poisson ratio.
 
-The response of a linear cover scales with its thickness and does not depend on Young's modulus.  So the solve uses a
-thickness of 1 mm, and lengths are scaled to it.
+Forces at the base of a linear elastic layer under a given load depend on lengths relative to the thickness only, and
+not on Young's modulus.  The finite-element solution therefore uses a thickness of 1 mm, and lengths are scaled to it.
 """
 
 from __future__ import annotations
@@ -18,20 +18,22 @@ from meshes import Box, Cover, Layer, Material
 from meshes.array import FloatArray, TexelArray
 from validation.recordings.series import STAMP_EDGE
 
-#: Poisson ratios that are tried, of foam and rubber [-]: the recordings hardly distinguish even these two.
+#: Poisson ratios of the cover that are compared in the fit, those of foam and of rubber [-].  The recordings hardly
+#: distinguish even these two, so no values between them are needed.
 POISSON_RATIOS = (0.0, 0.49)
-#: Range of thickness that is fitted [m].
+#: Bounds of the fitted thickness of the cover [m].
 THICKNESS = (0.5e-3, 12e-3)
-#: Thickness of the cover that is solved [m].
+#: Thickness of the layer in the finite-element solution [m].
 _UNIT = 1e-3
-#: Contact cells along each edge of the stamp's face [-].
+#: Number of cells of the contact grid along each edge of the stamp's face [-].
 _CELLS = 36
-#: Contact cells along each edge of a bin, whose force acts at its centroid; fewer forces make the fit faster [-].
+#: Number of cells along each edge of the square groups whose forces are summed to one force at their centroid [-].
+#: Fewer point forces make the fit of the stamp faster.
 _BIN = 4
 
 
 def unit_cover(poisson_ratio: float, thickness: float = _UNIT) -> Cover:
-    """One linear layer; its modulus (1 MPa) has no effect on the results of this module."""
+    """Make a cover of one linear elastic layer; its Young's modulus of 1 MPa does not affect results of this module."""
     material = Material(
         name="stamp cover",
         model="linear-elastic",
@@ -43,13 +45,16 @@ def unit_cover(poisson_ratio: float, thickness: float = _UNIT) -> Cover:
 
 
 def influence(array: TexelArray, poisson_ratio: float, thickness: float, positions: FloatArray) -> FloatArray:
-    """Force on each texel per unit point load at each position, shape (k, n) [-].
+    """Return the force on each texel per unit normal point load at positions on a one-layer cover.
 
     Args:
-        array: A flat grid of texels.
-        poisson_ratio: One of `POISSON_RATIOS` (each costs a solve) [-].
-        thickness: Thickness of the cover [m].
-        positions: Positions on top, shape (k, 2) [m].
+        array: A flat grid of n texels.
+        poisson_ratio: Poisson ratio of the layer; each new value needs one finite-element solution [-].
+        thickness: Thickness of the layer [m].
+        positions: k positions x, y on the top surface, shape (k, 2) [m].
+
+    Returns:
+        Forces per unit load, shape (k, n) [-].
     """
     scale = thickness / _UNIT
     return _unit_spread(poisson_ratio).texel_influence(_scaled_grid(array, scale), positions / scale)
@@ -57,14 +62,14 @@ def influence(array: TexelArray, poisson_ratio: float, thickness: float, positio
 
 @cache
 def punch_pressure(poisson_ratio: float, thickness: float) -> tuple[FloatArray, FloatArray]:
-    """Contact pressure of the stamp on one bonded layer without friction, as forces at points.
+    """Solve the frictionless contact of the stamp with one bonded layer, and return its pressure as point forces.
 
     Args:
         poisson_ratio: Poisson ratio of the layer [-].
         thickness: Thickness of the layer [m].
 
     Returns:
-        Points in the stamp's frame, shape (k, 2) [m], and shares of the load, shape (k,) [-].
+        k points in the stamp's frame, shape (k, 2) [m], and the share of the load at each point, shape (k,) [-].
     """
     cover = unit_cover(poisson_ratio, thickness)
     surface = surface_compliance(cover, max(2.2 * STAMP_EDGE, 4 * thickness))
@@ -78,11 +83,14 @@ def punch_pressure(poisson_ratio: float, thickness: float) -> tuple[FloatArray, 
 
 
 def thickness_of_sigma(array: TexelArray, sigma: float) -> dict[float, float]:
-    """Thickness whose fitted Gaussian has a given sigma, for each Poisson ratio [m]; NaN outside `THICKNESS`.
+    """Find, for each Poisson ratio, the layer thickness whose point spread is best fitted by a Gaussian of given sigma.
 
     Args:
         array: A flat grid of texels.
-        sigma: Width of the fast model's kernel [pitches].
+        sigma: Standard deviation of the Gaussian kernel of the fast model [pitches].
+
+    Returns:
+        Thickness by Poisson ratio [m]; NaN where it lies outside `THICKNESS`.
     """
     tables = {ratio: _sigma_table(ratio, array.pitch, array.texel_size) for ratio in POISSON_RATIOS}
     return {
@@ -95,7 +103,13 @@ def thickness_of_sigma(array: TexelArray, sigma: float) -> dict[float, float]:
 def _sigma_table(
     poisson_ratio: float, pitch: tuple[float, float], size: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Thicknesses [m] and the fitted sigma of each [pitches]."""
+    """Return layer thicknesses [m], and for each the sigma of the Gaussian fitted to its point spread [pitches].
+
+    Args:
+        poisson_ratio: Poisson ratio of the layer [-].
+        pitch: Pitch of the texels along x and y [m].
+        size: Size of a texel along x and y [m].
+    """
     thickness = np.geomspace(*THICKNESS, 8)
     array = TexelArray.grid(13, 13, pitch, texel_size=size)
     sigmas = [_fit_sigma(_scaled_grid(array, each / _UNIT), poisson_ratio) for each in thickness]
@@ -103,6 +117,7 @@ def _sigma_table(
 
 
 def _fit_sigma(array: TexelArray, poisson_ratio: float) -> float:
+    """Fit a Gaussian to the response of a 1 mm layer to a uniform load on the centre texel; return sigma [pitches]."""
     response = array.image(_unit_spread(poisson_ratio).texel_response(array, load="uniform"))
     loaded = (array.rows // 2, array.columns // 2)
     return fit_gaussian(np.asarray(response, dtype=np.float64), loaded).gaussian.sigma_x
@@ -110,11 +125,12 @@ def _fit_sigma(array: TexelArray, poisson_ratio: float) -> float:
 
 @cache
 def _unit_spread(poisson_ratio: float) -> PointSpread:
+    """Compute the point spread function of a layer of 1 mm thickness by finite elements."""
     return point_spread(unit_cover(poisson_ratio))
 
 
 def _scaled_grid(array: TexelArray, scale: float) -> TexelArray:
-    """The grid with all lengths divided by `scale`."""
+    """Return a copy of a grid of texels with all lengths divided by `scale`."""
     return TexelArray.grid(
         array.rows,
         array.columns,

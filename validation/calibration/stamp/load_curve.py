@@ -1,4 +1,4 @@
-"""The load curve of the stamp recordings: counts from texel force, one curve for all texels."""
+"""Load curve of the stamp recordings: the function from texel force to counts that all texels share."""
 
 from __future__ import annotations
 
@@ -10,24 +10,26 @@ from fastmodel.signal.electronics import Electronics, saturate
 from meshes.array import FloatArray
 from validation.recordings.series import THRESHOLD
 
-#: Start of the fit: ln(sensitivity [1/N]), ln(dead force [N]), logit(saturation band / largest count).
+#: Initial parameters of the fitted load curve, shape (3,) [-]: logarithm of the sensitivity in 1/N, logarithm of the
+#: dead force in N, and logit of the saturation band over the largest count.
 START = np.array([np.log(6000.0), np.log(0.05), 1.0])
-#: Lower bounds of the fitted parameters, in the order of `START`.
+#: Lower bounds of the parameters of the load curve, in the order of `START`.
 LOWER = np.array([np.log(100.0), np.log(1e-5), -6.0])
-#: Upper bounds of the fitted parameters, in the order of `START`.
+#: Upper bounds of the parameters of the load curve, in the order of `START`.
 UPPER = np.array([np.log(1e5), np.log(1.0), 6.0])
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCurve:
-    """A line with a dead zone, minus the firmware's threshold, with soft saturation.
+    """Counts of a texel as a function of its force: a straight line with a dead zone and soft saturation.
 
-    It equals `fastmodel.signal.electronics.Electronics` without rounding, so that it can be fitted to mean frames.
+    The curve equals `fastmodel.signal.electronics.Electronics` without rounding, so that it can be fitted to mean
+    frames.  The firmware's threshold is subtracted.
 
     Attributes:
-        sensitivity: Slope [1/N].
+        sensitivity: Slope of the straight line [counts/N].
         dead_force: Force below which a texel of gain one reads zero [N].
-        saturation_band: Counts below the largest over which the curve bends [-].
+        saturation_band: Width of the range of counts below the largest count in which the curve bends [-].
         output_max: Largest count after subtraction of the threshold [-].
     """
 
@@ -38,7 +40,7 @@ class LoadCurve:
 
     @classmethod
     def from_vector(cls, vector: FloatArray, output_max: int) -> LoadCurve:
-        """Make the curve from the parameters of the fit, shape (3,), in the order of `START`."""
+        """Make the curve from the vector of fitted parameters, shape (3,), in the order of `START`."""
         slope, dead, bend = vector.tolist()
         return cls(
             sensitivity=float(np.exp(slope)),
@@ -49,27 +51,35 @@ class LoadCurve:
 
     @property
     def vector(self) -> FloatArray:
-        """The parameters of the fit, shape (3,), in the order of `START`."""
+        """The curve as a vector of fitted parameters, shape (3,), in the order of `START`."""
         share = self.saturation_band / self.output_max
         return np.array([np.log(self.sensitivity), np.log(self.dead_force), np.log(share / (1 - share))])
 
     @property
     def offset(self) -> float:
-        """Counts of the line at zero force, before the threshold is subtracted [-]."""
+        """Counts of the straight line at zero force, before the threshold is subtracted [-]."""
         return THRESHOLD - self.sensitivity * self.dead_force
 
     def counts(self, forces: FloatArray, gains: FloatArray | float = 1.0) -> FloatArray:
-        """Counts without rounding, shape (..., n) to (..., n) [-].
+        """Convert texel forces to counts without rounding.
 
         Args:
-            forces: Texel forces [N].
-            gains: Gain of each texel, which multiplies the line before the threshold is subtracted, shape (n,) [-].
+            forces: Forces on n texels, shape (..., n) [N].
+            gains: Gain of each texel, shape (n,), which multiplies the line before the threshold is subtracted [-].
+
+        Returns:
+            Counts, shape (..., n) [-].
         """
         signal = np.maximum(gains * (self.sensitivity * forces + self.offset) - THRESHOLD, 0.0)
         return saturate(signal, self.output_max, self.saturation_band)
 
     def electronics(self, rate_hz: float, gains: FloatArray | None = None) -> Electronics:
-        """The same curve as electronics of the fast model."""
+        """Return the curve as electronics of the fast model.
+
+        Args:
+            rate_hz: Frames per second of the sensor [Hz].
+            gains: Gain of each texel, shape (n,); equal gains when not given [-].
+        """
         return Electronics(
             rate_hz=rate_hz,
             sensitivity=self.sensitivity,

@@ -1,4 +1,4 @@
-"""Scores of the stamp recordings in one table: forward models, null models and the repeatability."""
+"""Scores forward models, null models and the repeatability on recordings of the stamp, in one table."""
 
 from __future__ import annotations
 
@@ -23,22 +23,24 @@ from validation.campaign.pooling import Pooled, pool, skill
 from validation.recordings.series import SOURCE, find_stamp_files
 from validation.sensor_file import BUILT_IN, SensorDescription
 
-#: Name of the built-in sensor whose array the recordings were made with.
+#: Name of the built-in sensor whose array was pressed in the recordings of the stamp.
 DEFAULT_SENSOR = "sdh2-distal"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CountScore:
-    """Scores of a predicted mean frame against the recorded one, over active texels.
+    """Differences between a predicted and a recorded mean frame of counts, over active texels.
 
     Attributes:
-        image_changed_percent: Mean grey difference over 255, with grey = round(255 counts / full scale) [%].
-        pixels_changed: Texels whose grey level differs [-].
-        relative_l2: Norm of the difference of counts over the norm of the recorded counts [-].
-        total_counts_error: Difference of the sums over the recorded sum [-].
-        centre_of_pressure_m: Distance of the centres of counts [m].
-        wasserstein_m: Wasserstein-1 distance of the count maps, each scaled to unit mass [m].
-        active_area_iou: Intersection over union of the areas above a tenth of the recorded peak [-].
+        image_changed_percent: Mean absolute difference of grey levels over 255, where the grey level is
+            round(255 counts / full scale) [%].
+        pixels_changed: Number of texels whose grey levels differ [-].
+        relative_l2: Euclidean norm of the difference of counts over that of the recorded counts [-].
+        total_counts_error: Absolute difference of the sums of counts over the recorded sum [-].
+        centre_of_pressure_m: Distance between the centres of predicted and recorded counts [m].
+        wasserstein_m: Wasserstein-1 distance of the two maps of counts, each scaled to unit mass [m].
+        active_area_iou: Intersection over union of the areas with counts above a tenth of the largest recorded
+            count [-].
     """
 
     image_changed_percent: float
@@ -52,19 +54,19 @@ class CountScore:
 
 @dataclass(frozen=True, kw_only=True)
 class StampRow:
-    """One model in one split.
+    """Row of the table of scores: one model on one split of the recordings into fitted and scored ones.
 
     Attributes:
         split: Name of the split.
         model: Name of the model.
-        kind: `model`, `null` or `floor` (repeatability).
+        kind: `model` (forward model), `null` (null model) or `floor` (repeatability of the recordings).
         texel_gains: Whether a gain per texel was fitted.
-        fitted: Names of the recordings that were fitted.
+        fitted: Names of the recordings that the model was fitted to.
         parameters: The fitted parameters, by name with unit.
-        per_case: Score of each scored weight (the mean over its repeats), by condition and letter.
-        pooled: Mean over scored weights with its bootstrap interval, by metric.
-        skill: 1 - image changed / image changed of a null model, by null model.
-        electronics: The fitted load curve as electronics of the fast model; None for rows without one.
+        per_case: Score of each scored weight, the mean over its repeated recordings, by condition and letter.
+        pooled: Mean score over the scored weights with its bootstrap interval, by metric.
+        skill: 1 - (changed grey of this model) / (changed grey of a null model), by name of the null model [-].
+        electronics: The fitted load curve as electronics of the fast model; None for rows without a load curve.
     """
 
     split: str
@@ -81,14 +83,14 @@ class StampRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampExample:
-    """Images of one scored recording: the recorded one and the prediction of each model.
+    """Tactile images of one scored recording: the recorded image and the image that each model predicts.
 
     Attributes:
-        split: Name of the split.
+        split: Name of the split of the recordings into fitted and scored ones.
         case: Name of the recording.
         load: Weight on the stamp [N].
-        recorded: Grey levels, shape (rows, columns) [-].
-        predicted: Grey levels by model, same shape [-].
+        recorded: Grey levels of the recorded mean frame, shape (rows, columns) [-].
+        predicted: Predicted grey levels by name of the model, each of shape (rows, columns) [-].
     """
 
     split: str
@@ -100,16 +102,16 @@ class StampExample:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampScores:
-    """All scores of a weight series.
+    """All scores on a series of recordings of the stamp under known weights.
 
     Attributes:
-        rows: The table.
-        examples: One scored recording per split.
-        about: One line on each model and each split, by name.
-        files: sha256 of each recording by its name.
-        window: Times after the load was applied between which frames are averaged [s].
-        noise: Root mean square over recordings of a texel's noise in the window [counts].
-        source: Origin of the recordings.
+        rows: Rows of the table of scores, one per split and model.
+        examples: Images of one scored recording per split.
+        about: Description of each model and each split in one line, by name.
+        files: SHA-256 hash of each recording, by name of the recording.
+        window: First and last time after the load was applied between which frames are averaged [s].
+        noise: Root mean square over recordings of the standard deviation of a texel's counts in `window` [counts].
+        source: Where the recordings were published.
     """
 
     rows: tuple[StampRow, ...]
@@ -121,10 +123,10 @@ class StampScores:
     source: str
 
     def row(self, split: str, model: str, *, texel_gains: bool = False) -> StampRow:
-        """One row by name.
+        """Return the row of a model on a split, with or without texel gains.
 
         Raises:
-            KeyError: If there is none.
+            KeyError: If the table has no such row.
         """
         for row in self.rows:
             if (row.split, row.model, row.texel_gains) == (split, model, texel_gains):
@@ -138,17 +140,17 @@ def score_recordings(
     *,
     progress: Callable[[str], None] | None = None,
 ) -> StampScores:
-    """Fit and score the weight series of a folder; it takes about ten seconds.
+    """Fit models to recordings of the stamp under known weights, and score them; this takes about ten seconds.
 
     Args:
-        folder: The folder of the series, or one up to three levels above it.
-        sensor: The sensor whose array was pressed; `sdh2-distal` when not given.  Its array and its `output_max` are
-            used; cover and load curve are fitted.
-        progress: Called with a line of text before each step.
+        folder: The folder with the recordings, or a folder up to three levels above it.
+        sensor: The sensor whose array was pressed; `sdh2-distal` when not given.  The array and `output_max` of this
+            sensor are used; cover and load curve are fitted.
+        progress: Function that is called with a line of text before each step.
 
     Raises:
-        RecordingError: If there is no such series, a file is damaged, a weight is missing, or another array was
-            pressed.
+        RecordingError: If the folder holds no such recordings, a file is damaged, a weight is missing, or another array
+            was pressed.
     """
     described = BUILT_IN[DEFAULT_SENSOR] if sensor is None else sensor
     array = described.array
@@ -183,12 +185,12 @@ def score_recordings(
 
 
 def score_counts(recorded: FloatArray, predicted: FloatArray, *, full_scale: int, array: TexelArray) -> CountScore:
-    """Compare two frames of counts.
+    """Compare a predicted frame of counts with the recorded frame by every metric, over active texels.
 
     Args:
-        recorded: Counts, shape (n,) [-].
-        predicted: Counts, shape (n,) [-].
-        full_scale: Declared full scale of the recording [-].
+        recorded: Recorded counts of the n texels, shape (n,) [-].
+        predicted: Predicted counts, shape (n,) [-].
+        full_scale: Largest count as stated in the recording, which becomes white [-].
         array: The texels.
     """
     r, p, places = recorded[array.active], predicted[array.active], array.centres[array.active]
@@ -205,7 +207,7 @@ def score_counts(recorded: FloatArray, predicted: FloatArray, *, full_scale: int
 
 
 class _SplitTable:
-    """The rows of one split, and the images of its heaviest scored recording."""
+    """Builds the rows of the table for one split, and the images of the heaviest scored recording."""
 
     def __init__(
         self,
@@ -220,13 +222,16 @@ class _SplitTable:
         self._shown = max(scored, key=lambda case: (case.file.letter, -case.file.repeat))
 
     def add_nulls(self) -> None:
-        """Add the null models, fitted on the same recordings."""
+        """Add a row for each null model, fitted to the same recordings as the models."""
         for name, make in NULLS.items():
             predict = make(self._fitted, self._sensor.electronics.output_max)
             self._add_row(name, self._score_cases(name, predict), kind="null")
 
     def add_repeats(self) -> None:
-        """Add the difference between repeats of one weight, the noise floor of every model."""
+        """Add a row with the differences between repeated recordings of one weight, if there are any.
+
+        These differences are the smallest error that any model can be expected to reach.
+        """
         per_case: dict[str, list[CountScore]] = {}
         for first in self._scored:
             for second in self._scored:
@@ -236,7 +241,7 @@ class _SplitTable:
             self._add_row("repeat of the same weight", per_case, kind="floor")
 
     def add_fit(self, name: str, found: StampFit) -> None:
-        """Add a fitted model."""
+        """Add a row for a fitted forward model."""
         texel_gains = found.gains is not None
         label = f"{name}, texel gains" if texel_gains else name
         self._add_row(
@@ -249,7 +254,7 @@ class _SplitTable:
         )
 
     def make_example(self) -> StampExample:
-        """Images of the heaviest scored recording."""
+        """Return the recorded and predicted images of the heaviest scored recording."""
         return StampExample(
             split=self._split.name,
             case=self._shown.file.name,
@@ -259,7 +264,11 @@ class _SplitTable:
         )
 
     def _score_cases(self, label: str, predict: Predictor) -> dict[str, list[CountScore]]:
-        """Scores of every scored weight by condition and letter; the shown image is kept under the label."""
+        """Score a prediction on every scored recording, and store its image for the example under `label`.
+
+        Returns:
+            Scores of all repeats of each weight, by condition and letter.
+        """
         per_case: dict[str, list[CountScore]] = {}
         for case in self._scored:
             per_case.setdefault(case.file.weight, []).append(self._score(case, predict(case.file.load)))
@@ -267,9 +276,11 @@ class _SplitTable:
         return per_case
 
     def _score(self, case: StampCase, predicted: FloatArray) -> CountScore:
+        """Score predicted counts, shape (n,), against one recording."""
         return score_counts(case.counts, predicted, full_scale=case.full_scale, array=self._sensor.array)
 
     def _grey_image(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
+        """Convert counts, shape (n,), to grey levels, shape (rows, columns); masked texels are black."""
         array = self._sensor.array
         grey = grey_levels(np.where(array.active, counts, 0.0), self._shown.full_scale)
         return grey.reshape(array.rows, array.columns)
@@ -307,11 +318,11 @@ def _images_changed(per_case: Mapping[str, CountScore]) -> list[float]:
 
 
 def _mean_score(scores: Sequence[CountScore]) -> CountScore:
-    """Mean over the repeats of one weight, which are not independent cases."""
+    """Average the scores of repeated recordings of one weight, because repeats are not independent cases."""
     return CountScore(**{metric: float(np.mean(values)) for metric, values in _by_metric(scores)})
 
 
 def _by_metric(scores: Iterable[CountScore]) -> Iterable[tuple[str, tuple[float, ...]]]:
-    """The values of every score, metric by metric."""
+    """Regroup scores by metric: return pairs of the name of a metric and its values in all scores."""
     table = [asdict(score) for score in scores]
     return [(metric, tuple(row[metric] for row in table)) for metric in table[0]]

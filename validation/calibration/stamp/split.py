@@ -1,4 +1,4 @@
-"""Which recordings are fitted and which are scored."""
+"""Splits of the stamp recordings into recordings that models are fitted to and recordings that are scored."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from validation.recordings import RecordingError
 
 @dataclass(frozen=True, kw_only=True)
 class Split:
-    """One way to divide a weight series.
+    """One way to divide recordings of the stamp under several weights into fitted and scored ones.
+
+    A recording is identified by its condition (`room` or `operating` temperature) and the letter of its weight (A..H).
 
     Attributes:
-        name: Short name.
-        about: The extrapolation or interpolation that it tests.
-        fitted: Condition and letters that are fitted.
-        scored: Condition and letters that are scored.
+        name: Short name of the split.
+        about: The interpolation or extrapolation that the split tests.
+        fitted: Condition and letters of the recordings that are fitted.
+        scored: Condition and letters of the recordings that are scored.
     """
 
     name: str
@@ -26,17 +28,17 @@ class Split:
     scored: tuple[str, str]
 
     def __post_init__(self) -> None:
-        """Refuse to score what was fitted.
+        """Check that no weight is both fitted and scored.
 
         Raises:
-            ValueError: If a weight is on both sides.
+            ValueError: If a weight of one condition is both fitted and scored.
         """
         both = set(self.fitted[1]) & set(self.scored[1]) if self.fitted[0] == self.scored[0] else set()
         if both:
             raise ValueError(f"split {self.name!r} scores fitted weights: {self.fitted[0]} {sorted(both)}")
 
     def divide(self, cases: Sequence[StampCase]) -> tuple[list[StampCase], list[StampCase]]:
-        """Cases to fit and cases to score; both empty if a condition was not recorded.
+        """Divide cases into those to fit and those to score; both lists are empty if a condition was not recorded.
 
         Raises:
             RecordingError: If a condition was recorded but some of its weights are missing.
@@ -55,7 +57,8 @@ class Split:
         return sides[0], sides[1]
 
 
-#: The three tests.  The first interpolates, where tables do well; the other two extrapolate.
+#: The splits that are scored.  `between` tests interpolation between weights, where tables of counts do well; `heavier`
+#: and `warmer` test extrapolation.
 SPLITS = (
     Split(name="between", about="every other weight", fitted=("room", "ACEG"), scored=("room", "BDFH")),
     Split(name="heavier", about="light weights to heavy ones", fitted=("room", "ABCD"), scored=("room", "EFGH")),
