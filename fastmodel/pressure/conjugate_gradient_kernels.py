@@ -195,6 +195,23 @@ def _fit_motion(
 
 
 @called_by_kernels
+def _scale_sums(forces: FloatArray, columns: FloatArray, target: FloatArray) -> None:
+    """Scale forces so that the constraints on sums of forces hold exactly; these have columns of ones and zeros.
+
+    If the centre of pressure lies at the rim of the sampled cells, the corrections leave a small error of balance.  The
+    moments then keep that error, and the forces add up to the load.
+    """
+    for a in range(len(target)):
+        is_sum, total = True, 0.0
+        for i in range(len(forces)):
+            is_sum = is_sum and (columns[i, a] == 0.0 or columns[i, a] == 1.0)
+            total += forces[i] * columns[i, a]
+        if is_sum and total > 0:
+            for i in range(len(forces)):
+                forces[i] *= 1.0 + columns[i, a] * (target[a] / total - 1.0)
+
+
+@called_by_kernels
 def _balance(
     forces: FloatArray, columns: FloatArray, target: FloatArray, matrix: FloatArray, found: FloatArray
 ) -> tuple[float, bool]:
@@ -222,6 +239,8 @@ def _balance(
             for a in range(k):
                 factor += columns[i, a] * found[a]
             forces[i] *= max(factor, _LEAST_FACTOR)
+    if error > _BALANCED:
+        _scale_sums(forces, columns, target)
     return error, changed
 
 

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fastmodel.pressure import conjugate_gradient_kernels
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load
 from fastmodel.pressure.conjugate_gradient_kernels import find_start, minimise_energy, place_cells
 from fastmodel.pressure.gap_sampling import sample_gap
@@ -97,6 +98,16 @@ def test_moments_that_no_pressure_can_have_are_not_prescribed():
     found = CoverSolver(CELLS, GRID).solve(samples, [load])
     assert found.converged
     assert found.forces.sum() == pytest.approx(1.0)
+
+
+def test_forces_add_up_to_the_load_under_a_centre_of_pressure_at_the_rim():
+    """No pressure on three cells in a row has its centre just outside them: the moment misses, the sum does not."""
+    place = np.array([-1.0, 0.0, 1.0]) - 1.00001
+    forces, columns = np.full(3, 0.7), np.column_stack([np.ones(3), place])
+    error, _ = conjugate_gradient_kernels._balance(forces, columns, np.array([2.0, 0.0]), np.zeros((2, 2)), np.zeros(2))
+    assert error > 1e-6
+    assert (forces >= 0).all()
+    assert forces.sum() == pytest.approx(2.0, rel=1e-14)
 
 
 def test_two_bodies_sink_by_their_own_weights_and_by_that_of_the_other():
