@@ -1,1 +1,1 @@
-"""The pressure between bodies and the cover, cell by cell, from their gap and the forces that MuJoCo found."""
+"""The pressure between rigid bodies and the cover on cells of the contact grid, from the gap and MuJoCo's forces."""

@@ -1,4 +1,7 @@
-"""The cells that divide a flat array, and sums of forces on cells over texels: at the cover's top and at its base."""
+"""The contact grid of a flat array, and the forces on texels, at the cover's top and base, under forces on its cells.
+
+A cell is a square or rectangle of the contact grid; whole numbers of cells divide each texel pitch.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +18,16 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CellGrid:
-    """Cells that divide the pitches of a flat array and of a margin around it.
+    """The contact grid: cells that divide the pitches of a flat array and of a margin around the array.
 
     Attributes:
-        per_texel: Cells along each edge of a pitch [-].
-        rows: Rows of cells, margin included [-].
-        columns: Columns of cells, margin included [-].
-        margin: Cells beyond the array on each side [-].
+        per_texel: Number of cells along each texel pitch [-].
+        rows: Number of rows of cells, margin included [-].
+        columns: Number of columns of cells, margin included [-].
+        margin: Number of cells by which the grid extends beyond the array on each side [-].
         edge: Edge lengths of a cell along x and y [m].
-        low: Lowest corner in the array's frame, shape (2,) [m].
-        texel_columns: Columns of the array [-].
+        low: x and y of the grid's lowest corner in the array's frame, shape (2,) [m].
+        texel_columns: Number of columns of texels [-].
     """
 
     per_texel: int
@@ -37,7 +40,7 @@ class CellGrid:
 
     @classmethod
     def over(cls, array: TexelArray, per_texel: int, margin: int) -> CellGrid:
-        """Divide a flat array and `margin` pitches around it."""
+        """Make the grid that divides a flat array, and a margin of `margin` pitches around the array, into cells."""
         edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
         beyond = margin * per_texel
         half_pitch = np.array(array.pitch) / 2
@@ -53,16 +56,16 @@ class CellGrid:
 
     @property
     def texels(self) -> int:
-        """Number of texels [-]."""
+        """Number of texels of the array [-]."""
         return (self.rows - 2 * self.margin) * (self.columns - 2 * self.margin) // self.per_texel**2
 
     @cached_property
     def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Columns and rows [-], lowest corner [m] and edges of a cell [m], each of shape (2,), for kernels."""
+        """The grid as kernels take it: (columns, rows) [-], lowest corner [m] and edges of a cell [m], each (2,)."""
         return np.array([self.columns, self.rows]), self.low, np.array(self.edge)
 
     def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
-        """Sum forces on cells over the texels they belong to; cells in the margin belong to none.
+        """Sum forces on m cells over the texels that the cells belong to; cells in the margin belong to no texel.
 
         Args:
             row: Row of each cell, shape (m,).
@@ -70,31 +73,34 @@ class CellGrid:
             forces: Force on each cell, shape (m,) [N].
 
         Returns:
-            Force on each texel, shape (n,) [N].
+            Force on each of n texels, shape (n,) [N].
         """
         slot = self._slots.take(row * self.columns + column)
         return np.bincount(slot, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
 
     @cached_property
     def _slots(self) -> IntArray:
-        """One more than the texel of each cell, 0 in the margin, shape (rows * columns,)."""
+        """Index of each cell's texel plus one, and 0 for cells in the margin, shape (rows * columns,)."""
         return self.find_texel(*np.divmod(np.arange(self.rows * self.columns), self.columns)) + 1
 
     def find_texel(self, row: IntArray, column: IntArray) -> IntArray:
-        """Texel of each cell, -1 in the margin, same shape."""
+        """Find the index of the texel that each cell belongs to, -1 for cells in the margin, same shape as `row`."""
         i, j = row - self.margin, column - self.margin
         inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin) & (j < self.columns - 2 * self.margin)
         return np.asarray(np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1))
 
 
 class _Window(NamedTuple):
-    """The factors of the influence for one window of cells.
+    """The factors of the influence (force on a texel per unit force on a cell) for one window of the contact grid.
+
+    A window is a rectangle of cells.
 
     Attributes:
         inside: Rows and columns of the window that lie within the grid.
-        first: Row and column in the grid of the first of these.
-        texels: Rows and columns of texels that forces on the window reach.
-        along: Factors from rows of cells to rows of texels, shape (texel rows * terms, rows) [-].
+        first: Row and column in the grid of the first cell of the window that lies within the grid.
+        texels: Rows and columns of the texels that forces on the window reach.
+        along: Factors from rows of cells to rows of texels, for every term of the low-rank factorisation, shape (texel
+            rows * terms, rows) [-].
         across: Factors from columns of cells to columns of texels, shape (terms * columns, texel columns) [-].
     """
 
@@ -106,19 +112,26 @@ class _Window(NamedTuple):
 
 
 class BaseForces:
-    """Forces on texels at the base of the cover under forces on cells at its top.
+    """The operator from forces on cells at the top of the cover to forces on texels at the base of the cover.
 
-    The influence of a cell on a texel depends on their distance along rows and along columns.  It is factorised into a
-    sum of products of both, so that each window of cells takes two matrix products.  A cover with free side edges has
-    no such form; its table of all cells and texels is used as it is.
+    The influence, which is the force on a texel per unit force on a cell, depends on the distances between texel and
+    cell along rows and along columns.  A low-rank factorisation writes the influence as a sum of products of row
+    factors and column factors, so that two matrix products give the texel forces under a window (rectangle) of cells.
+    For a cover with free side edges this form does not exist, and its table of all cells and texels is applied instead.
     """
 
     def __init__(self, cells: CoverCells, grid: CellGrid, array: TexelArray) -> None:
-        """Lay the factors of the influence out over the whole grid."""
+        """Tabulate the factors of the influence between all texels and all cells of the grid.
+
+        Args:
+            cells: Compliance and influence of the cover.
+            grid: The contact grid.
+            array: The texels.
+        """
         self._cells, self._grid, self._array = cells, grid, array
         along, across = cells.influence_factors
         beyond = (grid.margin, grid.margin)
-        # the table holds no cells in the margin: force there reaches no texel
+        # the table contains no cells in the margin; a force in the margin then reaches no texel
         self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), beyond, beyond))
         self._masked = None if array.active.all() else ~array.active
         self._rows = _lay_out_factor(along, array.rows, grid.rows, cells, grid.margin)
@@ -126,11 +139,13 @@ class BaseForces:
         self._window: tuple[tuple[tuple[int, int], tuple[int, ...]], _Window] | None = None
 
     def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
-        """Force on each texel, zero on masked ones, shape (n,) [N].
+        """Compute the forces on n texels at the base under forces on a window of cells, shape (n,) [N].
+
+        Forces on masked texels are set to zero.
 
         Args:
-            forces: Forces on a window of cells, shape (rows, columns).  The window may extend beyond the grid; forces
-                there must be zero [N].
+            forces: Forces on a window (rectangle) of cells, shape (rows, columns).  The window may extend beyond the
+                grid; forces on cells outside the grid must be zero [N].
             origin: Row and column of the window's first cell in the grid.
         """
         if self._window is None or self._window[0] != (origin, forces.shape):
@@ -149,13 +164,18 @@ class BaseForces:
         return self._mask(texels.ravel())
 
     def from_texels(self, contact_forces: FloatArray) -> FloatArray:
-        """Force on each texel under forces spread uniformly over each texel's cells, shape (n,) to (n,) [N]."""
+        """Compute the forces on n texels at the base under contact forces on the texels, shape (n,) [N].
+
+        Args:
+            contact_forces: Forces, each distributed uniformly over the cells of a texel, shape (n,) [N].
+        """
         s = self._cells.per_texel
         image = contact_forces.reshape(self._array.rows, self._array.columns)
         uniform = np.kron(image, np.full((s, s), 1 / s**2))
         return self.from_window(uniform, (self._grid.margin, self._grid.margin))
 
     def _build_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Window:
+        """Select the factors of the influence for a window with given first cell (row, column) and shape."""
         row, rows, near_rows = self._clip(origin[0], shape[0], self._grid.rows, self._array.rows)
         column, columns, near_columns = self._clip(origin[1], shape[1], self._grid.columns, self._array.columns)
         height, width = rows.stop - rows.start, columns.stop - columns.start
@@ -170,7 +190,18 @@ class BaseForces:
         )
 
     def _clip(self, start: int, length: int, cells: int, texels: int) -> tuple[int, slice, slice]:
-        """Along one axis: first cell of a window within the grid, its part there, and the texels that it reaches."""
+        """Clip a window to the grid along one axis.
+
+        Args:
+            start: Index of the window's first cell in the grid.
+            length: Number of cells of the window.
+            cells: Number of cells of the grid.
+            texels: Number of texels of the array.
+
+        Returns:
+            Index in the grid of the first cell within the grid; part of the window within the grid; and the texels
+            that forces on the window reach.
+        """
         skipped = max(0, -start)
         inside = slice(skipped, max(skipped, min(length, cells - start)))
         start, length = start + skipped, inside.stop - skipped
@@ -180,13 +211,22 @@ class BaseForces:
         return start, inside, slice(first, max(first, last))
 
     def _mask(self, texel_forces: FloatArray) -> FloatArray:
+        """Set the forces on masked texels to zero."""
         if self._masked is not None:
             texel_forces[self._masked] = 0.0
         return texel_forces
 
 
 def _lay_out_factor(factor: FloatArray, texels: int, cells: int, data: CoverCells, margin: int) -> FloatArray:
-    """A factor of the influence along one axis between each texel and each cell, shape (terms, texels, cells) [-]."""
+    """Tabulate the factors of the influence along one axis, shape (terms, texels, cells) [-].
+
+    Args:
+        factor: Factor of each term at each distance between cell and texel, shape (terms, distances) [-].
+        texels: Number of texels along the axis.
+        cells: Number of cells of the grid along the axis.
+        data: The cover.
+        margin: Number of cells of the grid before the first texel.
+    """
     index = np.arange(cells) - margin - data.per_texel * np.arange(texels)[:, None] + data.reach
     inside = (index >= 0) & (index < factor.shape[1])
     return np.where(inside, factor[:, np.clip(index, 0, factor.shape[1] - 1)], 0.0)

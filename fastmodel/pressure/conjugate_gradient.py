@@ -1,15 +1,15 @@
 """Pressure between rigid bodies and the cover, by conjugate gradients (Polonsky and Keer, Wear 231, 1999).
 
 Minimise f A f / 2 + g f over the cell forces f >= 0, where A is the compliance of the cover between cells and g the gap
-of the undeformed surfaces.  The force of every body is prescribed, and its two moments where the body is free to tilt.
-The solution has pressure only where the surfaces touch and no overlap elsewhere.  The multipliers of the constraints
-are the approach and the two tilts of each body.  The constraints are projected out of the residual and of the search
-direction.
+of the undeformed surfaces.  The force of every body is prescribed; for a body that is free to tilt, two moments are
+prescribed too.  In the solution, pressure acts only where the surfaces touch, and the surfaces overlap nowhere.  The
+Lagrange multipliers of the prescribed forces and moments are the approach and the two tilts of each body.  The residual
+and the search direction are projected on the subspace that satisfies these constraints.
 
-A acts as a convolution on a window of whole cells around the contact.  The force on a partly covered cell acts at the
-centroid of its covered part: it is divided bilinearly among the four nearest whole cells, and the displacement is
-interpolated with the same weights, so that A stays symmetric.  A smaller loaded area also yields more under its own
-force; this self compliance is added on the diagonal.
+A acts as a convolution on a window (rectangle of cells of the contact grid) around the contact.  The force on a partly
+covered cell acts at the centroid of the covered part: the force is divided bilinearly among the four nearest whole
+cells, and the displacement is interpolated with the same weights, so that A stays symmetric.  A force on a smaller area
+also displaces that area more; this additional self compliance is added to the diagonal of A.
 """
 
 from __future__ import annotations
@@ -27,25 +27,26 @@ from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import GapSamples
 from meshes.array_types import FloatArray, IntArray
 
-#: Displacement at the centre of a square under a uniform pressure of unit force on a half space, over top compliance
-#: divided by edge length: 4 asinh(1) [-].
+#: Displacement at the centre of a square on an elastic half space under uniform pressure of unit force, divided by
+#: `CoverCells.top_compliance` and multiplied by the edge length of the square: 4 asinh(1) [-].
 _SQUARE = 4 * float(np.arcsinh(1.0))
-#: Fewest cells on which moments are prescribed: three points define a plane.
+#: Smallest number of cells under a body with which moments are prescribed [-]: three points define a plane.
 _PLANE = 3
-#: Length by which the lever arms of moments are divided: the size of a typical contact [m].
+#: Length by which the lever arms of moments are divided, so that the constraints on force and moments are of similar
+#: magnitude: the size of a typical contact [m].
 _LEVER = 1e-2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Load:
-    """The force and moments with which one body presses.
+    """The force and moments with which one body presses on the array.
 
     Attributes:
-        force: Against the array's normal [N].
-        moment: Sums of force times x and of force times y over the contact points, in the array's frame, shape (2,)
+        force: Force of the body against the array's normal [N].
+        moment: Sums over the contact points of force times x and of force times y, in the array's frame, shape (2,)
             [N m].
-        tilts: Whether the body is free to tilt.  Only then do the moments say where it presses; otherwise a guide takes
-            them up.
+        tilts: Whether the body is free to tilt.  If so, the moments determine where the body presses.  Otherwise a
+            guide of the body takes up moments, and they are not prescribed.
     """
 
     force: float
@@ -53,37 +54,37 @@ class Load:
     tilts: bool
 
     def equals(self, other: Load, tolerance: float, length: float) -> bool:
-        """Whether another load is the same up to a tolerance.
+        """Return whether another load is equal up to a tolerance.
 
         Args:
             other: The other load.
-            tolerance: Largest difference of the forces, over the force; and of the moments, over force times length
-                [-].
-            length: The length [m].
+            tolerance: Largest accepted difference of the forces over the force, and of the moments over force times
+                `length` [-].
+            length: Lever arm by which differences of moments are divided [m].
         """
         moment = np.abs(self.moment - other.moment).max()
         return bool(max(abs(self.force - other.force), moment / length) <= tolerance * self.force)
 
     def without_moments(self) -> Load:
-        """The same load with the force prescribed only."""
+        """Return the same load with only the force prescribed, not the moments."""
         return dataclasses.replace(self, tilts=False)
 
     def build_constraints(self, samples: GapSamples, own: IntArray | slice) -> tuple[FloatArray, FloatArray]:
-        """Linear constraints columns.T @ forces = target on the body's cell forces.
+        """Build the k linear constraints columns.T @ forces = target on the forces on the m cells under the body.
 
-        The first column is that of the force, so its multiplier is the approach.
+        The first constraint prescribes the force of the body, so its Lagrange multiplier is the approach of the body.
 
         Args:
             samples: Cells under all bodies.
-            own: Which of them are this body's, shape (m,).
+            own: Indices of the cells under this body, shape (m,).
 
         Returns:
-            Columns, shape (m, k), and target, shape (k,).
+            Columns, shape (m, k), and target, shape (k,) [N].
         """
         x, y = samples.x[own], samples.y[own]
         if not self.tilts or len(x) < _PLANE:
             return np.ones((len(x), 1)), np.array([self.force])
-        # about the centre of pressure and over a typical length: the unknowns are then of similar magnitude
+        # moments about the centre of pressure, divided by a typical length: the unknowns are then of similar magnitude
         centre = (self.moment / (self.force * _LEVER)).tolist()
         columns = np.ones((len(x), 3))
         columns[:, 1] = x / _LEVER - centre[0]
@@ -93,17 +94,19 @@ class Load:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressureSolution:
-    """Forces on cells.
+    """Forces on the cells of the contact grid, and the approach of each body.
 
     Attributes:
-        forces: On each sampled cell, shape (m,) [N].
-        height: Height over each body's lowest cell up to which the body lies below the undeformed surface, shape
-            (bodies,) [m].
-        approach: Of each body from first touch of the undeformed cover, shape (bodies,); None where not computed [m].
-        window: The same forces on a window of whole cells, shape (rows, columns); None where not computed [N].
-        origin: Row and column of the window's first cell in the grid.
-        steps: Steps taken.
-        converged: Whether the tolerance was met.
+        forces: Force on each of the m cells under bodies, shape (m,) [N].
+        height: For each body, the height above its smallest gap up to which the body's surface lies below the
+            undeformed top of the cover, shape (bodies,) [m].
+        approach: Approach of each body since its first touch of the undeformed cover, shape (bodies,) [m]; None if not
+            computed.
+        window: The forces as forces on a window (rectangle) of whole cells, shape (rows, columns) [N]; None if not
+            computed.
+        origin: Row and column in the contact grid of the first cell of the window.
+        steps: Number of steps of the iteration [-].
+        converged: Whether the iteration met its tolerance.
     """
 
     forces: FloatArray
@@ -116,16 +119,17 @@ class PressureSolution:
 
 
 class CoverSolver:
-    """Solves one contact after another on the same array; each solution is the start of the next."""
+    """Solver for the pressure on a cover; the iteration of each contact starts from the previous solution."""
 
     def __init__(self, cells: CoverCells, grid: CellGrid, *, tolerance: float = 2e-4, steps: int = 200) -> None:
-        """Prepare the compliance.
+        """Prepare the compliance of the cover between cells.
 
         Args:
             cells: The cover.
-            grid: The cells of the array.
-            tolerance: Change of the cell forces in one step at which the solver stops, over the load [-].
-            steps: Most steps.
+            grid: The contact grid of the array.
+            tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below
+                which the iteration stops [-].
+            steps: Largest number of steps of the iteration [-].
         """
         self._grid, self._tolerance, self._steps = grid, tolerance, steps
         self._convolution = cells.convolution
@@ -139,18 +143,18 @@ class CoverSolver:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last contact."""
+        """Discard the last solution; the next iteration starts from uniform pressure."""
         self._last = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
-        """Find the cell forces of one contact.
+        """Compute the forces on the cells under all bodies.
 
-        If no pressure on the sampled cells can have the prescribed moments, only the forces are prescribed, and the
-        bodies keep the tilt of their pose.
+        If the iteration with the prescribed moments does not converge, for example because no pressure on the cells has
+        these moments, only the forces of the bodies are prescribed, and the bodies keep their tilt.
 
         Args:
-            samples: Cells under each body.
-            loads: Load of each body.
+            samples: Cells under each body, with their gaps.
+            loads: Force and moments of each body.
         """
         cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
         origin, shape, corner, weight, own = self._place(cells, self._grid.arrays, self._near, self._square)
@@ -179,7 +183,12 @@ class CoverSolver:
 
 
 def _join_constraints(samples: GapSamples, loads: Sequence[Load]) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Constraints of all bodies: columns (m, k), target (k,), and the column of each body's force."""
+    """Join the constraints of all bodies, see `Load.build_constraints`.
+
+    Returns:
+        Columns of k constraints on the m cell forces, shape (m, k); target, shape (k,) [N]; and for each body the index
+        of the column that prescribes its force.
+    """
     if len(loads) == 1:
         return *loads[0].build_constraints(samples, slice(None)), [0]
     columns: list[FloatArray] = []

@@ -1,8 +1,8 @@
 # ruff: noqa: PLR0917 -- kernels take their arrays by position
-"""Compiled kernels of the contact solver; `conjugate_gradient` calls them.
+"""Compiled kernels of the solver for the pressure on a cover; `conjugate_gradient` describes the method and calls them.
 
-All stand in one file: numba's cache notices a change in the file of the called kernel only, not in the files of the
-functions that this kernel calls.
+All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
+files of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -14,27 +14,30 @@ import numpy as np
 from fastmodel.compiled import called_by_kernels
 from meshes.array_types import FloatArray, IntArray
 
-#: The compliance of the cover between sampled cells: for each cell the first of the four whole cells that it acts on
-#: (row and column in the window), shape (2, m); its shares on these four, shape (4, m) [-]; its self compliance, shape
-#: (m,) [m/N]; and the matrices of `SymmetricConvolution.matrices` [m/N].
+#: The compliance of the cover between the m cells under bodies.  The force on each cell is divided among four whole
+#: cells.  The entries are: row and column in the window of the first of the four whole cells, shape (2, m); shares of
+#: the four whole cells, shape (4, m) [-]; additional self compliance of each cell, shape (m,) [m/N]; and the two
+#: matrices of `SymmetricConvolution.matrices` [m/N].
 Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
-#: Sizes of windows are rounded up to a multiple of this, so that few different matrices are needed.
+#: Multiple to which the numbers of rows and columns of windows are rounded up, so that few matrices are needed [-].
 _BLOCK = 4
-#: Least share of a body's load that the last pressures on its present cells must add up to, to serve as a start [-].
+#: Smallest share of a body's load that the last pressures must give on the cells now under the body; below this share
+#: the iteration starts from uniform pressure [-].
 _USABLE = 0.5
-#: Smallest factor by which one correction multiplies the force on a cell; this keeps forces positive [-].  Corrections
-#: restore the balance of force and moments between the cells and the body.
+#: Smallest factor by which one correction multiplies the force on a cell; a positive factor keeps forces positive [-].
+#: Corrections restore the balance of force and moments between the cells and the bodies.
 _LEAST_FACTOR = 0.2
-#: Most corrections of the balance in one step.
+#: Largest number of corrections of the balance of force and moments in one step of the iteration [-].
 _CORRECTIONS = 40
-#: Error of the balance, over the largest target, at which corrections end, and above which the iteration fails [-].
+#: Errors of the balance of force and moments, over the largest prescribed value [-]: below the first, corrections end;
+#: above the second, the iteration fails.
 _BALANCED, _UNBALANCED = 1e-9, 1e-3
-#: Error of the balance, over the largest target, up to which a correction leaves the displacements valid [-].
+#: Error of that balance, over the largest prescribed value, up to which a correction leaves displacements valid [-].
 _SLIGHT = 1e-6
-#: Square of the residual, over that of the displacement, below which only rounding is left [-].
+#: Sum of squares of the residual over that of the overlap, below which the residual is only rounding error [-].
 _ROUNDING = 1e-20
-#: Ridge added to small symmetric matrices, over their trace; keeps them regular [-].
+#: Value added to the diagonal of small symmetric matrices, over their trace, so that they can be inverted [-].
 _RIDGE = 1e-12
 
 
@@ -44,17 +47,17 @@ def place_cells(
     near: FloatArray,
     square: float,
 ) -> tuple[tuple[int, int], tuple[int, int], IntArray, FloatArray, FloatArray]:
-    """Divide each sampled cell among the four whole cells around the centroid of its covered part.
+    """Kernel: divide each cell under a body among the four whole cells around the centroid of the covered part.
 
     Args:
         samples: Row, column, coverage, x and y of the cells, see `GapSamples`.
-        grid: See `CellGrid.arrays`.
+        grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
         near: Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N].
-        square: Displacement at the centre of a whole cell under its own unit force on a half space [m/N].
+        square: Displacement at the centre of a whole cell under unit force on this cell of a half space [m/N].
 
     Returns:
-        First cell (row and column) and size of a window that holds all these whole cells; and the first three entries
-        of `Cover`.
+        Row and column in the contact grid of the first cell of a window that contains all these whole cells; rows and
+        columns of the window; and the first three entries of `Cover`.
     """
     row, column, coverage, x, y = samples
     _, low, edge = grid
@@ -62,19 +65,19 @@ def place_cells(
     for k in range(len(x)):
         top, left = min(top, row[k]), min(left, column[k])
         rows, cols = max(rows, row[k] + 1), max(cols, column[k] + 1)
-    # a rim of one cell around
+    # extend the window by one cell on each side
     top, left, rows, cols = top - 1, left - 1, rows - top + 2, cols - left + 2
     corner, weight = np.empty((2, len(x)), dtype=np.int64), np.empty((4, len(x)))
     own = np.empty(len(x))
     for k in range(len(x)):
-        # rounded, so that rounding errors do not divide a whole cell
+        # rounded to 1e-9 cells, so that rounding errors do not divide a fully covered cell among four cells
         u = math.floor(1e9 * ((x[k] - low[0]) / edge[0] - 0.5 - left) + 0.5) * 1e-9
         v = math.floor(1e9 * ((y[k] - low[1]) / edge[1] - 0.5 - top) + 0.5) * 1e-9
         corner[0, k], corner[1, k] = math.floor(v), math.floor(u)
         a, b = u - math.floor(u), v - math.floor(v)
         p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
         weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
-        # compliance that the convolution gives the cell under its own force, instead of near[0, 0]
+        # self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0]
         interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
         interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
         own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
@@ -88,13 +91,16 @@ def find_start(
     wanted: FloatArray,
     scratch: FloatArray,
 ) -> FloatArray:
-    """Forces to start from: the last pressures, scaled to the loads; uniform pressure where these do not suffice.
+    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
+
+    They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
+    pressures on the cells under a body give less than the share `_USABLE` of its load.
 
     Args:
-        last: Row, column and pressure times the area of a whole cell [N] of the cells of the last solution.
-        samples: Row, column, coverage and body of the cells, see `GapSamples`.
+        last: Row, column, and pressure times the area of a whole cell [N], of each cell of the last solution.
+        samples: Row, column, coverage and body of the m cells, see `GapSamples`.
         wanted: Load of each body, shape (bodies,) [N].
-        scratch: Zeros on the whole grid; left as zeros.
+        scratch: Working memory of zeros, with the shape of the contact grid; zeros again afterwards.
     """
     row, column, coverage, body = samples
     forces, sums, areas = np.zeros(len(row)), np.zeros(len(wanted)), np.zeros(len(wanted))
@@ -117,7 +123,7 @@ def find_start(
 
 @called_by_kernels
 def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, window: FloatArray) -> None:
-    """Forces on sampled cells (m,) as forces on whole cells, into `window` (rows, columns) [N]."""
+    """Divide forces on m partly covered cells among whole cells; write these to `window` (rows, columns) [N]."""
     for i in range(window.shape[0]):
         for j in range(window.shape[1]):
             window[i, j] = 0.0
@@ -134,7 +140,7 @@ def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, 
 def _displace(
     cover: Cover, forces: FloatArray, room: tuple[FloatArray, FloatArray, FloatArray], moved: FloatArray
 ) -> None:
-    """Displacements of the sampled cells under forces on them, into `moved` (m,) [m]; `room` is scratch memory."""
+    """Compute the displacements `moved` of m cells under forces on them, (m,) [m]; `room` is working memory."""
     corner, weight, own, first, second = cover
     window, half, beside = room
     rows, cols = window.shape
@@ -152,13 +158,13 @@ def _displace(
 
 @called_by_kernels
 def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray, found: FloatArray) -> None:
-    """Solve (C^T W C) x = b by elimination; the matrix is positive, so no pivoting is needed.
+    """Solve (C^T W C) x = b by Gaussian elimination; the matrix is positive definite, so no pivoting is needed.
 
     Args:
-        columns: C, shape (m, k).
-        weight: Diagonal of W, shape (m,).
-        matrix: Scratch memory, shape (k, k).
-        found: b; replaced by x, shape (k,).
+        columns: Matrix C, shape (m, k).
+        weight: Diagonal of the matrix W, shape (m,).
+        matrix: Working memory, shape (k, k).
+        found: Right-hand side b; overwritten with the solution x, shape (k,).
     """
     k, trace = len(found), 1e-288
     for a in range(k):
@@ -186,7 +192,10 @@ def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray,
 def _fit_motion(
     active: FloatArray, values: FloatArray, columns: FloatArray, matrix: FloatArray, motion: FloatArray
 ) -> None:
-    """Least-squares fit of columns @ motion (m,) to some values on the active cells, into `motion` (k,)."""
+    """Fit columns @ motion (m,) to values (m,) on the active cells by least squares; write to `motion`, shape (k,).
+
+    `active` is 1 for cells under pressure, else 0, shape (m,); `matrix` is working memory, shape (k, k).
+    """
     for a in range(len(motion)):
         motion[a] = 0.0
         for i in range(len(values)):
@@ -215,10 +224,12 @@ def _scale_sums(forces: FloatArray, columns: FloatArray, target: FloatArray) -> 
 def _balance(
     forces: FloatArray, columns: FloatArray, target: FloatArray, matrix: FloatArray, found: FloatArray
 ) -> tuple[float, bool]:
-    """Multiply forces by factors that are linear in the columns until columns.T @ forces = target.
+    """Correct the cell forces until columns.T @ forces = target, the balance of force and moments.
+
+    Each correction multiplies the forces by factors that are linear in the columns.
 
     Returns:
-        The error that remains, over the largest target, and whether forces were changed by more than `_SLIGHT`.
+        The remaining error of the balance over the largest target [-], and whether a correction exceeded `_SLIGHT`.
     """
     k, changed, error, scale = len(target), False, np.inf, 0.0
     for a in range(k):
@@ -253,10 +264,14 @@ def _compute_residual(
     motion: FloatArray,
     residual: FloatArray,
 ) -> tuple[float, float, bool]:
-    """Fit rigid motions to the overlap, into `motion` (k,) [m], and subtract them, into `residual` (m,) [m].
+    """Fit rigid motions of the bodies to the overlap, and subtract them from the overlap.
+
+    The overlap of a cell is its displacement plus its gap.  The motions are written to `motion`, shape (k,) [m], and
+    the difference to `residual`, shape (m,) [m].
 
     Returns:
-        Sums of squares of residual and overlap over the active cells [m2], and whether other cells overlap.
+        Sums of squares of residual and of overlap over the active cells [m2], and whether the surfaces overlap on an
+        inactive cell, that is, one without pressure.
     """
     _fit_motion(active, overlap, columns, matrix, motion)
     energy, size, grows = 0.0, 0.0, False
@@ -278,14 +293,16 @@ def _measure_curvature(
     matrix: FloatArray,
     shifts: FloatArray,
 ) -> tuple[float, float]:
-    """Second and first derivative of the energy along the search direction, without its rigid motions [m].
+    """Compute the second and first derivatives of the energy with respect to the length of the search step.
+
+    Rigid motions of the bodies are subtracted from the direction before the second derivative is computed.
 
     Args:
         active: 1 for cells under pressure, else 0, shape (m,).
-        columns: Columns of the constraints, shape (m, k).
-        vectors: Residual, direction, and displacements under forces along the direction, each of shape (m,).
-        matrix: Scratch memory, shape (k, k).
-        shifts: Scratch memory, shape (k,).
+        columns: Columns of the k constraints, shape (m, k).
+        vectors: Residual, search direction, and displacements under forces equal to the direction, each of shape (m,).
+        matrix: Working memory, shape (k, k).
+        shifts: Working memory, shape (k,).
     """
     residual, direction, image = vectors
     _fit_motion(active, direction, columns, matrix, shifts)
@@ -303,7 +320,11 @@ def _measure_curvature(
 def _advance(
     length: float, active: FloatArray, residual: FloatArray, direction: FloatArray, forces: FloatArray
 ) -> bool:
-    """Take one step; whether the set of active cells changed."""
+    """Change the cell forces by one step of given length, and return whether the set of active cells changed.
+
+    Active cells are those under pressure.  Forces that would become negative are set to zero, and inactive cells on
+    which the surfaces overlap receive a force.
+    """
     other = False
     for i in range(len(forces)):
         if active[i] == 0.0:
@@ -318,14 +339,14 @@ def _advance(
 
 @called_by_kernels
 def _add_scaled(factor: float, added: FloatArray, values: FloatArray) -> None:
-    """Add a vector (m,), multiplied by a factor, to `values` (m,)."""
+    """Add the vector `added`, multiplied by a factor, to the vector `values`, in place; both of shape (m,)."""
     for i in range(len(values)):
         values[i] += factor * added[i]
 
 
 @called_by_kernels
 def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
-    """Sum of the changes of force since the last call [N]; updates `before` and `active`, 1 under pressure, else 0."""
+    """Return the summed absolute change of the cell forces since the last step [N]; update `before` and `active`."""
     change = 0.0
     for i in range(len(forces)):
         change += abs(forces[i] - before[i])
@@ -342,22 +363,22 @@ def minimise_energy(
     tolerance: float,
     most: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray, int, bool]:
-    """Solve one contact.  While the active set stays the same, the overlap is updated instead of computed anew.
+    """Kernel: compute the forces on m cells that minimise the energy under k constraints, by conjugate gradients.
 
-    If the constraints cannot be met, the forces to start from are returned.
+    If the constraints cannot be satisfied, the forces in `start` are returned.
 
     Args:
-        cover: The compliance.
-        gap: Gap of the undeformed surfaces, shape (m,) [m].
-        columns: Columns of the constraints, shape (m, k).
-        target: Values of the constraints, shape (k,).
-        start: Forces to start from, shape (m,) [N].
-        tolerance: Change of the forces in one step at which to stop [N].
-        most: Most steps.
+        cover: Compliance of the cover between the cells.
+        gap: Gap between the undeformed surfaces, shape (m,) [m].
+        columns: Columns of the constraints columns.T @ forces = target, shape (m, k).
+        target: Prescribed values of the constraints, shape (k,) [N].
+        start: Forces from which the iteration starts, shape (m,) [N].
+        tolerance: Sum of the changes of forces in one step below which the iteration stops [N].
+        most: Largest number of steps.
 
     Returns:
-        Cell forces, shape (m,) [N]; the same on the window of whole cells, shape (rows, columns) [N]; multipliers of
-        the constraints, shape (k,) [m]; steps taken; whether it converged.
+        Cell forces, shape (m,) [N]; these forces on the whole cells of the window, shape (rows, columns) [N]; Lagrange
+        multipliers of the constraints, shape (k,) [m]; number of steps; and whether the iteration converged.
     """
     count, k = columns.shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
@@ -367,20 +388,20 @@ def minimise_energy(
     matrix, shifts, motion = np.zeros((k, k)), np.zeros(k), np.zeros(k)
     previous, conjugate, other, step, converged = 1.0, 0.0, True, 0, False
     while not converged:
-        # the last step may have unbalanced the forces
+        # restore the balance of force and moments, which the previous step may have changed
         error, corrected = _balance(forces, columns, target, matrix, shifts)
         converged = _compare(forces, before, active) < tolerance and step > 0
         if converged or step == most:
             break
-        if not error <= _UNBALANCED:  # true for nan as well
+        if not error <= _UNBALANCED:  # also true if the error is nan
             forces[:] = start
             break
-        # the residual is the overlap that no rigid motion of the bodies removes
+        # the overlap is computed anew only after cells joined or left the active set or after a large correction
         if other or corrected:
             _displace(cover, forces, room, overlap)
             _add_scaled(1.0, gap, overlap)
         energy, size, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
-        # conjugate direction, restarted whenever cells are added
+        # the conjugate search direction, restarted from the residual after cells were added to the active set
         for i in range(count):
             direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
         _displace(cover, direction, room, image)

@@ -1,9 +1,11 @@
-"""The cover as data between cells: the displacement of its top, and the force that reaches each texel at its base.
+"""Compliance and influence of a cover on the cells of the contact grid.
 
-The response of a laterally wide cover does not depend on the place, so two small kernels describe it for arrays of any
-size.  Cells divide every pitch evenly; cell `[i, j]` lies i rows and j columns from the texel's lowest, leftmost cell.
-Near the free side edges of a cover the force at the base depends on the place as well.  For such a cover a table of
-every cell and texel replaces the second kernel.
+The compliance is the displacement of the cover's top per pressure on a cell.  The influence is the force on a texel at
+the cover's base per force on a cell.  The response of a laterally wide cover depends on distances only, so two small
+kernels (tables over distances) describe compliance and influence for arrays of any size.  Cells divide every texel
+pitch evenly; cell `[i, j]` of a texel lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the
+free side edges of a cover the force at the base also depends on the position of the cell.  For such a cover a table
+over all cells and texels replaces the kernel of the influence.
 """
 
 from __future__ import annotations
@@ -18,10 +20,11 @@ from fastmodel.pressure.separable_convolution import SymmetricConvolution, facto
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
-#: Relative error of the low-rank factorisation of the influence (force on a texel per force on a cell) [-].  It is far
-#: below the discretisation error of the cells.
+#: Tolerance of the low-rank factorisation of the influence (force on a texel per force on a cell): singular values
+#: below this share of the largest are omitted [-].  The error is far below the discretisation error of the cells.
 _INFLUENCE_TOLERANCE = 1e-7
-#: Edge of the square patch on which the foundation modulus is matched, over the cover's thickness [-].
+#: Edge of the square patch on which the modulus of the elastic foundation is matched to the cover, over the thickness
+#: of the cover [-].
 _PATCH = 4
 #: Number of dimensions of a matrix.
 _MATRIX = 2
@@ -29,22 +32,22 @@ _MATRIX = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoverCells:
-    """The data of a cover for the contact method `cover`.
+    """Compliance and influence of a cover on cells smaller than a texel, for the contact method `cover`.
 
     Attributes:
-        per_texel: Cells along each edge of a pitch [-].
+        per_texel: Number of cells along each texel pitch [-].
         cell: Edge lengths of a cell along x and y [m].
         compliance: Downward displacement of a cell's centre per uniform pressure on the cell that lies i rows and j
-            columns away, entry `[i, j]`, shape (p, q); zero beyond [m/Pa].
-        influence: Force on a texel per unit force spread uniformly over cell `[i - reach, j - reach]`, shape
-            (per_texel + 2 reach,) * 2; zero beyond [-].
+            columns away, entry `[i, j]`, shape (p, q); zero at larger distances [m/Pa].
+        influence: Force on a texel per unit force distributed uniformly over cell `[i - reach, j - reach]` of the
+            texel, entry `[i, j]`, shape (per_texel + 2 reach,) * 2; zero for cells farther away [-].
         top_compliance: (1 - nu) / (2 pi mu) of the top layer: near a point load, displacement times distance per unit
             force (Boussinesq) [m2/N].
         thickness: Thickness of the cover [m].
         source: Origin of the data.
-        table: Force on each texel of one array per unit force spread uniformly over each of its cells, shape (n,
-            rows * per_texel, columns * per_texel).  It replaces `influence` for a cover with free side edges; None for
-            others [-].
+        table: Force on each of n texels per unit force distributed uniformly over each cell of the array, shape (n,
+            rows * per_texel, columns * per_texel).  The table replaces `influence` for a cover with free side edges;
+            None for other covers [-].
     """
 
     per_texel: int
@@ -83,24 +86,27 @@ class CoverCells:
 
     @property
     def reach(self) -> int:
-        """Distance beyond a texel's edge from which force reaches it, in cells [-]."""
+        """Largest distance from a texel's edge at which force on a cell still reaches the texel, in cells [-]."""
         return (len(self.influence) - self.per_texel) // 2
 
     @cached_property
     def convolution(self) -> SymmetricConvolution:
-        """Convolution from forces on cells to displacements of their centres."""
+        """Convolution from forces on cells [N] to downward displacements of the cells' centres [m]."""
         return SymmetricConvolution(self.compliance / (self.cell[0] * self.cell[1]))
 
     @cached_property
     def influence_factors(self) -> tuple[FloatArray, FloatArray]:
-        """The influence as a sum of products of row and column factors, each of shape (terms, per_texel + 2 reach)."""
+        """Row and column factors of the influence, each of shape (terms, per_texel + 2 reach) [-].
+
+        The influence is the sum over terms of the products of row and column factors.
+        """
         return factorise(self.influence, _INFLUENCE_TOLERANCE)
 
     def check(self, array: TexelArray) -> None:
-        """Check that the cells divide the pitch of an array, and that the table, if any, has its size.
+        """Check that the cells divide the pitch of an array and that the table, if there is one, fits the array.
 
         Raises:
-            ShapeError: If one of these does not hold.
+            ShapeError: If the cells do not divide the pitch, or the table is for another array or an irregular one.
         """
         edges = [pitch / self.per_texel for pitch in array.pitch]
         if not np.allclose(edges, self.cell, rtol=1e-6, atol=0):
@@ -120,17 +126,17 @@ class CoverCells:
             )
 
     def foundation_modulus(self, width: float | None = None) -> float:
-        """Modulus of the elastic foundation that yields like the cover under a square patch [Pa/m].
+        """Compute the modulus of the elastic foundation that matches the cover under a square patch [Pa/m].
 
-        This is the uniform pressure on the patch over its mean displacement.  The ratio depends on the size of the
-        patch, so the foundation is accurate for contacts of about that size only.
+        The modulus is the uniform pressure on the patch over the mean displacement of the patch.  This ratio depends on
+        the size of the patch, so the foundation is accurate for contacts of about the size of the patch only.
 
         Args:
-            width: Edge length of the square; four times the thickness when not given [m].
+            width: Edge length of the patch; by default four times the thickness of the cover [m].
         """
         side = _PATCH * self.thickness if width is None else width
         ny, nx = (max(1, round(side / edge)) for edge in self.cell[::-1])
-        # how many pairs of cells within the patch lie i rows (or j columns) apart
+        # number of pairs of cells within the patch that lie i rows (or j columns) apart
         pairs = [
             np.where(np.arange(n) == 0, count, 2.0 * np.maximum(count - np.arange(n), 0))
             for n, count in zip(self.compliance.shape, (ny, nx), strict=True)

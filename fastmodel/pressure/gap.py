@@ -1,11 +1,13 @@
-"""The shapes of a model's geoms, as the gap between bodies and the array is computed from them.
+"""Description of the shapes of MuJoCo geoms, from which the gap between bodies and the array is computed.
 
-Every geom that MuJoCo collides is convex; a mesh collides as its convex hull.  A line along the array's normal
-therefore crosses a geom in one interval, and the lower end of that interval is the gap.
+The gap is the vertical distance between the lower surface of a body and the undeformed top of the cover.  Every geom
+accepted here is convex; a mesh counts as its convex hull, as in MuJoCo.  A line along the array's normal
+therefore intersects a geom in one interval, and the height of the lower end of this interval is the gap.
 
-The pressure under a sharp edge is singular.  Cells of uniform pressure miss part of it, which has the same effect as an
-edge farther inside.  Solids with sharp edges may be enlarged by about an eighth of a cell to compensate.  This lowers
-the whole surface as well, which changes nothing: the contact solution depends on height differences only.
+The pressure under a sharp edge is singular.  Cells with uniform pressure omit part of the singular pressure, which has
+the same effect as an edge that lies farther inside.  To compensate, solids with sharp edges may be enlarged by about an
+eighth of a cell.  The enlargement also lowers the whole surface, without effect: the contact solution depends on height
+differences only.
 """
 
 from __future__ import annotations
@@ -18,22 +20,23 @@ import numpy as np
 from fastmodel.errors import FastModelError
 from meshes.array_types import FloatArray
 
-#: Values of `Solid.kind`.
+#: Values of `Solid.kind`; a polytope is a convex solid with flat faces.
 POLYTOPE, ELLIPSOID, CYLINDER, CAPSULE = range(4)
-#: Decimal places to which the planes of two hull triangles must agree to count as one face [-].
+#: Decimal places to which the plane equations of two triangles of a convex hull are compared; triangles in the same
+#: plane count as one face [-].
 _FACE_DECIMALS = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solid:
-    """A geom's shape in its own frame.
+    """The shape of a geom, in the frame of the geom.
 
     Attributes:
         kind: `POLYTOPE`, `ELLIPSOID`, `CYLINDER` or `CAPSULE`.
         size: Half axes of an ellipsoid; radius and half length of a cylinder or capsule, shape (3,) [m].
-        planes: Outward normal and offset of each face of a polytope, shape (f, 4) [-, m].
-        centre: Centre of the bounding box, shape (3,) [m].
-        half: Half edges of the bounding box, shape (3,) [m].
+        planes: Outward normal and offset of each of the f faces of a polytope, shape (f, 4) [-, m].
+        centre: Centre of the solid's bounding box, shape (3,) [m].
+        half: Half edge lengths of the bounding box, shape (3,) [m].
     """
 
     kind: int
@@ -44,7 +47,7 @@ class Solid:
 
 
 def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid:
-    """Read the shape of a geom from a compiled model.
+    """Read the shape of a geom from a compiled model, and return it as a solid.
 
     Args:
         model: The compiled model.
@@ -80,7 +83,7 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
 
 
 def _find_hull_planes(model: mujoco.MjModel, geom: int, edge: float) -> FloatArray:
-    """Planes of the convex hull of a mesh, one for each flat face, shape (f, 4) [-, m]."""
+    """Find the planes of the f flat faces of a mesh's convex hull, moved outwards by `edge`, shape (f, 4) [-, m]."""
     from scipy.spatial import ConvexHull
 
     mesh = model.geom_dataid[geom]

@@ -1,8 +1,8 @@
 # ruff: noqa: PLR0917 -- kernels take plain numbers by position
-"""Compiled kernels that sample the gap under one body; `gap_sampling` calls them.
+"""Compiled kernels that sample the gap between one body and the undeformed cover; `gap_sampling` calls `sample_body`.
 
-All stand in one file: numba's cache notices a change in the file of the called kernel only, not in the files of the
-functions that this kernel calls.
+All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
+files of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from fastmodel.compiled import called_by_kernels
 from fastmodel.pressure.gap import CAPSULE, CYLINDER, ELLIPSOID, POLYTOPE
 from meshes.array_types import FloatArray, IntArray
 
-#: Row, column, coverage, x, y and gap of cells, each of shape (m,); see `GapSamples`.
+#: Row, column, coverage, x, y and gap of m cells of the contact grid, each of shape (m,); see `GapSamples`.
 Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
-#: Points along each edge of a cell at which the gap is taken.
+#: Number of points along each edge of a cell at which the gap is evaluated [-].
 POINTS = 4
-#: Component of a unit vector below which it counts as zero: a face or axis is then parallel to the normal or to the
-#: array's plane [-].
+#: Value below which a component of a unit vector counts as zero [-].  A face of a solid then counts as parallel to the
+#: array's normal, and the axis of a cylinder as parallel to the array's normal or plane.
 _PARALLEL = 1e-9
 
 
@@ -33,15 +33,18 @@ def sample_body(
     grid: tuple[IntArray, FloatArray, FloatArray],
     reach: float,
 ) -> Cells:
-    """Sample the gap under one body and average it over cells.
+    """Kernel: sample the gap under one body of p solids, and average the gap over cells of the contact grid.
 
     Args:
-        shape: See `BodyShape.arrays`.
-        edge: Distance by which sharp edges are enlarged [m].
+        shape: Arrays that describe the solids, see `BodyShape.arrays`.
+        edge: Distance by which solids with sharp edges are enlarged [m].
         rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
-        position: Origin of each solid, shape (p, 3) [m].
-        grid: Columns and rows of the grid, its lowest corner [m] and the edges of a cell [m], each of shape (2,).
-        reach: Height over the lowest cell up to which cells are kept [m].
+        position: Origin of each solid in the array's frame, shape (p, 3) [m].
+        grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
+        reach: Gap above the smallest gap up to which cells are kept [m].
+
+    Returns:
+        The kept cells.
     """
     kinds, sizes, planes, first_plane, centres, halves = shape
     size, low, cell = grid
@@ -78,9 +81,11 @@ def _find_windows(
     low: FloatArray,
     cell: FloatArray,
 ) -> tuple[IntArray, IntArray]:
-    """Windows of cells under the bounding box of each solid, shape (p, 4), and around all of them, shape (4,).
+    """Find the window (rectangle of cells) under the bounding box of each of p solids, and the window around them all.
 
-    A window is its first column and row, and one past its last column and row.
+    Returns:
+        The windows of the solids, shape (p, 4), and the window around them, shape (4,): first column, first row, one
+        past the last column, one past the last row.
     """
     windows = np.empty((len(rotation), 4), dtype=np.int64)
     around = np.zeros(4, dtype=np.int64)
@@ -90,7 +95,7 @@ def _find_windows(
             middle, half = position[p, axis], 0.0
             for i in range(3):
                 middle += rotation[p, axis, i] * centres[p, i]
-                if rotation[p, axis, i] != 0.0:  # 0 times inf is nan: half edges of a plane are infinite
+                if rotation[p, axis, i] != 0.0:  # the half edges of a plane are infinite, and 0 times infinity is nan
                     half += abs(rotation[p, axis, i]) * halves[p, i]
             first, last = (middle - half - low[axis]) / cell[axis], (middle + half - low[axis]) / cell[axis]
             windows[p, axis] = math.floor(min(max(first, 0.0), size[axis]))
@@ -106,11 +111,11 @@ def _find_windows(
 
 @called_by_kernels
 def _transform_faces(planes: FloatArray, rotation: FloatArray, position: FloatArray) -> FloatArray:
-    """Express each face as a function of the place (x, y) in the array's frame, shape (f, 4).
+    """Express each of f faces of a polytope as a function of x and y in the array's frame, shape (f, 4).
 
-    The first entry is -1 if the face bounds vertical lines from below, 1 from above, 0 if it stands vertical.  The
-    others are a, b, c of a + b x + c y: the height of the face; for a vertical face, the distance to it, negative
-    outside [m, -, -].
+    The first entry is -1 if the outward normal of the face points downwards, 1 if upwards, and 0 if the face is
+    vertical.  The other entries are a, b, c of a + b x + c y [m, -, -].  For a vertical face this is the distance from
+    the face, negative outside the solid; otherwise it is the height of the face.
     """
     faces = np.empty((len(planes), 4))
     for f in range(len(planes)):
@@ -129,7 +134,7 @@ def _transform_faces(planes: FloatArray, rotation: FloatArray, position: FloatAr
 def _cross_faces(
     faces: FloatArray, x: FloatArray, y: float, first: int, last: int, bottom: FloatArray, top: FloatArray
 ) -> None:
-    """Interval in which vertical lines at x[first:last] and y cross a polytope, into `bottom` and `top` [m]."""
+    """Intersect vertical lines at x[first:last] and y with a polytope; write the heights to `bottom`, `top` [m]."""
     low, high = bottom[first:last], top[first:last]
     place = x[first:last]
     for j in range(len(place)):
@@ -162,9 +167,10 @@ def _cross_round(
     bottom: FloatArray,
     top: FloatArray,
 ) -> None:
-    """The same for an ellipsoid, cylinder or capsule.
+    """Intersect vertical lines at x[first:last] and y with an ellipsoid, cylinder or capsule.
 
-    Lines are written as o + z u in the frame of the solid, with u the array's normal.
+    The intervals of height are written to `bottom` and `top` [m].  In the frame of the solid each line is o + z u, with
+    the array's normal u and the height z.
     """
     ux, uy, uz = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     for j in range(first, last):
@@ -178,7 +184,7 @@ def _cross_round(
             continue
         bottom[j], top[j] = _cross_cylinder(size[0], size[1], edge if kind == CYLINDER else 0.0, ox, oy, oz, ux, uy, uz)
         if kind == CAPSULE:
-            # a point belongs to the capsule if it belongs to the cylinder or to one of the two balls at its ends
+            # the capsule is the union of the cylinder and of the two balls at its ends
             low, high = (bottom[j], top[j]) if bottom[j] <= top[j] else (np.inf, -np.inf)
             for sign in (-1.0, 1.0):
                 enter, leave = _cross_ball(ox, oy, oz + sign * size[1], ux, uy, uz, size[0])
@@ -189,7 +195,7 @@ def _cross_round(
 
 @called_by_kernels
 def _cross_ball(ox: float, oy: float, oz: float, ux: float, uy: float, uz: float, radius: float) -> tuple[float, float]:
-    """Roots z of |o + z u| = radius; an empty interval where there are none."""
+    """Find the two roots z of |o + z u| = radius, lower one first; return (inf, -inf) if no root is real."""
     square = ux**2 + uy**2 + uz**2
     half = ox * ux + oy * uy + oz * uz
     root = half**2 - square * (ox**2 + oy**2 + oz**2 - radius**2)
@@ -202,10 +208,10 @@ def _cross_ball(ox: float, oy: float, oz: float, ux: float, uy: float, uz: float
 def _cross_cylinder(
     radius: float, length: float, edge: float, ox: float, oy: float, oz: float, ux: float, uy: float, uz: float
 ) -> tuple[float, float]:
-    """Interval in which a line crosses a cylinder about the z axis, -length < z < length.
+    """Find the interval of s in which the line o + s u lies in a cylinder about the z axis, |z| < length.
 
     The radius is enlarged in proportion to uz^2: fully for an upright cylinder, which presses with its sharp edge, and
-    not at all for a lying one, which presses with its round side.
+    not at all for a horizontal cylinder, which presses with its round side.
     """
     radius += edge * uz**2
     length += edge
@@ -224,7 +230,15 @@ def _cross_cylinder(
 def _average_over_cells(
     heights: FloatArray, around: IntArray, low: FloatArray, cell: FloatArray, reach: float
 ) -> Cells:
-    """Coverage, centroid and mean gap of the cells with any point under the body, up to `reach` over the lowest."""
+    """Compute coverage, centroid and mean gap of the cells that have sampled points under the body.
+
+    Args:
+        heights: Gap at each sampled point, infinite beside the body, shape (rows * POINTS, columns * POINTS) [m].
+        around: Window of the sampled cells, see `_find_windows`, shape (4,).
+        low: Lowest corner of the contact grid, shape (2,) [m].
+        cell: Edge lengths of a cell, shape (2,) [m].
+        reach: Gap above the smallest mean gap up to which cells are kept [m].
+    """
     rows, columns = heights.shape[0] // POINTS, heights.shape[1] // POINTS
     row, column = np.empty(rows * columns, dtype=np.int64), np.empty(rows * columns, dtype=np.int64)
     found, count, lowest = np.empty((4, rows * columns)), 0, np.inf

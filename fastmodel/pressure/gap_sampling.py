@@ -1,7 +1,8 @@
-"""The gap between touching bodies and the undeformed cover, averaged over cells.
+"""The gap between touching bodies and the undeformed cover, averaged over the cells of the contact grid.
 
-Each cell is sampled on a regular grid of `POINTS` x `POINTS` points.  At each point the gap is the height of the lowest
-surface of the body's parts over the array.  Parts that overlap or share an edge are thus counted once.
+Each cell is sampled on a regular grid of `POINTS` x `POINTS` points.  A body consists of one or several solids.  At
+each point the gap is the height of the lowest surface of these solids over the array, so that solids which overlap or
+share an edge are counted once.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BodyShape:
-    """The solids of one body, as the arrays that the kernel takes.
+    """The p solids of one body, also as the arrays that the compiled kernel takes.
 
     Attributes:
-        solids: The solids.
+        solids: The solids, each in its own frame.
         edge: Distance by which solids with sharp edges are enlarged [m].
     """
 
@@ -33,17 +34,21 @@ class BodyShape:
 
     @cached_property
     def centres(self) -> FloatArray:
-        """Centre of each solid's bounding box in its own frame, shape (p, 3) [m]."""
+        """Centre of each solid's bounding box in the frame of the solid, shape (p, 3) [m]."""
         return np.array([each.centre for each in self.solids])
 
     @cached_property
     def halves(self) -> FloatArray:
-        """Half edges of those boxes, shape (p, 3) [m]."""
+        """Half edge lengths of each solid's bounding box, shape (p, 3) [m]."""
         return np.array([each.half for each in self.solids])
 
     @cached_property
     def arrays(self) -> tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
-        """Kinds (p,), sizes (p, 3), planes (f, 4), first plane of each solid (p + 1,), centres and halves (p, 3)."""
+        """The solids as kernels take them.
+
+        Kinds (p,), sizes (p, 3), planes of all faces (f, 4), index of each solid's first plane and f (p + 1,), centres
+        and half edges of bounding boxes (p, 3); see `Solid`.
+        """
         return (
             np.array([each.kind for each in self.solids], dtype=np.int64),
             np.array([each.size for each in self.solids]),
@@ -56,10 +61,10 @@ class BodyShape:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedBody:
-    """A body's shape with the pose of each of its solids.
+    """The shape of a body, with the pose of each of its p solids.
 
     Attributes:
-        shape: The body's solids.
+        shape: The solids of the body.
         rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
         position: Origin of each solid in the array's frame, shape (p, 3) [m].
     """
@@ -69,12 +74,12 @@ class PosedBody:
     position: FloatArray
 
     def equals(self, other: PosedBody, tolerance: float, length: float) -> bool:
-        """Whether another pose of the same body is the same up to a tolerance.
+        """Return whether another pose of the same body is equal up to a tolerance.
 
         Args:
             other: The other pose.
-            tolerance: Largest difference of positions, over `length`, and of rotations [-].
-            length: The length [m].
+            tolerance: Largest accepted difference of positions over `length`, and of entries of rotations [-].
+            length: Length by which differences of positions are divided [m].
         """
         if np.abs(self.position - other.position).max() > tolerance * length:
             return False
@@ -83,16 +88,18 @@ class PosedBody:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GapSamples:
-    """The cells under each body; a cell under two bodies is listed for each of them.  All shapes (m,).
+    """The m cells of the contact grid under bodies; a cell under two bodies is listed for each body.
+
+    All arrays have shape (m,).
 
     Attributes:
-        body: Number of the body, from 0; sorted.
-        row: Row in the cell grid.
-        column: Column in the cell grid.
-        coverage: Share of the cell's area under the body [-].
-        x: Centroid of the covered part in the array's frame [m].
-        y: Centroid of the covered part in the array's frame [m].
-        gap: Mean height of the body's surface over the covered part [m].
+        body: Index of the body above the cell, from 0 and in rising order.
+        row: Row of the cell in the contact grid.
+        column: Column of the cell in the contact grid.
+        coverage: Share of the cell's area that lies under the body [-].
+        x: x of the centroid of the covered part of the cell, in the array's frame [m].
+        y: y of the centroid of the covered part of the cell, in the array's frame [m].
+        gap: Mean gap between the body's surface and the undeformed cover over the covered part [m].
     """
 
     body: IntArray
@@ -105,7 +112,7 @@ class GapSamples:
 
     @property
     def count(self) -> int:
-        """Number of cells over all bodies."""
+        """Number m of cells, summed over all bodies."""
         return len(self.body)
 
     @cached_property
@@ -115,16 +122,16 @@ class GapSamples:
 
     @cached_property
     def bodies_found(self) -> list[int]:
-        """The bodies that lie over at least one cell."""
+        """Indices of the bodies that lie over at least one cell."""
         return np.bincount(self.body).nonzero()[0].tolist()
 
     @cached_property
     def lowest(self) -> FloatArray:
-        """Gap of each body's lowest cell, shape (bodies,) [m]."""
+        """Smallest gap over the cells under each body, shape (bodies,) [m]."""
         return -self.find_largest(-self.gap)
 
     def find_largest(self, values: FloatArray) -> FloatArray:
-        """Largest of some values (m,) over the cells of each body, shape (bodies,)."""
+        """Find the largest of some values, shape (m,), over the cells under each body, shape (bodies,)."""
         if self.bodies == 1:
             return np.array([values.max()])
         largest = np.full(self.bodies, -np.inf)
@@ -133,12 +140,12 @@ class GapSamples:
 
 
 def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[float]) -> GapSamples:
-    """Average the gap over the cells under each body.
+    """Average the gap under each body over the cells of the contact grid.
 
     Args:
-        grid: The cells.
-        bodies: The bodies.
-        reach: For each body, height over its lowest cell up to which cells are kept [m].
+        grid: The contact grid.
+        bodies: Shapes and poses of the bodies.
+        reach: For each body, gap above the body's smallest gap up to which cells are kept [m].
     """
     found = [_sample_body(grid, body, height) for body, height in zip(bodies, reach, strict=True)]
     row, column, coverage, x, y, gap = (
@@ -149,5 +156,6 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
 
 
 def _sample_body(grid: CellGrid, body: PosedBody, reach: float) -> Cells:
+    """Average the gap under one body over the cells of the contact grid, up to `reach` above the smallest gap [m]."""
     kernel = compile_kernel(sample_body)
     return kernel(body.shape.arrays, body.shape.edge, body.rotation, body.position, grid.arrays, reach)

@@ -1,9 +1,9 @@
-"""Convolutions on windows of cells, as sums of matrix products.
+"""Convolutions on windows (rectangles of cells of the contact grid) by low-rank factorisation of the kernel.
 
-The kernels of a cover are smooth beyond one cell, so few singular vectors represent them:
-K[i, j] = sum over r of u_r[i] v_r[j].  Each term acts along rows and columns separately.  For windows of the size of a
-contact, two matrix products over all terms are faster than a fast Fourier transform, and the matrices do not depend on
-the place of the window.
+The compliance of a cover as a function of the distance between cells is smooth beyond one cell, so that a kernel is
+well approximated by a sum of few terms, K[i, j] = sum over r of u_r[i] v_r[j], from its singular value decomposition.
+Each term acts along rows and columns separately.  For windows of the size of a contact, two matrix products over all
+terms are faster than a fast Fourier transform, and the matrices do not depend on the position of the window.
 """
 
 from __future__ import annotations
@@ -12,16 +12,20 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 
-#: Most sizes of windows whose matrices are kept; bounds the memory.
+#: Number of sizes of windows whose matrices are kept in memory at most [-]; this limits the use of memory.
 _KEPT = 32
 
 
 def factorise(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
-    """Row factors (terms, rows) and column factors (terms, columns) whose products sum to a kernel.
+    """Compute a low-rank factorisation of a kernel by its singular value decomposition.
 
     Args:
-        kernel: Shape (rows, columns).
-        tolerance: Largest singular value that is left out, over the largest one [-].
+        kernel: The kernel, shape (rows, columns) [any unit].
+        tolerance: Singular values up to this share of the largest singular value are omitted [-].
+
+    Returns:
+        Row factors, shape (terms, rows) [unit of the kernel], and column factors, shape (terms, columns) [-].  The sum
+        of their products over the terms approximates the kernel.
     """
     rows, values, columns = np.linalg.svd(kernel)
     kept = int((values > tolerance * values[0]).sum())
@@ -29,14 +33,15 @@ def factorise(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatAr
 
 
 class SymmetricConvolution:
-    """Convolution with a kernel that depends on the distances along rows and along columns only."""
+    """Convolution with a kernel that depends only on the absolute distances along rows and along columns."""
 
     def __init__(self, quarter: FloatArray, tolerance: float = 3e-5) -> None:
         """Factorise the kernel.
 
         Args:
-            quarter: Kernel at distances [i, j] >= 0, zero beyond, shape (rows, columns).
-            tolerance: Relative error of the kernel [-].
+            quarter: Kernel at distances of i rows and j columns, entry `[i, j]`; zero at larger distances, shape (rows,
+                columns) [any unit].
+            tolerance: Tolerance of the low-rank factorisation, see `factorise` [-].
         """
         mirrored = np.concatenate([quarter[:0:-1], quarter])
         full = np.concatenate([mirrored[:, :0:-1], mirrored], axis=1)
@@ -45,12 +50,13 @@ class SymmetricConvolution:
         self._matrices: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
 
     def matrices(self, rows: int, columns: int) -> tuple[FloatArray, FloatArray]:
-        """Stacked Toeplitz matrices for a window of (rows, columns).
+        """Build the matrices that convolve a window of the given numbers of rows and columns.
 
-        The convolution of a window q is the sum over terms of first[term] @ q @ second[term].
+        The convolution of a window q is the sum over the terms of first[term] @ q @ second[term].
 
         Returns:
-            The first matrices, shape (terms * rows, rows), and the second, shape (terms * columns, columns).
+            Stacked Toeplitz matrices `first`, shape (terms * rows, rows), and `second`, shape (terms * columns,
+            columns).
         """
         key = (rows, columns)
         if key not in self._matrices:
@@ -61,7 +67,7 @@ class SymmetricConvolution:
 
 
 def _build_toeplitz(factor: FloatArray, size: int) -> FloatArray:
-    """Symmetric Toeplitz matrix of each term, stacked, shape (terms * size, size)."""
+    """Build the symmetric Toeplitz matrices of the factors of all terms, stacked, shape (terms * size, size)."""
     padded = np.zeros((len(factor), max(size, factor.shape[1])))
     padded[:, : factor.shape[1]] = factor
     distance = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))

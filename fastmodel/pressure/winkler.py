@@ -1,8 +1,9 @@
-"""Pressure between rigid bodies and an elastic (Winkler) foundation: each cell yields under its own pressure only.
+"""Pressure between rigid bodies and an elastic (Winkler) foundation, in which pressure displaces its own cell only.
 
 The force on a cell is k max(0, d + s x + t y - g), with stiffness k, gap g and, for each body, an approach d and, where
-the body is free to tilt, two slopes s and t.  They are chosen such that the force and the moments are the prescribed
-ones.  This minimises a convex, piecewise quadratic function of d, s and t, by Newton's method with step halving.
+the body is free to tilt, two slopes s and t.  The values of d, s and t are those at which the sums of the cell forces
+equal the prescribed force and moments of the body.  They minimise a convex, piecewise quadratic function of d, s and t,
+by Newton's method with step halving.
 """
 
 from __future__ import annotations
@@ -17,38 +18,39 @@ from fastmodel.pressure.conjugate_gradient import Load, PressureSolution
 from fastmodel.pressure.gap_sampling import GapSamples
 from meshes.array_types import FloatArray
 
-#: Most Newton steps.
+#: Largest number of Newton steps [-].
 _STEPS = 60
-#: Error of force and moments at which the iteration ends, over the force [-].
+#: Error of force and moments, over the prescribed force, up to which the Newton iteration counts as converged [-].
 _BALANCED = 1e-9
-#: Shortest Newton step that is tried, over the full one [-].
+#: Share of the full Newton step below which step halving ends [-].
 _SHORTEST = 1e-6
-#: Ridge added to the tangent matrix, over the stiffness of all cells; keeps it regular while few cells touch [-].
+#: Value added to the diagonal of the tangent matrix, over the summed stiffness of all cells; the matrix can then be
+#: inverted even if few cells touch [-].
 _RIDGE = 1e-9
 
 
 class FoundationSolver:
-    """Solves contacts on an elastic foundation."""
+    """Solver for the pressure on an elastic foundation."""
 
     def __init__(self, grid: CellGrid, modulus: float) -> None:
-        """Prepare the stiffness of a cell.
+        """Compute the stiffness of a whole cell.
 
         Args:
-            grid: The cells of the array.
-            modulus: Pressure per depth [Pa/m].
+            grid: The contact grid of the array.
+            modulus: Modulus of the foundation, pressure per displacement [Pa/m].
         """
         self._stiffness = modulus * grid.edge[0] * grid.edge[1]
         self._match = compile_kernel(match_springs)
 
     def reset(self) -> None:
-        """Do nothing: a solution does not depend on earlier ones."""
+        """Do nothing, because a solution does not depend on previous solutions."""
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
-        """Find the cell forces of one contact.
+        """Compute the forces on the cells under all bodies.
 
         Args:
-            samples: Cells under each body.
-            loads: Load of each body.
+            samples: Cells under each body, with their gaps.
+            loads: Force and moments of each body.
         """
         forces, surface = np.zeros(samples.count), np.zeros(samples.count)
         for body, load in enumerate(loads):
@@ -68,17 +70,17 @@ class FoundationSolver:
 def match_springs(
     columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """Kernel: find the motion of one body under which its springs carry the load.
+    """Kernel: find the motion of one body at which the springs of m cells carry the body's force and moments.
 
     Args:
-        columns: Columns of the constraints, shape (m, k).
-        gap: Gap over each cell, shape (m,) [m].
-        stiffness: Force per depth of each cell, shape (m,) [N/m].
-        target: Values of the constraints, shape (k,).
+        columns: Columns of the k constraints, see `Load.build_constraints`, shape (m, k).
+        gap: Gap between body and cover at each cell, shape (m,) [m].
+        stiffness: Force per displacement of each cell, shape (m,) [N/m].
+        target: Prescribed values of the constraints, shape (k,) [N].
 
     Returns:
-        Force on each cell, shape (m,) [N]; gap of each cell up to which it would touch, shape (m,) [m]; whether the
-        constraints are met.
+        Force on each cell, shape (m,) [N]; gap below which each cell is in contact, shape (m,) [m]; whether the
+        constraints are satisfied.
     """
     motion = np.zeros(len(target))
     motion[0] = gap.min() + target[0] / stiffness.sum()
