@@ -1,1 +1,1 @@
-"""Campaigns: each case is computed by the reference and by the fast model, then scored; scores are averaged."""
+"""Campaigns: lists of indentations, each computed by finite elements and by the fast model in MuJoCo and scored."""

@@ -1,4 +1,4 @@
-"""One indentation that is scored, and the default list of them."""
+"""Cases: indentations in which the fast model is scored against the finite elements, and the default list of cases."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import math
 from meshes import Indenter, TexelArray
 from validation.text.indenter import read_indenter, read_load, read_position, read_yaw
 
-#: The default campaign: name, indenter, load, position by name and yaw.  It holds flat and round shapes, the weights of
-#: 100 g and 500 g and the three yaws of the 2015 report, and positions where force leaves the array.
+#: The default list of cases: name, indenter, load, name of a position, and yaw.  It holds flat and round indenters, the
+#: weights of 100 g and 500 g and the three yaws of the 2015 report, and positions at which a part of the load acts
+#: outside the array.
 _DEFAULT_CASES = (
     ("sphere, centre", "sphere:radius=5mm", "100 g", "centre", "0deg"),
     ("sphere, centre, heavy", "sphere:radius=5mm", "500 g", "centre", "0deg"),
@@ -29,21 +30,22 @@ _DEFAULT_CASES = (
     ("tip, texel", "tip:radius=1mm", "20 g", "texel", "0deg"),
     ("tip, off grid", "tip:radius=1mm", "100 g", "off grid", "0deg"),
 )
-#: Positions off the grid, in pitches: 0.7 mm and 1.1 mm on a pitch of 3.4 mm, so that no symmetry of the grid is left.
+#: Distances along x and y from a texel's centre or the array's centre, over the pitch: 0.7 mm and 1.1 mm on a pitch of
+#: 3.4 mm.  An indenter there is not symmetric to the grid of texels [-].
 _OFF_GRID_X, _OFF_GRID_Y = 0.206, 0.324
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Case:
-    """One indenter, pose and load.
+    """One indentation that is scored: an indenter with its pose and load.
 
     Attributes:
         name: Short name, unique in its campaign.
-        indenter: The shape.
-        shape: The shape as text, `sphere:radius=5mm`.
-        load: Applied force [N].
-        at: Indenter's axis in the array's frame [m].
-        yaw: Rotation about that axis [rad].
+        indenter: The rigid body that presses on the cover.
+        shape: The indenter as text, for example `sphere:radius=5mm`.
+        load: Applied force along the array's normal [N].
+        at: Position (x, y) of the indenter's axis in the array's frame [m].
+        yaw: Rotation of the indenter about its axis [rad].
     """
 
     name: str
@@ -56,6 +58,13 @@ class Case:
     @classmethod
     def read(cls, name: str, shape: str, load: str, *, at: str = "0mm,0mm", yaw: str = "0deg") -> Case:
         """Create a case (one indentation that is scored) from strings in the format of the command line.
+
+        Args:
+            name: Short name of the case.
+            shape: The indenter, for example `sphere:radius=5mm`.
+            load: The load, for example `4.9 N` or `500 g`.
+            at: Position of the indenter's axis in the array's frame.
+            yaw: Rotation of the indenter about its axis.
 
         Raises:
             InputError: If one of the strings is not valid.
@@ -71,17 +80,17 @@ class Case:
 
     @property
     def pose(self) -> str:
-        """Position and rotation as text."""
+        """Position and rotation of the indenter as text, in mm and degrees."""
         x, y = (1e3 * value for value in self.at)
         return f"({_format_number(x)}, {_format_number(y)}) mm, {_format_number(math.degrees(self.yaw))}°"
 
 
 def default_cases(array: TexelArray) -> tuple[Case, ...]:
-    """The default campaign on a flat array as large as a fingertip or larger.
+    """Return the default list of cases for a flat array that is at least as large as a fingertip.
 
     Args:
-        array: The texels, which define the positions: over the centre of the array (between texels where their number
-            is even), over a texel, off the grid by less than half a pitch, over an edge and near a corner.
+        array: The array, which defines the positions of the indenter: over the centre of the array, over the centre of
+            a texel, less than half a pitch beside the array's centre, over an edge and near a corner.
     """
     positions = _positions(array)
     return tuple(
@@ -91,7 +100,7 @@ def default_cases(array: TexelArray) -> tuple[Case, ...]:
 
 
 def _positions(array: TexelArray) -> dict[str, tuple[float, float]]:
-    """The named positions of the default campaign [m]."""
+    """Return the named positions (x, y) of the default list of cases, in the frame of an array [m]."""
     right, top = array.centres[array.active, :2].max(axis=0).tolist()
     middle_x, middle_y = array.centres[array.middle, :2].tolist()
     pitch_x, pitch_y = array.pitch
@@ -105,5 +114,5 @@ def _positions(array: TexelArray) -> dict[str, tuple[float, float]]:
 
 
 def _format_number(value: float) -> str:
-    """Two decimals without trailing zeros, and without a minus sign before zero."""
+    """Format a number with at most two decimals, without trailing zeros, and without a minus sign before zero."""
     return f"{round(value, 2) + 0.0:g}"

@@ -1,4 +1,4 @@
-"""One indentation by the finite elements and by the fast model, side by side."""
+"""Comparison of the finite-element model and the fast model in MuJoCo in one indentation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-#: Models that a user can name.
+#: Models that a user can name: finite elements and the fast model.
 MODELS = ("fem", "fast")
 #: Contact methods of the fast model that a user can name.
 METHODS = ("default", "cover", "foundation", "area", "boxes")
@@ -25,15 +25,15 @@ METHODS = ("default", "cover", "foundation", "area", "boxes")
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """The results of the models for one indentation.
+    """Results of the finite-element model and the fast model for one indentation.
 
     Attributes:
-        sensor: The sensor that is pressed, or the parameters of its fast model if its cover is not known.
-        case: The indentation.  If a depth was given, its load is the reference's at that depth.
-        fem: By the finite elements; None unless the models name it or a depth was given.
-        fast: By the fast model; None if the models do not name it.
-        score: Fast model against finite elements; None unless both are there.
-        models: The models that the user named.
+        sensor: The sensor that is pressed, or the parameters of the sensor's fast model if its cover is not known.
+        case: The indentation.  If a depth was given, the load of the case is the finite elements' force at that depth.
+        fem: Result of the finite elements; None unless `models` contains `fem` or a depth was given.
+        fast: Result of the fast model; None unless `models` contains `fast`.
+        score: Score of the fast model against the finite elements; None unless there are results of both models.
+        models: Names of the models that the user chose, some of `MODELS`.
     """
 
     sensor: SensorDescription | Parameters
@@ -44,7 +44,7 @@ class Comparison:
     models: Sequence[str]
 
     def as_json(self) -> dict[str, Any]:
-        """The result under the names that the command line prints."""
+        """Return the results as a dictionary, under the names that the command line prints as JSON."""
         sensor, image = self.sensor, self.sensor.array.image
         models: dict[str, Any] = {}
         if self.fem is not None and "fem" in self.models:
@@ -53,7 +53,7 @@ class Comparison:
             models["fast"] = {
                 "texel_forces": image(self.fast.texel_forces),
                 "contact_forces": image(self.fast.contact_forces),
-                # The depth is None with rigid boxes, whose penetration depends on a setting of the physics engine.
+                # With rigid boxes as texels the depth is None: the penetration depends on a setting of MuJoCo.
                 **{name: getattr(self.fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
             }
         return {
@@ -79,21 +79,22 @@ def compare_models(
     method: str = "default",
     progress: Progress | None = None,
 ) -> Comparison:
-    """Press one case by the named models.
+    """Compute one indentation by the chosen models, and score the fast model if both are chosen.
 
     Args:
-        sensor: The sensor that is pressed; the finite elements need its description.
-        case: Indenter, pose and load.
-        parameters: Parameters of the sensor's fast model; the fast model needs them.
-        depth: Approach from first touch that replaces the load; the fast model takes the reference's load there [m].
-        friction: Coulomb's coefficient between indenter and cover in the reference, inf for no slip [-].
-        models: Some of `MODELS`.
-        method: The fast model's contact method, one of `METHODS`.
+        sensor: Description of the sensor that is pressed, or the parameters of its fast model.
+        case: The indentation: indenter, pose and load.
+        parameters: Parameters of the sensor's fast model; required if `models` contains `fast`.
+        depth: Approach of the indenter from first touch, which replaces the load; the load of the fast model is then
+            the finite elements' force at that depth [m].
+        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip [-].
+        models: Names of the models, some of `MODELS`.
+        method: Contact method of the fast model, one of `METHODS`.
         progress: Called with a line of text before each step.
 
     Raises:
-        ValueError: If a named model lacks the description or the parameters.
-        ConvergenceError: If the reference did not converge.
+        ValueError: If the finite elements are chosen without a description, or the fast model without parameters.
+        ConvergenceError: If the finite-element solver did not converge.
         FastModelError: If the method needs cover data that the sensor's parameters lack.
     """
     tell = progress or (lambda _: None)

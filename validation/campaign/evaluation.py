@@ -1,4 +1,8 @@
-"""The whole evaluation of a sensor: derive its parameters, press the campaign, score recordings if there are any."""
+"""The whole evaluation of a sensor: derive the parameters of its fast model, score the fast model, score recordings.
+
+The fast model is scored against finite elements in a campaign, a list of indentations (cases), and against recordings
+of a real sensor if there are any.
+"""
 
 from __future__ import annotations
 
@@ -27,25 +31,26 @@ class Progress(Protocol):
     """A display of progress."""
 
     def __call__(self, stage: str) -> None:
-        """Begin a stage."""
+        """Begin a stage of the work; `stage` is its name."""
 
     def step(self, done: int, total: int, name: str) -> None:
-        """Show that `done` of `total` are finished and `name` comes next."""
+        """Show that `done` of `total` steps are finished and that the step `name` comes next."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """Everything that a report shows.
+    """Results of the evaluation of a sensor, which the report shows.
 
     Attributes:
-        derivation: Point spread function, fit and parameters.
-        verification: Differences between elements and closed-form layer solution: `radial_profile` over its peak,
-            `texel_response` over the load [-].
-        campaign: The fast model scored against the reference.
-        recordings: The fast model scored against recordings, or None where there are none.
-        recorded: The sensor of the recordings.
+        derivation: Point spread function of the cover, fitted kernel and parameters of the fast model.
+        verification: Differences between the finite elements and the closed-form layer solution: `radial_profile` is
+            the largest difference of base pressure under a point load over the peak pressure, `texel_response` the
+            difference of the force on the loaded texel over the load [-].
+        campaign: Scores of the fast model against the finite elements.
+        recordings: Scores of the fast model against recordings, or None without recordings.
+        recorded: The sensor that made the recordings.
         seconds: Wall time by stage [s].
-        versions: Versions of the software.
+        versions: Versions of the software by name.
     """
 
     derivation: Derivation
@@ -62,7 +67,7 @@ class Evaluation:
         return self.derivation.sensor
 
     def as_json(self) -> dict[str, Any]:
-        """Every number, by name."""
+        """Return all results as a dictionary of JSON values."""
         return {
             "sensor": self.sensor.name,
             "cover_assumed": self.sensor.cover.assumed,
@@ -83,22 +88,23 @@ def evaluate(
     cases: Sequence[Case] | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
-    """Derive a sensor's parameters and score the fast model on a campaign.
+    """Derive the parameters of a sensor's fast model, and score the fast model in a campaign (a list of indentations).
 
-    The kernel is fitted to the reference's response to one loaded texel, before any case is pressed, and does not
-    change afterwards.
+    The spread kernel is fitted to the finite-element response to one loaded texel, before any case is computed, and
+    does not change afterwards.
 
     Args:
-        sensor: Array, cover and electronics.
-        recordings: Folder with a weight series of the stamp; nothing is scored against recordings when not given.
-        recorded: The sensor of the recordings; `sensor` when not given.
-        cases: The indentations; the default campaign when not given.
+        sensor: Array, cover and electronics of the sensor.
+        recordings: Folder with recordings of the stamp, the flat square indenter, under a series of known weights; None
+            to score nothing against recordings.
+        recorded: The sensor that made the recordings; `sensor` if None.
+        cases: The indentations of the campaign; the default list if None.
         progress: Display of progress.
 
     Raises:
         InputError: If the sensor cannot be evaluated.
-        RecordingError: If the recordings are damaged or of another array.
-        ConvergenceError: If the reference did not converge.
+        RecordingError: If the recordings are damaged or from another array.
+        ConvergenceError: If the finite-element solver did not converge.
     """
     if sensor.cover.size is not None:
         raise InputError(
@@ -107,7 +113,7 @@ def evaluate(
         )
     clock = [time.perf_counter()]
     recorded = recorded or sensor
-    # Recordings come first, so that a fault in them shows before the long work.
+    # Recordings are scored first, so that a fault in them is reported before the long computations.
     scores = None
     if recordings is not None:
         from validation.calibration.stamp import score_recordings
@@ -132,10 +138,14 @@ def evaluate(
 
 
 def verify(derivation: Derivation) -> dict[str, float]:
-    """Compare the elements' point spread function with the closed-form layer solution.
+    """Compare the cover's response to a unit point load by finite elements with the closed-form layer solution.
+
+    Returns:
+        `radial_profile`, the largest difference of base pressure over the peak pressure, and `texel_response`, the
+        difference of the force on the loaded texel over the load [-].
 
     Raises:
-        ValueError: If the cover has free side edges: the closed form is that of a laterally wide cover.
+        ValueError: If the cover has free side edges: the closed form is valid for a laterally wide cover only.
     """
     from fem_reference.closed_form import point_response
 
@@ -152,6 +162,6 @@ def verify(derivation: Derivation) -> dict[str, float]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, of Python and of the libraries that compute."""
+    """Return the versions of this package, of Python and of the numerical libraries, by name."""
     names = ("softcover", "numpy", "scipy", "mujoco", "scikit-fem")
     return {name: metadata.version(name) for name in names} | {"python": platform.python_version()}

@@ -1,4 +1,4 @@
-"""Means over cases with bootstrap intervals, and skill against another model."""
+"""Means of scores over cases (scored indentations) with bootstrap intervals, and skill against another model."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Pooled:
-    """A mean over cases with its bootstrap interval.
+    """Mean of a quantity over cases, or another statistic of the cases, with its bootstrap interval.
 
     Attributes:
-        mean: Mean over the cases where the quantity exists.
-        low: Lower end of the interval.
-        high: Upper end of the interval.
+        mean: Mean over the cases in which the quantity exists, in the unit of the quantity.
+        low: Lower end of the bootstrap interval, same unit.
+        high: Upper end of the bootstrap interval, same unit.
         level: Nominal coverage of the interval [-].
-        cases: Number of cases in the mean [-].
+        cases: Number of cases over which the mean is taken [-].
     """
 
     mean: float
@@ -32,10 +32,12 @@ class Pooled:
 
 
 def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000, seed: int = 0) -> Pooled:
-    """Mean over cases with a percentile bootstrap interval.  Cases are resampled, never pixels.
+    """Compute the mean of a quantity over cases, with a percentile bootstrap interval.
+
+    The bootstrap resamples cases (indentations), never single pixels of an image.
 
     Args:
-        values: One number per case; NaN where the quantity does not exist.
+        values: One number per case; NaN in cases in which the quantity does not exist.
         level: Nominal coverage of the interval [-].
         resamples: Number of bootstrap resamples [-].
         seed: Seed of the resampling; the same seed gives the same interval [-].
@@ -56,17 +58,19 @@ def skill(
     resamples: int = 5000,
     seed: int = 0,
 ) -> Pooled:
-    """Skill: 1 - mean error / mean error of the comparison model [-]; cases are resampled in pairs.
+    """Compute the skill of a model, 1 - mean error / mean error of a comparison model [-], with a bootstrap interval.
+
+    The bootstrap resamples cases, and takes the errors of the two models from the same cases.
 
     Args:
-        errors: One error per case; NaN where it does not exist.
-        comparison: The comparison model's error in the same cases.
+        errors: Error of the model in each case; NaN in cases in which the error does not exist.
+        comparison: Error of the comparison model in the same cases.
         level: Nominal coverage of the interval [-].
         resamples: Number of bootstrap resamples [-].
         seed: Seed of the resampling [-].
 
     Raises:
-        ValueError: If the two differ in length or are not one-dimensional.
+        ValueError: If the two sequences differ in length or are not one-dimensional.
     """
     e, c = np.asarray(errors, dtype=np.float64), np.asarray(comparison, dtype=np.float64)
     if e.shape != c.shape or e.ndim != 1:
@@ -82,7 +86,7 @@ def skill(
 
 
 def _draw_cases(cases: int, resamples: int, seed: int) -> npt.NDArray[np.int64]:
-    """Indices of resampled cases, shape (resamples, cases)."""
+    """Draw the indices of cases for all bootstrap resamples, shape (resamples, cases)."""
     return np.random.default_rng(seed).integers(0, cases, size=(resamples, cases))
 
 

@@ -1,7 +1,8 @@
-"""A campaign: cases pressed by the finite elements and by the fast model, and scored.
+"""Run of a campaign: indentations (cases) are computed by finite elements and by the fast model, which is scored.
 
-The simpler contact methods of the fast model and two null models are scored for comparison.  The null models are zeros
-and the forces on rigid boxes without any spread.  The error estimate of the reference is the noise floor of all scores.
+The finite-element solution is the reference.  Simpler contact methods of the fast model and two null models are scored
+for comparison.  The null models are an empty image, and the contact forces on rigid boxes without any spread to other
+texels.  The error estimate of the reference is the noise floor of all scores.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 
-#: The scored models, and what each is.
+#: Names of the scored models, with a description of each for tables.
 MODELS: Mapping[str, str] = {
     "fast": "the fast model by default: contact on the cover's own cells, or boxes if there are none",
     "area": "rigid box texels in MuJoCo, forces shared by contact area, fitted Gaussian spread",
@@ -35,7 +36,7 @@ MODELS: Mapping[str, str] = {
     "zeros": "null: an empty image",
 }
 
-#: Metrics whose means over cases are tabulated.
+#: Names of the metrics, attributes of `Score`, whose means over cases are tabulated.
 POOLED_METRICS = (
     "misplaced_force",
     "relative_l2",
@@ -51,12 +52,12 @@ POOLED_METRICS = (
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """The texel forces of one model in one case, with their score.
+    """Texel forces that a model predicts in one case, with their score.
 
     Attributes:
-        texel_forces: Steady texel forces, shape (n,) [N].
-        outside: Force that no texel measures [N].
-        score: Against the reference.
+        texel_forces: Steady forces on the n texels, shape (n,) [N].
+        outside: Force that no active texel measures [N].
+        score: Score against the finite-element reference.
     """
 
     texel_forces: FloatArray
@@ -66,12 +67,12 @@ class Prediction:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CaseResult:
-    """One case: the reference, and every model scored against it.
+    """Results of one case: the finite-element reference, and every model scored against the reference.
 
     Attributes:
         case: The indentation.
         reference: Result of the finite elements.
-        predictions: Result and score of each other model, by its name.
+        predictions: Result and score of each scored model, by the name of the model.
     """
 
     case: Case
@@ -79,7 +80,7 @@ class CaseResult:
     predictions: Mapping[str, Prediction]
 
     def as_json(self) -> dict[str, Any]:
-        """Every number, by name."""
+        """Return the case and all its results as a dictionary of JSON values."""
         return {
             "name": self.case.name,
             "indenter": self.case.shape,
@@ -100,12 +101,12 @@ class CaseResult:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SkippedCase:
-    """A case without scores.
+    """A case without scores, because a model failed.
 
     Attributes:
         case: The indentation.
-        reason: Why a model cannot press it; for example, the indenter would pierce a soft cover.
-        converged: False if the reference's solver did not converge.
+        reason: Why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
+        converged: False if the finite-element solver did not converge.
     """
 
     case: Case
@@ -113,7 +114,7 @@ class SkippedCase:
     converged: bool
 
     def as_json(self) -> dict[str, Any]:
-        """Name, indenter and reason."""
+        """Return name, indenter and reason as a dictionary of JSON values."""
         return {
             "name": self.case.name,
             "indenter": self.case.shape,
@@ -124,14 +125,15 @@ class SkippedCase:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CampaignResult:
-    """All cases of a campaign.
+    """Results of all cases of a campaign.
 
     Attributes:
-        cases: One result per case that was scored.
-        skipped: The others.
-        pooled: Mean and bootstrap interval over cases, by model and metric.
-        skill: 1 - error / error of the other model, of the fast model's misplaced force, by other model.
-        noise_floor: Mean relative errors of the reference over cases [-].
+        cases: One result per scored case.
+        skipped: The cases without scores.
+        pooled: Mean over the scored cases with bootstrap interval, by model and metric.
+        skill: Skill of the fast model in misplaced force, 1 - mean error / mean error of another model [-], by the name
+            of the other model.
+        noise_floor: Mean over cases of each relative error estimate of the reference, by name [-].
     """
 
     cases: Sequence[CaseResult]
@@ -141,7 +143,7 @@ class CampaignResult:
     noise_floor: Mapping[str, float]
 
     def as_json(self) -> dict[str, Any]:
-        """Every number, by name."""
+        """Return all results of the campaign as a dictionary of JSON values."""
         return {
             "models": dict(MODELS),
             "pooled": {
@@ -158,16 +160,16 @@ class CampaignResult:
 def run_campaign(
     cover: Cover, parameters: Parameters, cases: Sequence[Case], *, progress: Progress | None = None
 ) -> CampaignResult:
-    """Press every case by both models and score the fast one.
+    """Compute every case by finite elements and by the fast model, and score the fast model.
 
     Args:
-        cover: The cover of the reference.
-        parameters: The fitted fast model; a campaign fits no parameter.
+        cover: The cover in the finite-element model.
+        parameters: Parameters of the fast model, already fitted; the campaign changes none of them.
         cases: The indentations.
-        progress: Called before each case with (cases done, cases in all, name of the next case).
+        progress: Called before each case with (number of cases done, number of all cases, name of the next case).
 
     Raises:
-        InputError: If no case at all can be pressed.
+        InputError: If no case can be computed by all models.
     """
     from fem_reference import ConvergenceError
 
@@ -188,7 +190,13 @@ def run_campaign(
 
 
 def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
-    """Press one case by both models and score the fast one and the null models."""
+    """Compute one case by finite elements, the fast model and the null models, and score all but the finite elements.
+
+    Args:
+        cover: The cover in the finite-element model.
+        parameters: Parameters of the fast model.
+        case: The indentation.
+    """
     from fastmodel import indent
     from fem_reference.indentation.press import press
 
@@ -219,7 +227,15 @@ def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
 def score_forces(
     reference: Indentation, texel_forces: FloatArray, outside: float, load: float, array: TexelArray
 ) -> Score:
-    """Score texel forces against a reference indentation."""
+    """Score the texel forces of a model against the finite-element result of the same indentation.
+
+    Args:
+        reference: Result of the finite elements.
+        texel_forces: Forces on the n texels by the model, shape (n,) [N].
+        outside: Force that no active texel measures, by the model [N].
+        load: Applied force [N].
+        array: The texels.
+    """
     return score(
         reference.texel_forces,
         texel_forces,
@@ -231,14 +247,14 @@ def score_forces(
 
 
 def describe_reference(reference: Indentation) -> dict[str, Any]:
-    """A reference indentation under the names that JSON shows."""
+    """Return the finite-element result of an indentation as a dictionary, under the names used in JSON."""
     numbers = ("texel_forces", "outside", "total_force", "depth", "contact_area", "seconds")
     texts = {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}
     return {name: getattr(reference, name) for name in numbers} | texts
 
 
 def _summarise(results: Sequence[CaseResult], skipped: Sequence[SkippedCase]) -> CampaignResult:
-    """Pool the scores over cases."""
+    """Average the scores over the cases of a campaign."""
 
     def scores_of(model: str, metric: str) -> list[float]:
         return [float(getattr(result.predictions[model].score, metric)) for result in results]

@@ -1,1 +1,1 @@
-"""From a sensor file to the parameters of the fast model: reference response, then fit."""
+"""Derivation of the fast model's parameters from a sensor file: finite-element response of the cover, then a fit."""

@@ -1,9 +1,9 @@
-"""Kernels of the cover between small cells, as the contact method `cover` of the fast model uses them.
+"""Kernels of the cover for the contact method `cover` of the fast model, which divides each texel into small cells.
 
-A laterally wide cover responds in the same way everywhere, so two kernels describe it: the compliance, which is the
-displacement of the top around a loaded cell, and the influence, which is the force on a texel from a loaded cell.
-Near free side edges the influence depends on the position; a table with one entry per cell and texel replaces it.  The
-compliance stays that of the wide cover, which is stiffer than the real cover near its sides.
+The response of a laterally wide cover is the same everywhere, so two kernels describe it: the compliance, which is the
+displacement of the cover's top around a loaded cell, and the influence, which is the force on a texel per unit force on
+a cell.  Near free side edges the influence depends on the position; there the influence is a table with one entry per
+cell and texel.  The compliance remains that of the wide cover, which is stiffer than the real cover near its sides.
 """
 
 from __future__ import annotations
@@ -26,22 +26,23 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Target edge length of a cell over the thickness of the cover [-].
+#: Target edge length of a cell of the contact grid, over the thickness of the cover [-].
 _CELL_SIZE = 0.45
-#: Least and greatest number of cells along one pitch [-].
+#: Least and greatest number of cells of the contact grid along one pitch of the texels [-].
 _CELLS_PER_PITCH = (4, 8)
-#: Radius of the kernels over the decay length of the cover: the response beyond it is negligible [-].
+#: Radius of the kernels, over the decay length of the cover's response: at larger distances the response is negligible
+#: [-].
 _KERNEL_RADIUS = 8.0
 
 
 def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_texel: int | None = None) -> CoverCells:
-    """Tabulate compliance and influence of a wide cover.
+    """Tabulate the compliance and the influence of a wide cover between cells of the contact grid.
 
     Args:
         cover: A laterally wide cover, linearised at zero load.
-        array: A flat array.  Pitch and texel size define the cells; its size limits the radius of the kernels.
+        array: A flat array.  Pitch and texel size define the cells; rows and columns limit the radius of the kernels.
         spread: The point spread function of the cover.
-        per_texel: Cells along one pitch; from the thickness of the cover when not given [-].
+        per_texel: Number of cells along one pitch; if None, it follows from the thickness of the cover [-].
     """
     from fem_reference.linear_response.surface_compliance import decay_length, surface_compliance
 
@@ -63,12 +64,14 @@ def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_tex
 
 
 def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | SolidInfluence) -> CoverCells:
-    """Tabulate a cover with free side edges: compliance of the wide cover, influence of each cell on each texel.
+    """Tabulate the response of a cover with free side edges between the cells of the contact grid and the texels.
+
+    The compliance is that of a wide cover of the same layers; the influence is a table by cell and texel.
 
     Args:
-        cover: A cover with a size.
-        array: A flat, regular grid of texels under it.
-        influence: The response of the cover to loads anywhere on it.
+        cover: A cover with a size, hence with free side edges.
+        array: Texels under the cover, flat and on a regular grid.
+        influence: Finite-element response of the texels to loads anywhere on the cover.
     """
     from fem_reference.linear_response.point_spread import point_spread
 
@@ -77,7 +80,7 @@ def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | S
     rows, columns = array.rows * cells.per_texel, array.columns * cells.per_texel
     low = array.centres[:, :2].min(axis=0) - np.array(array.pitch) / 2
     x, y = np.meshgrid(*(low[i] + (np.arange(n) + 0.5) * cells.cell[i] for i, n in enumerate((columns, rows))))
-    # Gauss points beyond the cover move to its edge.
+    # Integration points that lie beside the cover are moved to the cover's edge.
     half = np.array(cover.size) / 2
     table = _mean_over_cells(
         lambda points: influence.texel_influence(array, np.clip(points, -half, half)), x, y, cells.cell
@@ -90,7 +93,17 @@ def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | S
 
 
 def _influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach: int) -> FloatArray:
-    """Force on one texel per unit force on each cell around it, spread uniformly over the cell [-]."""
+    """Tabulate the force on one texel per unit force on each cell around the texel, spread uniformly over the cell.
+
+    Args:
+        array: The array, which gives the pitch and the size of the texel.
+        spread: The point spread function of the cover.
+        count: Number of cells along one pitch [-].
+        reach: Number of cells beyond the texel's edges [-].
+
+    Returns:
+        Forces by row and column of the cell, a square array of edge 2 reach + count [-].
+    """
     texel = TexelArray.grid(1, 1, array.pitch, texel_size=array.texel_size)
     cell = (array.pitch[0] / count, array.pitch[1] / count)
     index = np.arange(-reach, count + reach) + 0.5 - count / 2
@@ -102,7 +115,18 @@ def _influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach:
 def _mean_over_cells(
     influence: Callable[[FloatArray], FloatArray], x: FloatArray, y: FloatArray, cell: tuple[float, float]
 ) -> FloatArray:
-    """Return the influence, shape (cells, n): force on texel j per unit force spread uniformly over cell i [-]."""
+    """Average the force on each of n texels over the place of a unit force within each cell.
+
+    Args:
+        influence: Function from m positions, shape (m, 2), to the forces on texels under a unit point load at each of
+            them, shape (m, n).
+        x: x coordinates of the cells' centres, any shape [m].
+        y: y coordinates of the cells' centres, same shape [m].
+        cell: Edge lengths of a cell along x and y [m].
+
+    Returns:
+        Force on each texel per unit force spread uniformly over each cell, shape (cells, n) [-].
+    """
     middles = np.column_stack([x.ravel(), y.ravel()])
     points, weights = gauss_points(cell, 3)
     return np.asarray(sum(w * influence(middles + point) for point, w in zip(points, weights, strict=True)))

@@ -1,4 +1,4 @@
-"""Contact stiffnesses of the fast model, fitted to the depth of a sphere on the cover."""
+"""Fits of the fast model's contact stiffnesses to the depth of a sphere that presses on the cover."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Radius of the sphere: that of a typical fingertip-sized object [m].
+#: Radius of the sphere that presses on the cover: an object of the size of a fingertip [m].
 _SPHERE_RADIUS = 5e-3
-#: Contact radii at which depths are computed, over the thickness of the cover [-].
+#: Radii of the contact area between sphere and cover for which force and depth are computed, over the thickness of the
+#: cover [-].
 _CONTACTS_BY_THICKNESS = (0.25, 0.5, 0.75, 1.0, 1.5)
-#: Largest contact radius over the radius of the sphere.  The closed form replaces the sphere by a parabola, which is
-#: acceptable up to about this ratio [-].
+#: Largest radius of the contact area, over the radius of the sphere.  The closed-form solution replaces the sphere by a
+#: paraboloid, which is acceptable up to about this ratio [-].
 _LARGEST_CONTACT = 0.8
-#: Contact radii over the radius of the sphere for thick covers, where the list above has fewer than three sizes [-].
+#: Radii of the contact area over the radius of the sphere, for thick covers.  There the limit `_LARGEST_CONTACT` leaves
+#: fewer than three of the radii in `_CONTACTS_BY_THICKNESS` [-].
 _CONTACTS_BY_RADIUS = (0.2, 0.4, _LARGEST_CONTACT)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthFits:
-    """Force and depth of a sphere on the cover, and the stiffnesses fitted to them.
+    """Forces and depths of a sphere that presses on a cover, and the contact stiffnesses fitted to them.
 
     Attributes:
         ball_radius: Radius of the sphere [m].
-        load: Forces, shape (k,) [N].
-        depth: Approaches from first touch by the closed-form layer solution, shape (k,) [m].
-        foundation: Modulus of the elastic foundation.
-        contact: MuJoCo's contact parameters.
+        load: Forces on the sphere in k presses, shape (k,) [N].
+        depth: Approaches of the sphere from first touch by the closed-form layer solution, shape (k,) [m].
+        foundation: Fitted modulus of an elastic foundation, independent springs under the sphere.
+        contact: Fitted contact parameters of MuJoCo.
     """
 
     ball_radius: float
@@ -46,7 +48,9 @@ class DepthFits:
 
 
 def fit_depth(cover: Cover) -> DepthFits:
-    """Press a sphere into a wide cover and fit the foundation's modulus and MuJoCo's contact parameters.
+    """Compute forces and depths of a sphere on a wide cover, and fit the fast model's contact stiffnesses to them.
+
+    The fitted quantities are the modulus of an elastic foundation and the contact parameters of MuJoCo.
 
     Args:
         cover: A laterally wide cover, linearised at zero load.

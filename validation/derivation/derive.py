@@ -1,8 +1,8 @@
-"""From the description of a sensor to the parameters of the fast model.
+"""Derivation of the fast model's parameters from the description of a sensor.
 
-The finite elements give the response of the cover to loads on it.  The Gaussian kernel of the fast model is fitted to
-that response.  The result also holds the figures by which to judge it: every estimator's value, the residual, the force
-beyond the kernel, the error estimate of the reference, resolution and sensitivities.
+Finite elements give the forces on the texels under loads on the cover.  The Gaussian spread kernel of the fast model is
+fitted to these forces.  The result also holds figures that show the quality of the fit: the value of every estimator,
+the residual, the force beyond the kernel, the error estimate of the finite elements, resolution and sensitivities.
 """
 
 from __future__ import annotations
@@ -40,20 +40,22 @@ Progress = Callable[[str], None]
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Derivation:
-    """The response of a cover, and the fast model's parameters for it.
+    """The finite-element response of a sensor's cover, and the parameters of the sensor's fast model.
 
     Attributes:
-        sensor: The sensor.
-        influence: The reference's response to loads on the cover.
-        texel_response: Response to a unit point load over the middle texel's centre, shape (rows, columns) [-].
-        texel_response_uniform: The same for unit force as uniform pressure over that texel [-].
-        outside: Force beyond the array of the two responses [-].
-        fit: The fitted kernel and its residual.
+        sensor: Description of the sensor.
+        influence: Finite-element response of the texels to loads on the cover.
+        texel_response: Forces on the texels under a unit point load over the centre of the middle texel, shape
+            (rows, columns) [-].
+        texel_response_uniform: Forces on the texels under unit force as uniform pressure over the middle texel, shape
+            (rows, columns) [-].
+        outside: Forces that no texel measures under these two loads [-].
+        fit: The fitted spread kernel and its residual.
         parameters: Parameters of the fast model.
-        error_estimate: Relative errors of the reference (`total_force`, `peak_texel`, `sigma`) [-].
-        depth: Contact stiffnesses fitted to the depth of a sphere; None with free side edges.
-        undetermined: Quantities that the data cannot determine, one line each.
-        seconds: Wall time, without the properties that are computed on first use [s].
+        error_estimate: Estimated relative errors of the finite elements (`total_force`, `peak_texel`, `sigma`) [-].
+        depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
+        undetermined: Quantities that the derivation cannot determine, one line of text each.
+        seconds: Wall time of the derivation, without the properties that are computed on first use [s].
     """
 
     sensor: SensorDescription
@@ -70,33 +72,34 @@ class Derivation:
 
     @property
     def point_spread(self) -> PointSpread | None:
-        """The response as a radial profile; None with free side edges, where it depends on the position."""
+        """Response of a wide cover as a radial profile; None with free side edges, where it depends on the position."""
         return radial_profile(self.influence)
 
     @cached_property
     def resolution(self) -> float | None:
-        """Smallest separation of two equal point loads with a dip of base pressure between them [m].
+        """Smallest distance of two equal point loads with a dip of pressure at the cover's base between them [m].
 
-        None with free side edges.
+        NaN if no distance shows a dip; None for a cover with free side edges.
         """
         return None if (spread := self.point_spread) is None else two_point_separation(spread)
 
     @cached_property
     def resolution_on_array(self) -> float | None:
-        """The same for texel values at the worst alignment [m]; NaN if no separation shows a dip.
+        """Smallest distance of two equal point loads with a dip of texel values between two peaks [m].
 
-        None with free side edges.
+        The dip must appear at every position of the loads relative to the texels.  NaN if no distance shows the dip;
+        None for a cover with free side edges.
         """
         return None if (spread := self.point_spread) is None else texel_separation(spread, self.sensor.array)
 
     @cached_property
     def sensitivity(self) -> Mapping[str, float]:
-        """Derivatives of sigma_x by `sigma_sensitivities`; empty with free side edges."""
+        """Derivatives of sigma_x as computed by `sigma_sensitivities`; empty for a cover with free side edges."""
         spread = self.point_spread
         return {} if spread is None else sigma_sensitivities(self.sensor.cover, self.sensor.array, spread)
 
     def as_json(self) -> dict[str, Any]:
-        """The result under the names that the command line prints."""
+        """Return the result as a dictionary, under the names that the command line prints as JSON."""
         spread = self.point_spread
         return {
             "sensor": self.sensor.name,
@@ -126,15 +129,15 @@ class Derivation:
 
 
 def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> Derivation:
-    """Compute the response of a sensor's cover and fit the fast model's parameters to it.
+    """Compute the response of a sensor's cover by finite elements, and fit the fast model's parameters to the response.
 
     Args:
-        sensor: Array, cover and electronics.
+        sensor: Array, cover and electronics of the sensor.
         progress: Called with a line of text before each step.
 
     Raises:
         InputError: If the array is curved.
-        ConvergenceError: If the reference did not converge.
+        ConvergenceError: If the finite-element solver did not converge.
     """
     from fastmodel.parameters import Parameters
     from fem_reference.linear_response.finite_cover import solid_influence
@@ -186,23 +189,30 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
 
 
 def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:
-    """Cover kernels between cells; None for free side edges over texels that form no regular grid."""
+    """Tabulate the cover's response between the cells of the contact grid and the texels.
+
+    Returns:
+        The kernels; None for a cover with free side edges over texels that do not form a regular grid.
+    """
     if (spread := radial_profile(influence)) is not None:
         return cover_cells(sensor.cover, sensor.array, spread)
     return cells_with_sides(sensor.cover, sensor.array, influence) if sensor.array.regular else None
 
 
 def _tabulate_spread(influence: Influence, array: TexelArray) -> Tabulated:
-    """Force on every texel from unit force spread uniformly over each texel, for a cover with free side edges."""
+    """Tabulate the force on every texel per unit force spread uniformly over each texel, for free side edges."""
     columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
     return Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")
 
 
 def _force_outside(influence: Influence, array: TexelArray) -> tuple[float, float]:
-    """Force beyond the array under a unit point load on the middle texel, and under uniform pressure there [-].
+    """Compute the force that no texel measures, under a unit load on the middle texel [-].
 
-    For a wide cover it is integrated over the radius, independently of the texel forces, so that adding both to the
-    load is a check.
+    For a wide cover this force is integrated over the radius, independently of the texel forces: that the two add up to
+    the load is a check.
+
+    Returns:
+        The force under a point load at the texel's centre, and under uniform pressure over the texel [-].
     """
     centre = array.centres[array.middle, :2]
     if (spread := radial_profile(influence)) is not None:

@@ -1,4 +1,4 @@
-"""Fit of the fast model's Gaussian kernel to texel responses of the finite elements."""
+"""Fit of the fast model's Gaussian spread kernel to the forces on texels by finite elements."""
 
 from __future__ import annotations
 
@@ -15,27 +15,28 @@ if TYPE_CHECKING:
     from fem_reference.linear_response.point_spread import PointSpread
 
 FloatArray = npt.NDArray[np.float64]
-#: The reference's response to loads on the cover.  That of a wide cover is one radial profile; that of a cover with
-#: free side edges is a separate solution for each texel.
+#: Finite-element response of the texels to loads on the cover.  For a wide cover it is one radial profile; for a cover
+#: with free side edges it is a separate solution for each texel.
 Influence: TypeAlias = "PointSpread | SolidInfluence"
 
-#: Rows and columns of the grid on which the kernel is fitted if the array itself is no grid: wider than any kernel [-].
+#: Number of rows and of columns of the grid on which the kernel is fitted if the texels of the array do not form a
+#: regular grid: more than any kernel has [-].
 _GRID_SIZE = 15
 
 
 def radial_profile(influence: Influence) -> PointSpread | None:
-    """The response as a radial profile; None for a cover with free side edges, which has no single profile."""
+    """Return the response of a wide cover as a radial profile; None for a cover with free side edges."""
     from fem_reference.linear_response.point_spread import PointSpread
 
     return influence if isinstance(influence, PointSpread) else None
 
 
 def fit_kernel(influence: Influence, array: TexelArray) -> Fit:
-    """Fit the Gaussian kernel to the response to uniform pressure over one texel.
+    """Fit the Gaussian spread kernel to the forces on texels under uniform pressure over the middle texel.
 
     Args:
-        influence: The reference's response.
-        array: The sensor's texels.  If they form no regular grid, the fit uses a grid of the same pitch.
+        influence: Finite-element response of the texels to loads on the cover.
+        array: Texels of the sensor.  If they do not form a regular grid, the fit uses a grid of the same pitch.
     """
     grid = fitting_grid(array)
     profile = radial_profile(influence)
@@ -51,24 +52,31 @@ def fit_kernel(influence: Influence, array: TexelArray) -> Fit:
 
 
 def uncut_sigma(influence: Influence, grid: TexelArray) -> float:
-    """Sigma along x of the Gaussian without a kernel width, fitted to the uniform response [pitches].
+    """Fit a Gaussian that is not truncated at a kernel width, and return its standard deviation along x [pitches].
 
-    It is a smooth function of the cover.  The sigma of the cut kernel is not: it jumps where ksize jumps.
+    This sigma is a smooth function of the cover's thickness and materials.  The sigma of the truncated kernel is not:
+    it jumps where the kernel's width `ksize`, a number of texels, jumps.
 
     Args:
-        influence: The reference's response.
+        influence: Finite-element response of the texels to loads on the cover.
         grid: Texels on a regular grid.
     """
     return fit_kernel(influence, grid).estimates["least-squares-uniform-uncut"][0]
 
 
 def fitting_grid(array: TexelArray) -> TexelArray:
-    """The array itself if its texels form a regular grid, else a grid of its pitch and texel size."""
+    """Return the array itself if its texels form a regular grid, else a grid with the array's pitch and texel size."""
     if array.regular:
         return array
     return TexelArray.grid(_GRID_SIZE, _GRID_SIZE, array.pitch, texel_size=array.texel_size)
 
 
 def _middle_response(influence: Influence, grid: TexelArray, load: Literal["point", "uniform"]) -> FloatArray:
-    """Response to unit force on the middle texel as an image, shape (rows, columns) [-]."""
+    """Return the forces on texels per unit force on the middle texel, as an image of shape (rows, columns) [-].
+
+    Args:
+        influence: Finite-element response of the texels to loads on the cover.
+        grid: Texels on a regular grid.
+        load: Whether the force acts at the texel's centre or as uniform pressure over the texel.
+    """
     return np.asarray(grid.image(influence.texel_response(grid, load=load)), dtype=np.float64)

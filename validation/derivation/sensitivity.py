@@ -1,4 +1,4 @@
-"""How the width of the kernel changes with thickness, Poisson ratio and Young's modulus of the cover."""
+"""Derivatives of the spread kernel's width with respect to thickness, Poisson ratio and Young's modulus of a cover."""
 
 from __future__ import annotations
 
@@ -13,34 +13,46 @@ from validation.derivation.kernel_fit import fitting_grid, uncut_sigma
 if TYPE_CHECKING:
     from fem_reference.linear_response.point_spread import PointSpread
 
-#: Relative step of the thickness in its central difference [-].
+#: Relative step of the cover's thickness in the central difference quotient [-].
 _THICKNESS_STEP = 0.02
-#: Absolute step of the Poisson ratio in its finite difference [-].
+#: Absolute step of the Poisson ratio in the finite differences [-].
 _POISSON_STEP = 0.005
 
 
 def sigma_sensitivities(cover: Cover, array: TexelArray, spread: PointSpread) -> dict[str, float]:
-    """Derivatives of sigma_x of the uncut kernel; all layers change together.
+    """Compute the derivatives of the Gaussian's sigma along x with respect to thickness and elastic constants.
+
+    The Gaussian is the one that is not truncated at a kernel width.  The quantity changes in all layers together.
 
     Args:
         cover: A laterally wide cover.
-        array: The sensor's texels.
+        array: Texels of the sensor.
         spread: The point spread function of the cover.
 
     Returns:
-        `thickness` [pitches/m], `poisson_ratio` [pitches] and `youngs_modulus` [pitches/Pa].
+        Derivatives with respect to `thickness` [pitches/m], `poisson_ratio` [pitches] and `youngs_modulus`
+        [pitches/Pa].
     """
     grid = fitting_grid(array)
     return {
         "thickness": _thickness_slope(cover.thickness, grid, spread),
         "poisson_ratio": sum(_poisson_slope(cover, grid, spread, layer) for layer in range(len(cover.layers))),
-        # Multiplying all moduli by one factor divides all displacements by it and leaves all forces.
+        # Multiplying all moduli by a factor divides all displacements by this factor and does not change the forces.
         "youngs_modulus": 0.0,
     }
 
 
 def _thickness_slope(thickness: float, grid: TexelArray, spread: PointSpread) -> float:
-    """Central difference by the scaling law: a cover scaled by s responds like the original under an array / s."""
+    """Return the derivative of sigma with respect to the cover's thickness, a central difference [pitches/m].
+
+    No other cover is solved: a cover scaled by a factor s over the array responds like the original cover over the
+    array scaled by 1 / s.
+
+    Args:
+        thickness: Thickness of the cover [m].
+        grid: Texels on a regular grid.
+        spread: The point spread function of the cover.
+    """
     thicker, thinner = (
         uncut_sigma(spread, _scaled_array(grid, 1 / (1 + step))) for step in (_THICKNESS_STEP, -_THICKNESS_STEP)
     )
@@ -48,7 +60,16 @@ def _thickness_slope(thickness: float, grid: TexelArray, spread: PointSpread) ->
 
 
 def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: int) -> float:
-    """Derivative by the Poisson ratio of one layer: slope of the parabola through three ratios inside 0..0.5."""
+    """Return the derivative of sigma with respect to the Poisson ratio of one layer [pitches].
+
+    It is the slope of the parabola through the sigmas at three Poisson ratios inside 0..0.5.
+
+    Args:
+        cover: A laterally wide cover.
+        grid: Texels on a regular grid.
+        spread: The point spread function of the cover.
+        layer: Index of the layer, from the bottom.
+    """
     from fem_reference.closed_form import point_response
 
     ratio = cover.layers[layer].material.poisson_ratio
@@ -56,13 +77,14 @@ def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: i
 
     def sigma_at(poisson_ratio: float) -> float:
         changed = _with_poisson_ratio(cover, layer, poisson_ratio)
-        # The closed-form layer solution at the same radii: two more finite-element solves would triple the time.
+        # The changed cover is solved by the closed-form layer solution at the same radii: two more finite-element
+        # solutions would triple the computing time.
         response = point_response(changed, spread.radius)
         return uncut_sigma(dataclasses.replace(spread, pressure_per_force=response, coarse=()), grid)
 
     low, high = sigma_at(middle - _POISSON_STEP), sigma_at(middle + _POISSON_STEP)
     slope = (high - low) / (2 * _POISSON_STEP)
-    if ratio == middle:  # at its middle point a parabola has the slope of its chord
+    if ratio == middle:  # at the middle of an interval a parabola has the slope of its chord over the interval
         return slope
     return slope + (ratio - middle) * (high - 2 * sigma_at(middle) + low) / _POISSON_STEP**2
 
@@ -77,7 +99,7 @@ def _scaled_array(array: TexelArray, factor: float) -> TexelArray:
 
 
 def _with_poisson_ratio(cover: Cover, layer: int, poisson_ratio: float) -> Cover:
-    """The cover with another Poisson ratio in one layer."""
+    """Return a copy of the cover with another Poisson ratio in one layer."""
     layers = list(cover.layers)
     material = dataclasses.replace(layers[layer].material, poisson_ratio=poisson_ratio)
     layers[layer] = dataclasses.replace(layers[layer], material=material)

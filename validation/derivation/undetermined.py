@@ -1,4 +1,4 @@
-"""Quantities that the reference cannot determine, as text for tables, JSON and the parameter folder."""
+"""Quantities that the finite-element model cannot determine, as text for tables, JSON and the parameter folder."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ if TYPE_CHECKING:
     from fastmodel.fitting.gaussian import Fit
     from validation.derivation.depth_fits import DepthFits
 
-#: Sigma below which the texel response hardly depends on it [pitches].
+#: Standard deviation (sigma) of the Gaussian spread kernel, below which the forces on texels hardly depend on sigma
+#: [pitches].
 _NARROW_SIGMA = 0.27
 
 
 def list_undetermined(cover: Cover, fit: Fit, depth: DepthFits | None) -> tuple[str, ...]:
-    """Quantities that the derivation cannot determine, one line each.
+    """List the quantities that the derivation of the fast model's parameters cannot determine, one line of text each.
 
     Args:
         cover: The cover.
-        fit: The fitted kernel.
-        depth: The fits to depth; None for a cover with free side edges.
+        fit: The fitted spread kernel.
+        depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
     """
     ratio = "" if len(cover.layers) == 1 else "; between layers the ratio of moduli does matter"
     lines = [

@@ -1,1 +1,1 @@
-"""Quantities, indenters and hardness as text. Units are converted to SI here and nowhere else."""
+"""Parsing of quantities with units, indenters and hardness from text. Units are converted to SI only in this folder."""

@@ -1,4 +1,4 @@
-"""A hardness as text, `30 shore-a`, and a material with the modulus of that hardness."""
+"""Parsing of a rubber's hardness from text, such as `30 shore-a`, and materials with the modulus of a hardness."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ _EXAMPLE = "write for example '30 shore-a'"
 
 
 def read_hardness(value: object, *, place: str = "", bare: bool = False) -> HardnessModulus:
-    """Read a Shore A hardness.
+    """Parse a Shore A hardness from text, and estimate Young's modulus from it.
 
     Args:
-        value: The text: `30 A`, `30 shore-a`.
-        place: Option or key that holds the text; messages begin with it.
-        bare: Whether a number without a scale is accepted.
+        value: The text, for example `30 A` or `30 shore-a`.
+        place: Option or key that holds the text; error messages begin with it.
+        bare: Whether a number without the name of the scale is accepted.
 
     Raises:
-        InputError: If it is no hardness, of another scale, or outside the range of the relations.
+        InputError: If the text is no hardness, names another scale, or lies outside the range of `meshes.hardness`.
     """
     where = f"{place}: " if place else ""
     text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
@@ -41,20 +41,20 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
 def material_from_hardness(
     hardness: HardnessModulus, model: str, *, poisson_ratio: float | None = None, name: str = ""
 ) -> Material:
-    """A rubber of this hardness.
+    """Make a material with the Young's modulus that was estimated from a hardness.
 
     Args:
-        hardness: The hardness and its modulus.
-        model: `linear-elastic` or `neo-hookean`.
-        poisson_ratio: 0.5, which is incompressible, when not given [-].
-        name: Name of the material; made of model and hardness when not given.
+        hardness: The hardness and the modulus estimated from it.
+        model: Name of the material model: `linear-elastic` or `neo-hookean`.
+        poisson_ratio: Poisson ratio; 0.5, incompressible, if None [-].
+        name: Name of the material; composed of model and hardness if empty.
 
     Raises:
-        InputError: If the model has more than one modulus.
+        InputError: If the model is another one: a hardness determines a single modulus.
     """
     ratio = 0.5 if poisson_ratio is None else poisson_ratio
     modulus = hardness.youngs_modulus
-    # The models that have a single modulus, which a hardness can replace.
+    # Material models with a single modulus, which the hardness determines.
     parameters = {
         "linear-elastic": {"youngs_modulus": modulus},
         "neo-hookean": {"shear_modulus": modulus / (2 * (1 + ratio))},

@@ -1,7 +1,7 @@
-"""Indenters and poses as text: `sphere:radius=5mm`, `box:size=10mmx10mmx5mm`, `--at=0.7mm,-1.1mm`.
+"""Parsing of indenters and poses from text: `sphere:radius=5mm`, `box:size=10mmx10mmx5mm`, `--at=0.7mm,-1.1mm`.
 
-Accepted are the shapes of `SHAPES`, with the names of their fields as parameters.  The corners of a `prism` are
-separated by `/`; a `mesh` is read from an STL file.
+The accepted shapes are those of `SHAPES`; their parameters have the names of the fields of the shape's class.  The
+corners of a `prism` are separated by `/`; a `mesh` is read from an STL file.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from meshes.surfaces.stl import SIZES
 from validation.errors import InputError, nearest
 from validation.text.quantity import Kind, read_quantities, read_quantity
 
-#: Number of values of the parameters that have more than one [-].
+#: Number of values of a parameter, by shape and parameter, for parameters with more than one value [-].
 _VALUE_COUNTS = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
-#: The function that makes each shape, by the name that sensor files and the command line use, and an accepted text.
+#: Class or function that makes an indenter, and an example of an accepted text, by the name of the shape on the command
+#: line.
 _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
     "sphere": (Sphere, "sphere:radius=5mm"),
     "cylinder": (Cylinder, "cylinder:radius=4mm"),
@@ -32,19 +33,19 @@ _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
 }
 SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
 _EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
-#: A comma before the name of a parameter; commas inside values do not match.
+#: Pattern of a comma before the name of a parameter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Parameter:
-    """The kind of a parameter's text, and whether the parameter is required."""
+    """A parameter of a shape: the kind of its value, and whether the parameter is required."""
 
     kind: Literal["length", "angle", "points", "path", "unit"]
     required: bool
 
 
-#: Parameters of the shape `mesh`.
+#: Parameters of the shape `mesh`, an indenter from an STL file, by name.
 _MESH_PARAMETERS = {
     "path": _Parameter(kind="path", required=True),
     "unit": _Parameter(kind="unit", required=False),
@@ -53,11 +54,11 @@ _MESH_PARAMETERS = {
 
 
 def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
-    """Make an indenter from `shape:parameter=value,...`.
+    """Make an indenter from text of the form `shape:parameter=value,...`.
 
     Args:
-        text: The description.
-        place: Option or key that holds the text; messages begin with it.
+        text: The text, for example `sphere:radius=5mm`.
+        place: Option or key that holds the text; error messages begin with it.
 
     Raises:
         InputError: With one line per fault: an unknown shape, a parameter that is unknown, missing or given twice, a
@@ -104,7 +105,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
 
 
 def _parameters(shape: str) -> dict[str, _Parameter]:
-    """Parameters by name: the fields of the shape that declare a quantity."""
+    """Return the parameters of a shape by name: the fields of its class that declare a quantity."""
     if shape == "mesh":
         return _MESH_PARAMETERS
     return {
@@ -115,28 +116,28 @@ def _parameters(shape: str) -> dict[str, _Parameter]:
 
 
 def read_load(text: str, *, place: str = "--load") -> float:
-    """Read a load in N, or as the weight of a mass in g [N].
+    """Parse a load, a force such as `4.9 N` or the weight of a mass such as `500 g`, and return it in newtons [N].
 
     Raises:
-        InputError: If it is not a positive force.
+        InputError: If the text is not a positive force.
     """
     return _read_positive(text, "force", place)
 
 
 def read_depth(text: str, *, place: str = "--depth") -> float:
-    """Read an approach from first touch [m].
+    """Parse an indentation depth, the approach of the indenter from first touch, and return it in metres [m].
 
     Raises:
-        InputError: If it is not a positive length.
+        InputError: If the text is not a positive length.
     """
     return _read_positive(text, "length", place)
 
 
 def read_position(text: str, *, place: str = "--at") -> tuple[float, float]:
-    """Read `x,y` in the array's frame [m].
+    """Parse the position `x,y` of an indenter's axis in the array's frame, and return it in metres [m].
 
     Raises:
-        InputError: If it is not two lengths.
+        InputError: If the text is not two lengths.
     """
     x, y = read_quantities(text, "length", 2, place=place)
     return (x, y)
@@ -166,7 +167,7 @@ def _read_value(shape: str, name: str, parameter: _Parameter, text: str, place: 
                 raise InputError(f"{where}: names no file; write for example {_EXAMPLES[shape]}")
             return text
         case "unit":
-            # both "mm" and "0.5mm" are accepted
+            # The unit of an STL file may be given as a unit, "mm", or as a length, "0.5mm".
             return read_quantity(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
         case "points":
             return _read_points(text, where)
@@ -177,7 +178,18 @@ def _read_value(shape: str, name: str, parameter: _Parameter, text: str, place: 
 
 
 def _read_points(text: str, where: str) -> tuple[tuple[float, float], ...]:
-    """Read corners `x,y/x,y/...` [m]; a plain 0 needs no unit."""
+    """Parse the corners of a polygon from text of the form `x,y/x,y/...`; a plain 0 needs no unit.
+
+    Args:
+        text: The corners.
+        where: Place of the text; error messages begin with it.
+
+    Returns:
+        Positions (x, y) of the corners [m].
+
+    Raises:
+        InputError: If a corner is not two lengths.
+    """
     corners: list[tuple[float, float]] = []
     for corner in text.split("/"):
         parts = [f"{part} m" if re.fullmatch(r"[-+]?0+\.?0*", part.strip()) else part for part in corner.split(",")]

@@ -1,7 +1,7 @@
-"""Quantities as text, `2 mm`, `1 MPa`, `500 g`, converted to SI numbers.
+"""Parsing of quantities from text, such as `2 mm`, `1 MPa` or `500 g`, into numbers in SI units.
 
-The units come from pint.  It is loaded on first use, and its parsed definitions are kept in the user's cache folder:
-parsing them takes longer than a small reference solution.
+The package pint defines the units.  It is imported on first use, and its parsed definitions of units are stored in the
+user's cache folder, because parsing them takes longer than a small finite-element solution.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
 
-#: For each kind an SI unit of its dimension, and an accepted example for messages.
+#: For each kind of quantity, the SI unit of its dimension, and an accepted example for error messages.
 _EXAMPLES = {
     "length": ("m", "2 mm"),
     "pressure": ("Pa", "1 MPa"),
@@ -35,20 +35,20 @@ _SEPARATOR = re.compile(r"\s*[x\u00d7,]\s*(?=[-+.\d])")
 
 
 def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
-    """Read one quantity.
+    """Parse one quantity, a number with a unit.
 
     A force may be given as the weight of a mass, `500 g`.
 
     Args:
         value: The text; a plain number is refused because it has no unit.
-        kind: The kind of quantity.
-        place: Option or key that holds the text; messages begin with it.
+        kind: Kind of quantity that is expected.
+        place: Option or key that holds the text; error messages begin with it.
 
     Returns:
         The number in SI units, angles in radians.
 
     Raises:
-        InputError: If the text has no number, no unit, an unknown unit or one of the wrong kind.
+        InputError: If the text has no number, no unit, an unknown unit or a unit of another kind of quantity.
     """
     where = f"{place}: " if place else ""
     example = f"write for example '{_EXAMPLES[kind][1]}'"
@@ -67,17 +67,20 @@ def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
 
 
 def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", joint: str = ",") -> tuple[float, ...]:
-    """Read `count` quantities joined by `x` or `,`, such as `10mmx10mmx5mm` or `0.7mm,-1.1mm`.
+    """Parse several quantities of one kind, joined by `x` or `,`, such as `10mmx10mmx5mm` or `0.7mm,-1.1mm`.
 
     Args:
         value: The text.
-        kind: The kind of each quantity.
-        count: Number of quantities.
-        place: Option or key that holds the text; messages begin with it.
-        joint: Separator in the example of a message.
+        kind: Kind of quantity that each value must have.
+        count: Number of quantities that is expected [-].
+        place: Option or key that holds the text; error messages begin with it.
+        joint: Separator in the example that an error message shows.
+
+    Returns:
+        The numbers in SI units.
 
     Raises:
-        InputError: As `read_quantity`, or if the number of quantities differs from `count`.
+        InputError: For the faults of `read_quantity`, or if the number of quantities differs from `count`.
     """
     parts = _SEPARATOR.split(value.strip()) if isinstance(value, str) else [value]
     if len(parts) != count:
@@ -93,13 +96,16 @@ def _registry() -> pint.UnitRegistry[Any]:
 
     try:
         return pint.UnitRegistry(cache_folder=":auto:")
-    except OSError:  # without a writable cache folder pint only starts slower
+    except OSError:  # no writable cache folder: pint then parses its definitions of units at every start
         return pint.UnitRegistry()
 
 
 @functools.cache
 def _factor(unit: str, kind: Kind) -> float | None:
-    """Factor from `unit` to SI; None if the unit is unknown or of another kind."""
+    """Return the factor from a unit to SI units; None if the unit is unknown or does not measure this kind of quantity.
+
+    A unit of mass is accepted for a force; its factor is that of the mass's weight.
+    """
     registry = _registry()
     try:
         quantity = (1.0 * registry.parse_units(unit)).to_base_units()
@@ -109,5 +115,5 @@ def _factor(unit: str, kind: Kind) -> float | None:
         # In pint, angles and plain numbers have the same dimension: accept radians for angles only.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
-        return float(quantity.magnitude) * STANDARD_GRAVITY  # a weight given as a mass
+        return float(quantity.magnitude) * STANDARD_GRAVITY  # a force given as the mass of a weight
     return None
