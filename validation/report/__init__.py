@@ -1,4 +1,4 @@
-"""The report: a folder with a page that opens offline, and every number of the page as JSON."""
+"""The report on a sensor's evaluation: a folder with a page that opens offline, and the page's numbers as JSON."""
 
 from validation.report.write import require, write_report
 

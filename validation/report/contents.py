@@ -1,4 +1,4 @@
-"""Contents of the page for the template: numbers, text, images and figures."""
+"""Contents of the report's page, for its template: numbers, text, images and figures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,15 @@ from validation.report.tactile_image import FloatArray, Scale, colour_bar, tacti
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Metric:
-    """Display of a metric: heading, factor from SI or fraction to the unit, unit, meaning and decimals."""
+    """How a metric is printed in tables.
+
+    Attributes:
+        heading: Heading of the metric's column.
+        factor: Factor from the metric's value, in SI units or as a fraction, to the printed unit.
+        unit: Printed unit.
+        meaning: Explanation of the metric in a few words.
+        decimals: Number of printed decimals.
+    """
 
     heading: str
     factor: float
@@ -32,14 +40,16 @@ class Metric:
     decimals: int = 1
 
     def text(self, value: float | None) -> str:
-        """The number as text; a dash if it does not exist."""
+        """Format a value of the metric without its unit; a dash if the value is None or NaN."""
         return "\u2013" if value is None or math.isnan(value) else f"{self.factor * value:.{self.decimals}f}"
 
 
-#: The split of the recordings that a tile shows: it extrapolates, which separates models from tables.
+#: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
+#: the parameters are fitted to light weights and scored on heavy ones.  This extrapolation separates a model from a
+#: mere table of values.
 _TILE_SPLIT = "heavier"
 
-#: Metrics of the tables, with the symbols of `Metric`.
+#: How each metric of the tables is printed, by the name of the metric.
 METRICS: Mapping[str, Metric] = {
     name: Metric(heading=heading, factor=factor, unit=unit, decimals=decimals, meaning=meaning)
     for name, heading, factor, unit, decimals, meaning in (
@@ -57,7 +67,11 @@ METRICS: Mapping[str, Metric] = {
 
 
 def contents(evaluation: Evaluation) -> dict[str, Any]:
-    """Every name that the template uses."""
+    """Return all variables that the template of the page uses, by name.
+
+    Args:
+        evaluation: The results to show.
+    """
     campaign, derivation = evaluation.campaign, evaluation.derivation
     figures = {
         "psf-plot": point_spread_figure(derivation),
@@ -81,7 +95,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
         "cases": [_case(evaluation, result) for result in campaign.cases],
         "percent": lambda value, digits=2: f"{100 * value:.{digits}g}",
-        # "</" would end the script element that holds the data.
+        # The data stand in a script element of the page, which the text "</" would end.
         "figures": json_text(figures, indent=None).replace("</", "<\\/"),
     }
 
@@ -136,7 +150,10 @@ def _recordings_tile(scores: StampScores) -> dict[str, str]:
 
 
 def _psf_images(derivation: Derivation) -> dict[str, Any]:
-    """Images of the reference responses, the fitted kernel and their difference."""
+    """Draw images of the texel forces under a point load and a uniform load, of the fitted kernel, and of the error.
+
+    The error is the difference of the fitted kernel and the response to the uniform load.
+    """
     array, gaussian = derivation.sensor.array, derivation.fit.gaussian
     kernel = gaussian.operator(array)[:, array.middle]
     uniform = derivation.texel_response_uniform.ravel()
@@ -178,13 +195,17 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
 
 
 def _contact_outline(contact: FloatArray) -> FloatArray:
-    """The convex hull of the cells in contact."""
+    """Return the corners (x, y) of the convex hull of the cells of the contact grid that are in contact [m].
+
+    Args:
+        contact: One row per cell in contact; the first two columns are its x and y [m].
+    """
     from scipy.spatial import ConvexHull, QhullError
 
     points = contact[:, :2]
     try:
         return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # fewer than three cells, or all on one line
+    except (QhullError, ValueError):  # fewer than three cells in contact, or all of them on one line
         return points
 
 

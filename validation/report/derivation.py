@@ -1,4 +1,4 @@
-"""The files of `derive --out`: parameters, numbers and a plot."""
+"""Writing of the files of `softcover derive --out`: parameters of the fast model, numbers as JSON, and a plot."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _LOG = logging.getLogger(__name__)
 
 
 def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
-    """Write `parameters.toml`, `cover.npz`, `derive.json` and, if matplotlib is installed, `psf.svg`.
+    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json` and, if matplotlib is installed, `psf.svg`.
 
     Args:
-        derivation: The derivation to write.
+        derivation: Response of a sensor's cover, and the fast model's parameters fitted to the response.
         folder: An existing folder to write to.
 
     Returns:
-        The names of the files.
+        The names of the written files.
 
     Raises:
         OSError: If the folder cannot be written.
@@ -45,7 +45,11 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
 
 
 def _plot(derivation: Derivation, path: Path) -> None:
-    """Draw the radial profile and the texel response side by side, row 0 at the bottom."""
+    """Draw the radial profile and the image of texel forces under a uniform load side by side, and save the drawing.
+
+    For a cover with free side edges, the response of the middle row of texels replaces the radial profile.  In the
+    image, row 0 is at the bottom.
+    """
     from matplotlib.figure import Figure
 
     sensor = derivation.sensor
@@ -65,7 +69,7 @@ def _plot(derivation: Derivation, path: Path) -> None:
 
 
 def _plot_radial(derivation: Derivation, spread: PointSpread, axes: Axes) -> None:
-    """Base pressure under a point load, and the fitted Gaussian."""
+    """Draw the pressure at the cover's base over the distance from a point load, and the fitted Gaussian."""
     radius = np.linspace(0, 6 * derivation.sensor.cover.thickness, 300)
     gaussian = gaussian_pressure(derivation, radius)
     axes.plot(1e3 * radius, 1e-6 * spread.pressure(radius), label="finite elements, point load")
@@ -74,9 +78,9 @@ def _plot_radial(derivation: Derivation, spread: PointSpread, axes: Axes) -> Non
 
 
 def _plot_row(derivation: Derivation, axes: Axes) -> None:
-    """Response of the middle row to uniform loads on its middle and its last texel.
+    """Draw the forces on the middle row of texels under a uniform load on the middle texel of the row, and on the last.
 
-    It replaces the radial profile for free side edges, where the response depends on the position.
+    This plot is for a cover with free side edges, whose response depends on the position and has no radial profile.
     """
     array = derivation.sensor.array
     row = array.middle - array.columns // 2 + np.arange(array.columns)

@@ -1,4 +1,4 @@
-"""Interactive figures as data for plotly.js."""
+"""Interactive figures of the report, as data for plotly.js."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from validation.derivation.derive import Derivation
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Colours of the models.
+#: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
-#: Colour of text and of the exact solution.
+#: Colour of text and of the curve of the closed-form solution.
 _INK = "#24303f"
 
 
 def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
-    """Radial base pressure under a unit point load, the exact solution, and the fitted Gaussian."""
+    """Make the figure of base pressure over distance from a unit point load: finite elements, closed form and Gaussian.
+
+    Raises:
+        ValueError: If the cover has free side edges, so that there is no radial profile.
+    """
     from fem_reference.closed_form import point_response
 
     spread = derivation.point_spread
@@ -42,18 +46,21 @@ def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
 
 
 def gaussian_pressure(derivation: Derivation, radius: FloatArray) -> FloatArray:
-    """Pressure per unit force of the fitted Gaussian at a distance from its centre [1/m2].
+    """Compute the pressure per unit force of the fitted Gaussian at distances from its centre, with sigma along x.
 
     Args:
-        derivation: The derivation, which holds sigma along x.
-        radius: Distances, any shape [m].
+        derivation: The derivation, which holds the fitted Gaussian.
+        radius: Distances from the centre, any shape [m].
+
+    Returns:
+        Pressures per unit force, same shape [1/m2].
     """
     sigma = derivation.fit.gaussian.sigma_x * derivation.sensor.array.pitch[0]
     return np.asarray(np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2))
 
 
 def texel_profile_figure(derivation: Derivation) -> dict[str, Any]:
-    """The middle column of the texel responses, and of the kernel that was fitted to them."""
+    """Make the figure of the forces on the middle column of texels: finite elements and the fitted kernel."""
     array = derivation.sensor.array
     column = array.columns // 2
     offset = np.arange(array.rows) - array.rows // 2
@@ -81,7 +88,7 @@ def texel_profile_figure(derivation: Derivation) -> dict[str, Any]:
 
 
 def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
-    """Misplaced force of every case by every model."""
+    """Make the bar chart of misplaced force of every scored model in every case of a campaign."""
     names = [result.case.name for result in campaign.cases]
     bars = [
         {

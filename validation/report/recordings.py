@@ -1,4 +1,4 @@
-"""Tables and images of the page on recordings."""
+"""Tables and images of the report that compare the fast model with recordings of a real sensor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from meshes import TexelArray
 from validation.calibration.stamp import StampExample, StampRow, StampScores
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
 
-#: Columns of the tables: name of the metric, heading, factor to the printed unit, printed unit.
+#: Columns of the tables: name of the metric, heading, factor from the metric's value to the printed unit, printed unit.
 COLUMNS = (
     ("image_changed_percent", "image changed", 1.0, "%"),
     ("relative_l2", "relative L2", 100.0, "%"),
@@ -21,18 +21,31 @@ COLUMNS = (
     ("wasserstein_m", "Wasserstein-1", 1e3, "mm"),
     ("active_area_iou", "active-area IoU", 1.0, ""),
 )
-#: Models whose images are shown next to the recorded one, followed by the best null model.
+#: Models whose images are shown next to the recorded image; the image of the best null model follows them.
 _SHOWN = ("fast model", "fast model, texel gains", "reference")
 
 
 def best_null(scores: StampScores, split: str) -> StampRow:
-    """The null model with the smallest image change in a split."""
+    """Find the null model (a prediction without a sensor model) with the smallest mean change of the image.
+
+    Args:
+        scores: Scores against the recordings.
+        split: Name of the division of the recordings into fitted and scored weights.
+    """
     nulls = [row for row in scores.rows if (row.split, row.kind) == (split, "null")]
     return min(nulls, key=lambda row: row.pooled["image_changed_percent"].mean)
 
 
 def recordings_contents(scores: StampScores, array: TexelArray) -> dict[str, Any]:
-    """Tables and images of every split."""
+    """Return tables and images for each division of the recordings into fitted and scored weights (split).
+
+    Args:
+        scores: Scores against the recordings.
+        array: Array of the recorded sensor.
+
+    Returns:
+        Variables for the template of the page, by name.
+    """
     splits = list(dict.fromkeys(row.split for row in scores.rows))
     return {
         "scores": scores,

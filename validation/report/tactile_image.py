@@ -1,6 +1,6 @@
-"""Tactile images as inline SVG: small, sharp at any size, with the value of each texel as a tooltip.
+"""Drawing of tactile images as inline SVG: small, sharp at any size, with the value of each texel as a tooltip.
 
-Row 0, the smallest y, is drawn at the bottom; arrays themselves are never flipped.
+Row 0, the row of smallest y, is drawn at the bottom; only the drawing is flipped, never the data.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Edge of a texel on the page [px].
+#: Edge length of a texel on the page [px].
 _CELL = 15
 #: Colours of forces from zero to the peak, with increasing lightness.
 _FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9dd4b", "#fdf3a1")
@@ -26,13 +26,13 @@ _MASKED = "#e6e6ea"
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Colour scale; images that are compared share one.
+    """A colour scale of tactile images; images that are compared have the same scale.
 
     Attributes:
-        peak: Value with the last colour.
+        peak: Value that is drawn with the last colour.
         difference: Whether the colours run from -peak to +peak with white at zero, instead of from 0 to peak.
-        unit: Unit of the shown numbers.
-        factor: Factor from the values' unit to the shown unit [-].
+        unit: Unit of the printed numbers.
+        factor: Factor from the unit of the values to the unit of the printed numbers [-].
     """
 
     peak: float
@@ -42,11 +42,11 @@ class Scale:
 
     @property
     def colours(self) -> tuple[str, ...]:
-        """Colours at equal steps."""
+        """Colours at equal steps from the lowest to the highest value of the scale."""
         return _DIFFERENCE if self.difference else _FORCE
 
     def colour(self, value: float) -> str:
-        """The colour of one value."""
+        """Return the colour of a value, as `#rrggbb`."""
         share = value / self.peak if self.peak > 0 else 0.0
         place = 0.5 + share / 2 if self.difference else share
         steps = np.linspace(0, 1, len(self.colours))
@@ -55,14 +55,14 @@ class Scale:
 
 
 def tactile_image(array: TexelArray, values: FloatArray, scale: Scale, *, outline: FloatArray | None = None) -> str:
-    """Draw one value per texel.
+    """Draw a tactile image, one coloured square per texel, as an SVG element.
 
     Args:
-        array: The texels.
-        values: One value per texel, shape (n,).
-        scale: Colour scale.
-        outline: Corners of a closed line over the image, for example around the contact area, in the array's frame,
-            shape (m, 2) [m]; none when not given.
+        array: The n texels.
+        values: Value of each texel, shape (n,).
+        scale: Colour scale of the image.
+        outline: Corners (x, y) of a closed line that is drawn over the image, for example around the contact area, in
+            the array's frame, shape (m, 2) [m]; None for no line.
     """
     cells = "".join(_cell(array, index, float(value), scale) for index, value in enumerate(values))
     width, height = array.columns * _CELL, array.rows * _CELL
@@ -74,7 +74,7 @@ def tactile_image(array: TexelArray, values: FloatArray, scale: Scale, *, outlin
 
 
 def colour_bar(scale: Scale) -> str:
-    """A legend for images drawn with this scale."""
+    """Draw the legend of a colour scale: a bar with all colours between the least and the greatest value, as HTML."""
     last = len(scale.colours) - 1
     stops = "".join(
         f"<stop offset='{100 * i / last:.1f}%' stop-color='{colour}'/>" for i, colour in enumerate(scale.colours)

@@ -1,4 +1,4 @@
-"""Write the report folder: `index.html`, its assets, `scores.json`, `parameters.toml` and `cover.npz`."""
+"""Writing of the report folder: `index.html`, the page's assets, `scores.json`, `parameters.toml` and `cover.npz`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from validation.errors import MissingExtraError
 from validation.json_values import json_text
 from validation.report.contents import contents
 
-#: Files of the page that are copied unchanged.
+#: Files of the report's page that are copied unchanged.
 _ASSETS = ("report.css", "report.js")
 
 
 def require() -> None:
-    """Check before any long work that the packages for a report are installed.
+    """Check that the packages for a report are installed; to be called before long computations.
 
     Raises:
-        MissingExtraError: If one is missing.
+        MissingExtraError: If a package is missing.
     """
     from importlib.util import find_spec
 
@@ -28,10 +28,10 @@ def require() -> None:
 
 
 def write_report(evaluation: Evaluation, folder: Path) -> None:
-    """Write the report.
+    """Write the report on a sensor's evaluation.
 
     Args:
-        evaluation: The evaluation to show.
+        evaluation: The results to show.
         folder: An existing folder to write to.
 
     Raises:

@@ -1,6 +1,6 @@
-"""Sensor files: one TOML file describes array, cover and electronics of a sensor.
+"""Sensor files: a TOML file that describes the array, the cover and the electronics of a tactile sensor.
 
-`load` reads such a file or a built-in sensor, and returns a `SensorDescription` in SI units.
+`load` reads a sensor file or a built-in sensor, and returns a `SensorDescription` in SI units.
 """
 
 from validation.sensor_file.sensor import BUILT_IN, SensorDescription, load, parse, read_template

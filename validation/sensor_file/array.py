@@ -1,4 +1,4 @@
-"""Texels from the `[array]` table of a sensor file."""
+"""Making of a sensor's texels from the table `[array]` of its sensor file."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from validation.sensor_file.tables import ArrayTable
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Largest number of texels: the cover kernels of more would need gigabytes [-].
+#: Largest number of texels of an array: with more, the kernels of the cover would need gigabytes of memory [-].
 _MAX_TEXELS = 10_000
-#: Columns of a table of positions: centres [m], and unit normals [-] if the array is curved.
+#: Columns of a file of texel positions: centres of the texels [m], and their unit normals [-] if the array is curved.
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
 
 
 def build_array(table: ArrayTable, *, name: str, source: Path) -> TexelArray:
-    """Make the texels that the table describes.
+    """Make the texels that the table `[array]` of a sensor file describes.
 
     Args:
-        table: The `[array]` table.
+        table: The table `[array]`.
         name: Name of the array if the table has none.
-        source: The sensor file; `positions` is relative to its folder.
+        source: Path of the sensor file; the path `positions` in the table is relative to its folder.
 
     Raises:
         InputError: If the mask or the positions do not match rows x columns, or texels overlap.
@@ -60,7 +60,18 @@ def _build_texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
 
 
 def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelArray:
-    """Texels at listed positions; without rows and columns the image is one row of texels in the order of the list."""
+    """Make texels at the positions that a CSV file lists.
+
+    If the table has no rows and columns, the tactile image is one row of texels in the order of the list.
+
+    Args:
+        table: The table `[array]`.
+        path: Path of the CSV file.
+        name: Name of the array.
+
+    Raises:
+        InputError: If the file is damaged, or the number of texels is not rows x columns.
+    """
     if (table.rows is None) != (table.columns is None):
         raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
     centres, normals = _read_positions(path)
@@ -84,10 +95,21 @@ def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelA
 
 
 def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, float]:
-    """Edge of the largest equal squares about all texels that do not overlap, along x and y [m].
+    """Compute the largest edge length of equal squares, one centred on each texel, that do not overlap.
 
-    For a flat array this is the smallest maximum norm of the distance between two centres.  A curved array has no
-    common x and y; there the Euclidean distance is used, which is at least as large.
+    For a flat array this is the smallest distance between the centres of two texels, in the maximum norm of x and y.
+    The texels of a curved array have no common x and y; there the Euclidean distance is used, which is at least as
+    large.
+
+    Args:
+        centres: Centres of the n texels, shape (n, 3) [m].
+        normals: Unit normals of the texels, shape (n, 3) [-].
+
+    Returns:
+        The edge length, twice: along x and along y [m].
+
+    Raises:
+        InputError: If there is only one texel, or two texels have the same centre.
     """
     from scipy.spatial import cKDTree
 
@@ -102,7 +124,11 @@ def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, 
 
 
 def _refuse_overlap(array: TexelArray) -> None:
-    """Refuse texels that overlap: force on the shared area would count twice."""
+    """Refuse active texels that overlap, because force on the common area would count twice.
+
+    Raises:
+        InputError: If two active texels overlap.
+    """
     from scipy.spatial import cKDTree
 
     places = array.centres[array.active, :2] / np.array(array.texel_size)
@@ -117,7 +143,14 @@ def _refuse_overlap(array: TexelArray) -> None:
 
 
 def _read_mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.bool_] | None:
-    """Which texels measure, shape (rows, columns); None if all do."""
+    """Read the mask of the table `[array]`.
+
+    Returns:
+        Whether each texel measures, shape (rows, columns); None if the table has no mask, so that all texels measure.
+
+    Raises:
+        InputError: If the mask does not have `rows` lines of `columns` entries 0 or 1.
+    """
     if table.mask is None:
         return None
     lines = [[str(entry) for entry in line] for line in table.mask]
@@ -131,7 +164,14 @@ def _read_mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.boo
 
 
 def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Centres [m] and unit normals [-] from a CSV file, each of shape (n, 3)."""
+    """Read the positions of n texels from a CSV file.
+
+    Returns:
+        Centres of the texels, shape (n, 3) [m], and their unit normals, shape (n, 3) [-].
+
+    Raises:
+        InputError: If the file does not exist, has other columns, or holds too many texels or text that is no number.
+    """
     if not path.is_file():
         raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
     with path.open(newline="", encoding="utf-8") as stream:

@@ -1,4 +1,4 @@
-"""Faults of a sensor file as readable lines: the place, what is wrong, and what would be accepted."""
+"""Error messages for the faults of a sensor file: the place in the file, what is wrong, and what would be accepted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
-#: Accepted text for keys that are missing or hold something else than a table.
+#: Example of accepted text for each key that may be missing or have a value of the wrong type.
 _EXAMPLES = {
     "rows": "rows = 14",
     "columns": "columns = 6",
@@ -30,13 +30,13 @@ _EXAMPLES = {
     "electronics": "the table [electronics]",
 }
 
-#: Keys for the symbols that people write instead.
+#: Keys of a sensor file, by the symbols that users write by mistake.
 _KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 
 
 def list_faults(error: ValidationError) -> list[str]:
-    """One line per fault that pydantic found."""
-    # A value that fits no branch of a union is reported once per branch, with the same path: keep the first.
+    """Return one line of text per fault that pydantic found in a sensor file."""
+    # Pydantic reports a value that fits no member of a union once per member, with the same path: keep the first one.
     lines: dict[str, str] = {}
     for details in error.errors():
         place = format_path(details["loc"])
@@ -45,18 +45,22 @@ def list_faults(error: ValidationError) -> list[str]:
 
 
 def format_path(location: Sequence[int | str]) -> str:
-    """Write a location in the file as `cover.layer[0].thickness`."""
+    """Format a location in a sensor file as text, such as `cover.layer[0].thickness`.
+
+    Args:
+        location: Keys of tables and indices of lists, from the outermost.
+    """
     text = ""
     for part in location:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif "[" not in part:  # parts with a bracket are pydantic's own names of union branches
+        elif "[" not in part:  # pydantic adds names of its own, with a bracket, for the members of a union
             text += f".{part}" if text else part
     return text
 
 
 def _explain(details: ErrorDetails) -> str:
-    """Describe the fault and name accepted values."""
+    """Describe one fault that pydantic found, and name accepted values."""
     kind, given = details["type"], details["input"]
     key = str(details["loc"][-1])
     if kind == "value_error":
@@ -72,7 +76,7 @@ def _explain(details: ErrorDetails) -> str:
 
 
 def _keys_of_table(location: Sequence[int | str]) -> list[str]:
-    """The keys that the table at `location` takes."""
+    """List the keys that are accepted in the table at a location of a sensor file."""
     table: Any = SensorTables
     for key in location:
         if key in ("layer", "material"):

@@ -1,4 +1,4 @@
-"""The description of a sensor, and how it is read from a TOML file or taken from the built-in sensors."""
+"""The description of a tactile sensor, read from a sensor file (TOML) or taken from the built-in sensors."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ from validation.errors import InputError, nearest
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
 from validation.text.quantity import read_quantity
 
-#: Electronics of the SDH2's arrays.  Their load curve is not published, so the slope of the WTS 0614-34 is used.  Its
-#: offset is left out, because the firmware of the DSACON32m subtracts a threshold.  Recordings are scored with a fitted
-#: curve instead.
+#: Electronics of the tactile arrays of the SCHUNK SDH-2 hand.  Their characteristic (counts over force) is unpublished,
+#: so the slope of the WTS 0614-34 is used.  The offset of the WTS 0614-34 is left out, because the firmware of the
+#: DSACON32m, which reads the arrays, subtracts a threshold.  To score recordings, a fitted characteristic replaces this
+#: one.
 _SDH2_ELECTRONICS = Electronics(rate_hz=31.25, sensitivity=WTS_0614_34.sensitivity, output_max=3512, bits=12)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SensorDescription:
-    """A sensor: array, cover and electronics, in SI units.
+    """A tactile sensor: array, cover and electronics, in SI units.
 
     Attributes:
-        name: Name for tables and reports.
-        array: Its texels.
-        cover: Its cover; `cover.assumed` is true if nobody measured it.
-        electronics: Conversion from force to counts.
-        filter: Low-pass before the electronics, or None.
-        spread: A kernel that replaces the fitted one, or None.
-        source: The file or the built-in name that describes it.
+        name: Name of the sensor in tables and reports.
+        array: Texels of the sensor.
+        cover: Elastic layers over the texels; `cover.assumed` is true if the real cover was never measured.
+        electronics: Conversion from texel forces to counts.
+        filter: Low-pass filter before the electronics, or None.
+        spread: Gaussian spread kernel that replaces the fitted kernel, or None.
+        source: Path of the sensor file, or the name of the built-in sensor.
     """
 
     name: str
@@ -50,7 +51,7 @@ class SensorDescription:
     source: str = ""
 
     def describe_cover(self) -> dict[str, Any]:
-        """The cover as JSON values, with its label where it is assumed."""
+        """Return the cover as a dictionary of JSON values, with the key `assumed`."""
         cover, names = self.cover, ("model", "youngs_modulus", "poisson_ratio", "source", "spread")
         return {
             "assumed": cover.assumed,
@@ -68,7 +69,7 @@ class SensorDescription:
         }
 
 
-#: Sensors whose name can be given instead of a file.  Both covers are assumed.
+#: Sensors that a user can name instead of a sensor file, by name.  Their covers are assumed, not measured.
 BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
     {
         name: SensorDescription(
@@ -84,15 +85,15 @@ BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
 
 
 def load(sensor: str | Path, *, material: str | None = None, thickness: str | None = None) -> SensorDescription:
-    """Read a sensor from a TOML file or by its built-in name.
+    """Read the description of a sensor from a sensor file, or take that of a built-in sensor.
 
     Args:
-        sensor: Path of a file, or a name in `BUILT_IN`.
-        material: Name of a material that replaces the cover's.
-        thickness: Thickness with its unit that replaces the cover's.
+        sensor: Path of a sensor file, or a name in `BUILT_IN`.
+        material: Name of a material in the catalogue that replaces the cover's material.
+        thickness: Thickness with its unit that replaces the cover's thickness.
 
     Raises:
-        InputError: With one line per fault: its place in the file, what is wrong, what would be accepted.
+        InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
         OSError: If the file exists and cannot be read.
     """
     description = BUILT_IN.get(str(sensor)) or _read_file(Path(sensor))
@@ -102,7 +103,7 @@ def load(sensor: str | Path, *, material: str | None = None, thickness: str | No
 
 
 def read_template() -> str:
-    """A commented sensor file that describes a WTS 0614-34 under 2 mm of rubber."""
+    """Return the text of a commented sensor file that describes a WTS 0614-34 under 2 mm of rubber."""
     return resources.files("validation.sensor_file").joinpath("template.toml").read_text(encoding="utf-8")
 
 
@@ -118,11 +119,11 @@ def _read_file(path: Path) -> SensorDescription:
 
 
 def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
-    """Turn the tables of a sensor file into a description.
+    """Convert the parsed tables of a sensor file to the description of the sensor.
 
     Args:
-        data: The tables.
-        source: The sensor file, for messages; `array.positions` is relative to its folder.
+        data: The tables, as the TOML parser returns them.
+        source: Path of the sensor file, for error messages; the path `array.positions` is relative to its folder.
 
     Raises:
         InputError: With one line per fault.
@@ -140,7 +141,7 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
         raise InputError(*faults)
     name = tables.name or source.stem
     array = build_array(tables.array, name=name, source=source)
-    # The validator of the tables has already turned names and parameters into a Material.
+    # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
     layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)  # type: ignore[arg-type]
     cover = Cover(layers=layers, base=tables.cover.base, size=tables.cover.size)
     _refuse_uncovered(array, cover, source)
@@ -159,7 +160,11 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
 
 
 def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
-    """Refuse texels beyond the edges of a cover of limited size; its middle lies over the array's origin."""
+    """Refuse texels that lie beside a cover of limited size; the cover's middle lies over the array's origin.
+
+    Raises:
+        InputError: If an active texel is not wholly under the cover.
+    """
     if cover.size is None or not array.planar:
         return
     reach = np.abs(array.centres[array.active, :2]) + np.array(array.texel_size) / 2
@@ -174,7 +179,7 @@ def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
 
 
 def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
-    """Faults that show only when several keys of `[electronics]` are read together."""
+    """Yield one line of text per fault that concerns several keys of the table `[electronics]`."""
     largest = 2**electronics.bits - 1
     if (electronics.sensitivity is None) == (electronics.characteristic is None):
         yield "electronics: give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k])"
@@ -188,13 +193,23 @@ def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
 def _build_electronics(table: ElectronicsTable) -> Electronics:
     given: dict[str, Any] = dataclasses.asdict(table)
     values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
-    # With a characteristic the slope has no effect, but `Electronics` requires a positive number.
+    # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
     values |= {"sensitivity": table.sensitivity or 1.0, "output_max": table.output_max or 2**table.bits - 1}
     return Electronics(rate_hz=values.pop("rate"), **values)
 
 
 def _replace_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:
-    """A cover of one layer with the given material and thickness; a value that is not given stays."""
+    """Replace a cover by one of a single layer with another material or thickness.
+
+    Args:
+        cover: The cover.
+        material: Name of the new material; the material stays if None.
+        thickness: New thickness with its unit; the thickness stays if None.
+
+    Raises:
+        InputError: If the material is unknown or the thickness is not a positive length, or if only one of the two is
+            given and the cover has several layers.
+    """
     faults = []
     if (material is None or thickness is None) and len(cover.layers) > 1:
         faults.append("--material, --thickness: the cover has several layers; give both to replace them by one")

@@ -1,4 +1,7 @@
-"""The tables of a sensor file as pydantic dataclasses: quantities become SI, and every fault keeps its path."""
+"""The tables of a sensor file as pydantic dataclasses, which check the values and convert quantities to SI units.
+
+Pydantic reports each fault with its path in the file.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +20,24 @@ from validation.text.quantity import Kind, read_quantity
 
 _CONFIG = ConfigDict(extra="forbid")
 
-#: Upper limit on the pitch of texels and the edge of a cover: larger values have a wrong unit [m].
+#: Upper limit on the pitch of texels and on the edge lengths of a cover: larger values must have a wrong unit [m].
 _LONGEST = 1.0
-#: Number of coefficients of a characteristic of degree 5, as in the 2015 report [-].
+#: Number of coefficients of the electronics' characteristic, a polynomial of degree 5 as in the 2015 report [-].
 _COEFFICIENTS = 6
-#: Upper limit on the size of an Ogden exponent: larger ones overflow at moderate stretches [-].
+#: Upper limit on the absolute value of an exponent of the Ogden material model: powers with larger exponents overflow
+#: at moderate stretches [-].
 _LARGEST_EXPONENT = 100
 #: Names of the parameters of all material models.
 _PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
 
 
 def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
-    """Make a validator that reads a text with a unit."""
+    """Make a validator that parses a quantity with a unit and converts it to SI.
+
+    Args:
+        kind: Kind of quantity that is expected.
+        positive: Whether the quantity must be positive.
+    """
 
     def convert(value: object) -> float:
         number = read_quantity(value, kind)
@@ -40,7 +49,11 @@ def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
 
 
 def _terms(read_one: Callable[[object], float]) -> BeforeValidator:
-    """Make a validator that reads one number, or a list with one number for each term of a series."""
+    """Make a validator that reads a material parameter: one number, or a list with one number per term of the energy.
+
+    Args:
+        read_one: Function that reads one number.
+    """
 
     def convert(value: object) -> tuple[float, ...]:
         return tuple(read_one(part) for part in (value if isinstance(value, list) else [value]))
@@ -55,7 +68,7 @@ def _exponent(value: object) -> float:
 
 
 def _choice(*names: str) -> BeforeValidator:
-    """Make a validator that accepts one of the names."""
+    """Make a validator that accepts one of the given names."""
 
     def check(value: object) -> object:
         if value not in names:
@@ -66,7 +79,13 @@ def _choice(*names: str) -> BeforeValidator:
 
 
 def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
-    """Make a validator that accepts a number between two limits."""
+    """Make a validator that accepts a number between two limits.
+
+    Args:
+        lowest: Least accepted number.
+        highest: Greatest accepted number.
+        note: Text that follows the limits in the error message.
+    """
 
     def check(value: float) -> float:
         if not lowest <= value <= highest:
@@ -93,14 +112,14 @@ def _refuse_other_degrees(coefficients: list[float]) -> list[float]:
 
 
 def _add_grid_keys(value: object) -> object:
-    """With `positions`, set missing keys of a grid to None, so that the table does not require them."""
+    """Set missing keys of a grid of texels to None if the table has the key `positions`, which replaces the grid."""
     if isinstance(value, Mapping) and "positions" in value:
         return dict.fromkeys(("rows", "columns", "pitch")) | dict(value)
     return value
 
 
 def _lengths(value: object) -> tuple[float, float]:
-    """Read one length for both directions, or [x, y] [m]."""
+    """Read a pair of lengths along x and y, given as one length for the two directions or as a list [m]."""
     pair = value if isinstance(value, list) else [value, value]
     if len(pair) != 2:  # noqa: PLR2004 -- x and y
         raise ValueError(f"must be one length or [x, y], not {value!r}")
@@ -113,7 +132,12 @@ def _lengths(value: object) -> tuple[float, float]:
 
 
 def _material(value: object, read_table: Callable[[object], Any]) -> Material:
-    """Read the name of a material in the library, or a table of parameters."""
+    """Read a material: its name in the catalogue, or a table of a material model and its parameters.
+
+    Args:
+        value: The name or the table.
+        read_table: Pydantic's function that reads the table.
+    """
     if isinstance(value, str):
         if value not in MATERIALS:
             raise ValueError(f"unknown material {value!r}; {nearest(value, MATERIALS)}")
@@ -134,7 +158,7 @@ Lengths = Annotated[tuple[float, float], BeforeValidator(_lengths)]
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ArrayTable:
-    """`[array]`: a grid by rows, columns and pitch, or any layout by a file of positions."""
+    """Table `[array]`: texels on a grid of given rows, columns and pitch, or at positions listed in another file."""
 
     rows: Count | None
     columns: Count | None
@@ -147,7 +171,10 @@ class ArrayTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class MaterialTable:
-    """`material = { ... }`: it has a field for every parameter of every model; a model uses its own."""
+    """Table `material = { ... }`: a material model, and fields for the parameters of all models.
+
+    Each model requires its own parameters and refuses those of other models.
+    """
 
     model: Annotated[str, _choice(*MODELS)]
     poisson_ratio: Ratio | None = None
@@ -167,7 +194,7 @@ class MaterialTable:
     poisson_spread: Ratio = 0.0
 
     def material(self) -> Material:
-        """Make the material.
+        """Make the material that the table describes.
 
         Raises:
             ValueError: If a parameter of the model is missing, or a parameter of another model is given.
@@ -205,7 +232,7 @@ class MaterialTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class LayerTable:
-    """`[[cover.layer]]`."""
+    """Table `[[cover.layer]]`: one layer of the cover."""
 
     thickness: Length
     material: Annotated[MaterialTable, WrapValidator(_material)]
@@ -213,7 +240,7 @@ class LayerTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class CoverTable:
-    """`[cover]`."""
+    """Table `[cover]`: layers of the cover, how its bottom is held, and its size."""
 
     layer: Annotated[list[LayerTable], Field(min_length=1)]
     base: Annotated[Literal["bonded", "sliding"], _choice("bonded", "sliding")] = "bonded"
@@ -229,14 +256,14 @@ def _frictionless(value: object) -> float:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ContactTable:
-    """`[contact]`."""
+    """Table `[contact]`: friction between indenter and cover."""
 
     friction: Annotated[float, BeforeValidator(_frictionless)] = 0.0
 
 
 @dataclass(config=_CONFIG, kw_only=True)
 class FilterTable:
-    """`[filter]`."""
+    """Table `[filter]`: the Butterworth low-pass filter before the electronics."""
 
     cutoff: Annotated[float, _quantity("frequency")]
     order: Annotated[int, Strict(), _bounded(1, 20)] = 2
@@ -244,7 +271,7 @@ class FilterTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class SpreadTable:
-    """`[spread]`: a kernel that replaces the fitted one [pitches]."""
+    """Table `[spread]`: a Gaussian spread kernel that replaces the fitted kernel; sigma in pitches, ksize in texels."""
 
     sigma_x: Annotated[float, Strict(), _bounded(1e-3, 100)]
     sigma_y: Annotated[float, Strict(), _bounded(1e-3, 100)]
@@ -254,7 +281,7 @@ class SpreadTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ElectronicsTable:
-    """`[electronics]`."""
+    """Table `[electronics]`: conversion of texel forces to counts."""
 
     rate: Annotated[float, _quantity("frequency")]
     sensitivity: Annotated[float, _quantity("per force")] | None = None
@@ -270,7 +297,7 @@ class ElectronicsTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class SensorTables:
-    """A whole sensor file."""
+    """All tables of a sensor file."""
 
     array: Annotated[ArrayTable, BeforeValidator(_add_grid_keys)]
     cover: CoverTable
