@@ -1,8 +1,8 @@
-"""Reads tactile frames and forces from ROS 1 and ROS 2 recordings of other programs, by the layout of their messages.
+"""Reads tactile frames and forces from ROS 1 and ROS 2 recordings (bags) of other programs.
 
-These messages hold frames: images (mono8, mono16); messages with rows, columns and data under any of the names that
-public tactile drivers use; lists of such messages (`tactile_matrix` of the SDH-2 driver); multi-arrays with two
-dimensions.  The z component of a wrench is taken as the reading of a force sensor.
+Messages with frames are recognised by their layout: images (mono8, mono16); messages with rows, columns and data under
+any of the names that public tactile drivers use; lists of such messages (`tactile_matrix` of the SDH-2 driver);
+multi-arrays with two dimensions.  The z component of a wrench is taken as the reading of a force sensor.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ from validation.recordings.recording import (
     make_array,
 )
 
-#: Names under which public drivers give rows, columns and counts; the first one that exists is used.
+#: Names of the message fields in which public tactile drivers give the number of rows, the number of columns and the
+#: counts.  Of several names that a message has, the first in the list is used.
 _ROW_NAMES, _COLUMN_NAMES = ("rows", "cells_y", "height"), ("columns", "cols", "cells_x", "width")
 _COUNT_NAMES = ("counts", "data", "tactile_array", "values")
-#: Types of a pixel, by the encoding of an image.
+#: numpy type of a pixel by the encoding of a ROS image message.
 _PIXEL_TYPES = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2"}
 _SECONDS_PER_NANOSECOND = 1e-9
 _NANOSECONDS_PER_SECOND = 1_000_000_000
@@ -39,7 +40,13 @@ _NANOSECONDS_PER_SECOND = 1_000_000_000
 
 @dataclass(frozen=True)
 class _ArrayFrame:
-    """One frame of one array: its rows and columns, and its counts, shape (rows * columns,)."""
+    """One frame of one texel array.
+
+    Attributes:
+        array: Name of the array.
+        shape: Number of rows and of columns [-].
+        counts: Counts of the texels, shape (rows * columns,) [-].
+    """
 
     array: str
     shape: tuple[int, int]
@@ -48,7 +55,13 @@ class _ArrayFrame:
 
 @dataclass
 class _Collector:
-    """Collects frames and forces with their times [ns], and the rows and columns of each array."""
+    """Collects the frames and forces of one bag.
+
+    Attributes:
+        shapes: Number of rows and of columns by name of the array [-].
+        frames: Time [ns] and counts of each frame, by name of the array.
+        forces: Time [ns] and value [N] of each reading of the force sensor.
+    """
 
     shapes: dict[str, tuple[int, int]] = field(default_factory=dict)
     frames: dict[str, list[tuple[int, CountArray]]] = field(default_factory=lambda: defaultdict(list))
@@ -58,16 +71,16 @@ class _Collector:
 def read(
     path: str | Path, *, topic: str | None = None, rows: int | None = None, columns: int | None = None
 ) -> Recording:
-    """Read the frames of a bag: a ROS 1 `.bag`, a ROS 2 folder or `.mcap`.
+    """Read the frames and forces of a bag: a ROS 1 `.bag` file, a ROS 2 folder or a ROS 2 `.mcap` file.
 
     Args:
-        path: File or folder.
-        topic: Topic with the frames; may be left out if only one topic has any.
-        rows: Number of texels along y, for messages that do not contain it [-].
-        columns: Number of texels along x, for messages that do not contain it [-].
+        path: The file or folder.
+        topic: Topic with the tactile frames; may be left out if only one topic has tactile frames.
+        rows: Number of texels along y, for messages that do not state the number [-].
+        columns: Number of texels along x, for messages that do not state the number [-].
 
     Raises:
-        RecordingError: If it cannot be read, or if no topic or several topics hold tactile frames.
+        RecordingError: If the bag cannot be read, or if no topic or several topics hold tactile frames.
     """
     path = Path(path)
     collector = _Collector()
@@ -81,13 +94,13 @@ def read(
 
 
 def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
-    """Read the z components of the wrenches in a bag.
+    """Read the z components of all wrench messages in a bag as readings of a force sensor.
 
     Returns:
-        Times since 1970 [s] and forces [N], shape (readings,).
+        Times since 1970 [s] and forces [N], each of shape (readings,).
 
     Raises:
-        RecordingError: If it cannot be read or holds no wrenches.
+        RecordingError: If the bag cannot be read or holds no wrench messages.
     """
     path = Path(path)
     forces = ((time, _find_force(message)) for _, time, message in _read_messages(path))
@@ -99,7 +112,11 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
 
 
 def _read_messages(path: Path) -> Iterator[tuple[str, int, Any]]:
-    """Read topic, time [ns] and message in order of time; messages of unknown types are left out."""
+    """Yield topic, time [ns] and content of each message in a bag, in order of time, without messages of unknown type.
+
+    Raises:
+        RecordingError: If the bag is missing or damaged.
+    """
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -116,12 +133,12 @@ def _read_messages(path: Path) -> Iterator[tuple[str, int, Any]]:
     except RecordingError:
         raise
     except Exception as error:
-        # the library raises many kinds of errors on damaged bytes
+        # rosbags raises many kinds of exceptions on damaged files
         raise RecordingError(f"{path}: not a ROS bag, or damaged: {' '.join(str(error).split())}") from error
 
 
 def _find_time(message: object, received: int) -> int:
-    """Time in the header of a message; the time when it was received if the header has none [ns]."""
+    """Return the time in the header of a message [ns], or the time of reception if the header has no time."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is None or not stamp.sec:
         return received
@@ -129,7 +146,7 @@ def _find_time(message: object, received: int) -> int:
 
 
 def _find_force(message: object) -> float | None:
-    """The z component of a wrench [N]; None for any other message."""
+    """Return the z component of the force if the message is a wrench [N]; None for any other message."""
     force = getattr(getattr(getattr(message, "wrench", message), "force", None), "z", None)
     return None if force is None else float(force)
 
@@ -137,7 +154,18 @@ def _find_force(message: object) -> float | None:
 def _find_frames(
     path: Path, name: str, message: object, rows: int | None, columns: int | None
 ) -> Sequence[_ArrayFrame]:
-    """The frames in a message, each named after its topic; none in a message of another layout."""
+    """Extract the tactile frames from a message; a message of unknown layout gives an empty list.
+
+    Args:
+        path: The bag, for error messages.
+        name: Topic of the message, from which the names of the arrays are made.
+        message: The message.
+        rows: Number of texels along y, for messages that do not state the number [-].
+        columns: Number of texels along x, for messages that do not state the number [-].
+
+    Raises:
+        RecordingError: If values are not whole numbers of 0 or more, or if an image has the wrong number of bytes.
+    """
     encoding = getattr(message, "encoding", None)
     if encoding is not None:
         return [_read_image(path, name, message)] if encoding in _PIXEL_TYPES else []
@@ -170,7 +198,7 @@ def _read_image(path: Path, name: str, message: Any) -> _ArrayFrame:  # noqa: AN
 
 
 def _find_shape(message: object, rows: int | None, columns: int | None) -> tuple[int, int] | None:
-    """Rows and columns stated in the message; the given ones if it states none."""
+    """Return the numbers of rows and columns stated in a message, or `rows` and `columns` if it states none."""
     own_rows, own_columns = _find_attribute(message, _ROW_NAMES), _find_attribute(message, _COLUMN_NAMES)
     if isinstance(own_rows, int) and isinstance(own_columns, int):
         return own_rows, own_columns
@@ -181,7 +209,7 @@ def _find_shape(message: object, rows: int | None, columns: int | None) -> tuple
 
 
 def _find_attribute(message: object, names: Sequence[str]) -> object:
-    """The first attribute of a message that exists; None if it has none of them."""
+    """Return the value of the first of `names` that is a field of the message; None if none of them is."""
     return next((getattr(message, name) for name in names if hasattr(message, name)), None)
 
 

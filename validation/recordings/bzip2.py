@@ -1,4 +1,4 @@
-"""Unpacks a bzip2 file in pieces of bounded size; the file must be exactly one complete stream."""
+"""Unpacks a bzip2 file in pieces of bounded size.  The file must hold exactly one complete bzip2 stream."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from validation.recordings.recording import RecordingError
 
-#: Largest number of bytes that are read from the file, or unpacked, at a time.
+#: Largest number of bytes that are read from the file, or unpacked, at a time, which bounds the memory in use.
 PIECE_BYTES = 2**16
 
 
@@ -16,12 +16,12 @@ def unpack(path: Path, *, limit: int) -> Iterator[bytes]:
     """Yield the unpacked bytes of a file in pieces of at most `PIECE_BYTES`.
 
     Args:
-        path: The file.
-        limit: Largest number of unpacked bytes that is accepted.
+        path: The bzip2 file.
+        limit: Largest number of unpacked bytes that is accepted; a larger file is refused.
 
     Raises:
-        RecordingError: If the file is missing, is no bzip2 stream, is damaged, truncated or too large, or if other
-            bytes follow the stream.
+        RecordingError: If the file is missing, is not a bzip2 file, is damaged, truncated or too large, or if other
+            bytes follow the bzip2 stream.
     """
     decompressor = bz2.BZ2Decompressor()
     total = 0

@@ -1,4 +1,4 @@
-"""Records the frames of a sensor on a port into a file."""
+"""Records the frames of a sensor on a serial port into an MCAP file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SECONDS_PER_NANOSECOND = 1e-9
 
 
 class RecordingStoppedError(PortError):
-    """The port went away during a recording; the message says why and how many frames are kept."""
+    """Reports that the port was lost during a recording; the message gives the reason and the number of kept frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +29,11 @@ class Captured:
     """Summary of a recording that was just made.
 
     Attributes:
-        path: The file.
-        frames: Number of frames in it [-].
-        gaps: Number of places where frames are missing [-].
-        seconds: Time from the first frame to the last, by the host's clock [s].
-        ended: Whether the time was over (`done`) or the user pressed Ctrl-C (`interrupted`).
+        path: The file of the recording.
+        frames: Number of frames in the file [-].
+        gaps: Number of gaps: places in the stream where frames or bytes are missing or wrong [-].
+        seconds: Time from the first frame to the last, by the clock of the host [s].
+        ended: `done` if the requested duration was over, `interrupted` if the user pressed Ctrl-C.
     """
 
     path: Path
@@ -59,21 +59,21 @@ def record(
     reconnect: float = 0.0,
     on_event: Callable[[Reading | Gap], None] | None = None,
 ) -> Captured:
-    """Record frames, raw bytes and gaps until the time is over or the user presses Ctrl-C.
+    """Record frames, raw bytes and gaps of a sensor until the duration is over or the user presses Ctrl-C.
 
     Args:
         sensor: An open sensor.
         path: The file to write; it must not exist.
         setup: How the sensor is loaded; the properties that the sensor reports are added.
-        seconds: Duration; until Ctrl-C if not given [s].
-        run_length: Whether to ask for run-length encoded frames.
-        interval_ms: Time between frames; 0 for as fast as the device can [ms].
-        reconnect: How long to try to open the port again after it went away [s].
-        on_event: Called with every reading and gap, e.g. to show them.
+        seconds: Duration of the recording; until Ctrl-C if not given [s].
+        run_length: Whether to request run-length encoded frames.
+        interval_ms: Time between frames; 0 for the shortest time that the device supports [ms].
+        reconnect: Longest time during which a lost port is opened again and again [s].
+        on_event: Function that is called with every reading and every gap, for example to show them.
 
     Raises:
-        RecordingStoppedError: If the port went away; the frames received before are kept.
-        StorageError: If the file cannot be written; the frames written before are kept.
+        RecordingStoppedError: If the port was lost; the frames received before are kept in the file.
+        StorageError: If the file cannot be written; the frames written before are kept in the file.
     """
     reported = _ask_properties(sensor)
     setup = setup or Setup()
@@ -95,7 +95,7 @@ def record(
 
 
 def make_device_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArray:
-    """Make the array that a device describes, without frames."""
+    """Make a recorded array without frames from the description that a device gives of its array."""
     return make_array(
         matrix.rows,
         matrix.columns,
@@ -106,26 +106,27 @@ def make_device_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArra
 
 
 class _Session:
-    """One run of the recorder, with its counts of frames and gaps."""
+    """One run of the recorder; counts the frames and gaps that were written."""
 
     def __init__(self, sensor: Sensor, on_event: Callable[[Reading | Gap], None] | None) -> None:
         self.frames = self.gaps = 0
         self.ended: Literal["done", "interrupted"] = "done"
         self._sensor = sensor
         self._on_event = on_event
-        #: UTC minus the host's monotonic clock, and the monotonic clock at the first and last frame [ns].
+        #: UTC time since 1970 minus time on the monotonic clock of the host [ns].
         self._utc_offset = time.time_ns() - time.monotonic_ns()
+        #: Time of the first and of the last frame on the monotonic clock of the host [ns].
         self._first = self._last = 0
 
     @property
     def seconds(self) -> float:
-        """Time from the first frame to the last [s]."""
+        """Time from the first recorded frame to the last [s]."""
         return (self._last - self._first) * _SECONDS_PER_NANOSECOND
 
     def run(
         self, writer: RecordingWriter, seconds: float | None, *, run_length: bool, interval_ms: int, reconnect: float
     ) -> None:
-        """Write frames, raw bytes and gaps until the time is over or the user presses Ctrl-C."""
+        """Write frames, raw bytes and gaps to a file until the duration is over or the user presses Ctrl-C."""
 
         def write_raw(chunk: Chunk) -> None:
             writer.add_raw(chunk.host_time + self._utc_offset, chunk.data)
@@ -162,16 +163,17 @@ class _Session:
             self._on_event(event)
 
     def _write_temperature(self, writer: RecordingWriter) -> None:
-        """Ask for the temperature and write it, if the sensor reports it.
+        """Read the temperature from the sensor and write it to the file, if the sensor reports a temperature.
 
-        Called before and after the stream only: no source says whether a device answers while it streams.
+        The method is called before and after the stream only, because no source states whether a device answers
+        commands while it streams.
         """
         with suppress(SensorError):
             writer.add_temperatures(time.time_ns(), [self._sensor.read_temperature()])
 
 
 def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
-    """Ask for the properties of the device; those that it refuses are left out."""
+    """Read the properties of a device by name, without those that the device refuses to report."""
     info = sensor.read_info()
     questions: dict[str, Callable[[], str | int | float]] = {
         "type": sensor.read_type,

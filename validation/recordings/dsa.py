@@ -1,14 +1,15 @@
 """Reads `.dsa` files: frames of the Weiss arrays in a SCHUNK SDH-2 hand.
 
-The format is that of Peter Kiechle (tactile-sensors, University of Innsbruck, 2015), not that of the Weiss
-DSA-Explorer: bzip2-compressed XML.  A frame is hexadecimal text of eight digits per token.  Each token t is one
-IEEE-754 single, most significant digit first: t >= 0 is the count of one texel, t < 0 stands for |t| texels that read
-zero.  Texels run x fastest, then y, then array, over all arrays of the hand.
+The format is bzip2-compressed XML, as defined by Peter Kiechle (tactile-sensors, University of Innsbruck, 2015); the
+Weiss DSA-Explorer uses another format.  A frame is hexadecimal text of eight digits per token.  A token t is an
+IEEE-754 single-precision number, most significant digit first: t >= 0 is the count of one texel, t < 0 stands for |t|
+consecutive texels that read zero.  The texels of all arrays of the hand follow one another, x fastest, then y, then
+array.
 
-The reader refuses a file, and names the place, unless all of these agree: the checksums of bzip2, the schema below,
-announced and found numbers of elements, sums of tokens, ranges of values, masks and the order of time stamps.  The
-file is read as a stream, and the limits below bound the memory for any content.  Document type declarations are
-refused, because entities in them can expand without bound.
+The reader checks the checksums of bzip2, the XML schema, the stated numbers of elements, the number of texels in each
+frame, ranges of values, masks and the order of time stamps.  It refuses a file that fails a check, with the place in
+the error message.  The file is read as a stream, and limits bound the memory for any content.  Document type
+declarations are refused, because entities in them can expand without bound.
 """
 
 from __future__ import annotations
@@ -31,22 +32,23 @@ from validation.recordings.recording import (
     hash_contents,
 )
 
-#: Largest number of bytes of XML that a file may unpack to.
+#: Largest number of bytes of XML that a file may unpack to, a limit on memory and time.
 MAX_XML_BYTES = 512 * 2**20
-#: Largest number of counts in a file, frames times texels: an hour of the 486 texels of a hand at 34 frames/s.
+#: Largest number of counts (frames times texels) in a file: one hour of the 486 texels of a hand at 34 frames/s.
 MAX_VALUES = 60_000_000
-#: Largest number of temperature channels, and of readings of each.
+#: Largest number of temperature channels in a file, and of readings of each channel.
 MAX_CHANNELS, MAX_READINGS = 64, 100_000
-#: Largest number of bytes of XML without a tag or text, which the XML parser may have to keep in memory.
+#: Largest number of consecutive bytes of XML without a tag or text, which the XML parser may have to hold in memory.
 MAX_MARKUP_BYTES = 2**20
-#: Largest number of characters in one element; a frame without a single zero takes 5 000.
+#: Largest number of characters in one XML element; a frame of an SDH-2 hand in which no texel is zero takes 5 000.
 MAX_TEXT = 2**16
-#: Largest number of arrays; an SDH-2 hand has 6.
+#: Largest number of texel arrays in a file; an SDH-2 hand has 6.
 _MAX_ARRAYS = 16
 _SECONDS_PER_MILLISECOND = 1e-3
 _NANOSECONDS_PER_MILLISECOND = 1_000_000
 
-#: Required elements in each element, by its path.  Those in `_COUNT_OF` occur any number of times, the others once.
+#: Required child elements of each XML element, by the path of the parent.  Elements in `_COUNT_OF` may occur any number
+#: of times, the others exactly once.
 _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
     "root": ("sensor", "data"),
@@ -59,8 +61,10 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "root/joint_angles": ("angle_count", "angle"),
     "root/joint_angles/angle": ("time_stamp", "angle_data"),
 }
+#: Optional child elements of XML elements, by the path of the parent.
 _OPTIONAL: Mapping[str, tuple[str, ...]] = {"root": ("temperatures", "joint_angles")}
-#: For each repeated element, the element that announces how many there are.  Repeated elements carry an index.
+#: For each XML element that may be repeated, the element that states the number of repetitions.  Repeated elements
+#: have an attribute `index`.
 _COUNT_OF: Mapping[str, str] = {
     "matrix": "num_matrices",
     "frame": "frame_count",
@@ -70,13 +74,13 @@ _COUNT_OF: Mapping[str, str] = {
 
 
 def read(path: str | Path) -> Recording:
-    """Read a `.dsa` file.
+    """Read a recording of an SDH-2 hand from a `.dsa` file.
 
     Args:
         path: The file.
 
     Raises:
-        RecordingError: If the file is missing, damaged, of another format or beyond the limits.
+        RecordingError: If the file is missing, damaged, of another format, or larger than the limits of this module.
     """
     path = Path(path)
     collector = _Collector(path)
@@ -85,14 +89,14 @@ def read(path: str | Path) -> Recording:
 
 
 class _Collector:
-    """Collects the content of the elements, in the order in which they end."""
+    """Collects the content of the XML elements of one file, in the order in which the elements end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.place = "start of the file"
         self.arrays: list[RecordedArray] = []
         self.serial = ""
-        #: Largest count of each texel of all arrays; None before the end of `<sensor>`.
+        #: Largest possible count of each of the n texels of all arrays, shape (n,); None before the end of `<sensor>`.
         self.limits: dsa_fields.FrameArray | None = None
         self.frames: list[dsa_fields.FrameArray] = []
         self.stamps: list[int] = []
@@ -100,7 +104,12 @@ class _Collector:
         self.temperature_stamps: list[int] = []
 
     def add(self, element: str, fields: Mapping[str, str]) -> None:
-        """Read one element, given by its path, from the texts of the elements in it; the schema is checked before."""
+        """Read the content of one XML element that agrees with the schema.
+
+        Args:
+            element: Path of the element, such as `root/data/frame`.
+            fields: Texts of the child elements, by tag.
+        """
         match element:
             case "root/sensor/matrix":
                 name = f"array {len(self.arrays)}"
@@ -116,7 +125,7 @@ class _Collector:
                 self._add_temperature(fields)
 
     def make_recording(self) -> Recording:
-        """Make a recording of everything collected."""
+        """Make a recording from the content collected from the whole file."""
         if not self.frames:
             self.fail("no frames; expected at least one")
         first = self.stamps[0]
@@ -142,7 +151,7 @@ class _Collector:
         )
 
     def fail(self, fault: str) -> NoReturn:
-        """Refuse the file: raise an error with its name, the place and the fault."""
+        """Raise a `RecordingError` with the path of the file, the place in the file and a description of the fault."""
         raise RecordingError(f"{self.path}: {self.place}: {fault}")
 
     def _add_frame(self, fields: Mapping[str, str]) -> None:
@@ -163,7 +172,7 @@ class _Collector:
         self.temperatures.append(readings)
 
     def _read_stamp(self, fields: Mapping[str, str], before: list[int]) -> int:
-        """Read the time stamp of an element [ms]; it must not lie before those of the elements before."""
+        """Read the time stamp of an element [ms], which must not be smaller than the last of the stamps in `before`."""
         stamp = dsa_fields.read_whole_number(fields["time_stamp"], "time_stamp", self.fail)
         if before and stamp < before[-1]:
             self.fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
@@ -171,18 +180,19 @@ class _Collector:
 
 
 class _XmlReader:
-    """Reads the XML, compares it with the schema and hands each element that ends to a collector."""
+    """Reads the XML as a stream, checks it against the schema and passes each complete element to a collector."""
 
     def __init__(self, collector: _Collector) -> None:
         self._collector = collector
-        #: For each open element, outermost first: its path, the texts of the elements in it, and the number of repeated
-        #: elements in it by their tag.
+        #: Path of each open XML element, outermost first.
         self._paths = [""]
+        #: Texts of the child elements of each open element, by tag.
         self._fields: list[dict[str, str]] = [{}]
+        #: Numbers of the repeated child elements of each open element, by tag.
         self._counts: list[dict[str, int]] = [{}]
         #: Text since the last tag.
         self._text = ""
-        #: Bytes since the last tag or text.
+        #: Number of bytes since the last tag or text.
         self._markup_bytes = 0
         self._expat = expat.ParserCreate()
         self._expat.buffer_text = True
@@ -193,7 +203,7 @@ class _XmlReader:
         self._expat.ProcessingInstructionHandler = self._refuse_declaration
 
     def read(self, pieces: Iterable[bytes]) -> None:
-        """Read a complete document."""
+        """Read a complete XML document, given as pieces of bytes."""
         for piece in pieces:
             self._markup_bytes += len(piece)
             self._parse(piece, final=False)
@@ -245,14 +255,20 @@ class _XmlReader:
         self._fields[-1][tag], self._text = self._text, ""
 
     def _check_index(self, tag: str, index: str | None) -> None:
-        """Check and advance the running number of a repeated element."""
+        """Check that the index of a repeated element is the number of elements before it, and count the element."""
         expected = self._counts[-1].get(tag, 0)
         if index != str(expected):
             self._fail(f"<{tag}> has index {index!r}; expected '{expected}'")
         self._counts[-1][tag] = expected + 1
 
     def _check_complete(self, path: str, fields: Mapping[str, str], counts: Mapping[str, int]) -> None:
-        """Check that no element is missing and that repeated ones are as many as announced."""
+        """Check that no required child element is missing and that repeated ones have the stated number.
+
+        Args:
+            path: Path of the parent element.
+            fields: Texts of the child elements, by tag.
+            counts: Numbers of the repeated child elements, by tag.
+        """
         missing = [name for name in _SCHEMA[path] if name not in fields and name not in _COUNT_OF]
         if missing:
             self._fail(f"<{path.rpartition('/')[2]}> lacks {', '.join(missing)}")
@@ -262,6 +278,7 @@ class _XmlReader:
                 self._fail(f"{_COUNT_OF[tag]} is {announced}, found {counts.get(tag, 0)}")
 
     def _check_no_text(self) -> None:
+        """Refuse text between two tags where the schema expects elements only; white space is accepted."""
         if self._text.strip():
             self._fail("text between elements; expected none")
         self._text = ""

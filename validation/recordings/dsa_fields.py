@@ -1,4 +1,4 @@
-"""Reads the text in the elements of a `.dsa` file: numbers, masks, arrays and the run-length code of a frame."""
+"""Parses the text in the XML elements of a `.dsa` file: numbers, masks, arrays and run-length encoded frames."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from meshes import TexelArray
 from validation.recordings.recording import BoolArray, RecordedArray
 
 FrameArray = npt.NDArray[np.int16]
-#: Raises a `RecordingError` with the given text after the file and the place.
+#: Function that raises a `RecordingError`: path of the file, place in the file and the given text.
 Fail = Callable[[str], NoReturn]
 
-#: Elements that describe one array; all are required.
+#: Tags of the XML elements that describe one texel array; all are required.
 MATRIX_FIELDS = (
     *("cells_x", "cells_y", "texel_width", "texel_height", "static_mask", "dynamic_mask"),
     *("matrix_center_x", "matrix_center_y", "matrix_center_z", "theta_x", "theta_y", "theta_z"),
     *("output_unit", "fullscale", "hw_revision", "one_wire_uid"),
 )
-#: Largest number of rows, and of columns, that is accepted; the arrays of an SDH-2 hand have at most 14 [-].
+#: Largest accepted number of rows, and of columns, of an array [-]; the arrays of an SDH-2 hand have at most 14.
 _MOST_CELLS = 64
-#: Largest full scale that is accepted: counts are kept as 16 bit numbers [-].
+#: Largest accepted full scale of an array [counts]: counts are stored as signed 16 bit numbers.
 _LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
-#: Hexadecimal digits of one token, an IEEE-754 single.
+#: Number of hexadecimal digits of one token of a frame, an IEEE-754 single-precision number.
 _TOKEN_DIGITS = 8
 _METRES_PER_MILLIMETRE = 1e-3
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
@@ -35,12 +35,15 @@ _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
 
 
 def read_array(fields: Mapping[str, str], name: str, fail: Fail) -> RecordedArray:
-    """Read one `<matrix>` as an array without frames.
+    """Read the description of one texel array from a `<matrix>` element.
 
     Args:
-        fields: Text of each of the `MATRIX_FIELDS`.
-        name: Name of the array.
-        fail: Refuses the file.
+        fields: Text of each child element in `MATRIX_FIELDS`, by tag.
+        name: Name that the array gets.
+        fail: Function that raises the error for a faulty file.
+
+    Returns:
+        The array, without frames.
     """
     columns, rows = (_read_bounded(fields, cells, _MOST_CELLS, fail) for cells in ("cells_x", "cells_y"))
     width, height = (_read_length(fields, edge, fail) for edge in ("texel_width", "texel_height"))
@@ -61,7 +64,7 @@ def read_array(fields: Mapping[str, str], name: str, fail: Fail) -> RecordedArra
 
 
 def limit_counts(array: RecordedArray) -> FrameArray:
-    """Largest count that each texel may have: the full scale, or 0 where it is masked, shape (n,) [-]."""
+    """Return the largest possible count of each texel, shape (n,) [-]: the full scale, or 0 for a masked texel."""
     return np.where(array.texels.active & array.enabled, array.full_scale, 0).astype(np.int16)
 
 
@@ -69,19 +72,20 @@ def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
     """Expand the hexadecimal tokens of one frame to one count per texel.
 
     Args:
-        text: Eight digits per token, with spaces and line breaks anywhere.
-        limits: Largest count of each texel, shape (n,) [-].
-        fail: Refuses the file.
+        text: The tokens, eight digits each, with spaces and line breaks anywhere.
+        limits: Largest possible count of each of the n texels, shape (n,) [-].
+        fail: Function that raises the error for a faulty file.
 
     Returns:
-        Counts, shape (n,) [-].
+        Counts of the texels, shape (n,) [-].
     """
     digits = "".join(text.split())
     try:
         tokens = np.frombuffer(bytes.fromhex(digits), dtype=">f4").astype(np.float64)
     except ValueError:
         fail(f"frame_data is not hexadecimal tokens of {_TOKEN_DIGITS} digits")
-    # NaN and infinity fail these comparisons; the sum is checked before anything is expanded
+    # NaN and infinity fail these comparisons.  The number of texels is checked before runs of zeros are expanded, so
+    # that a damaged token cannot claim much memory.
     if not (np.abs(tokens) <= _LARGEST_FULL_SCALE).all() or (tokens != np.rint(tokens)).any():
         fail("a token is not a whole number of counts or zeros")
     runs = np.where(tokens < 0, -tokens, 1).astype(np.int64)
@@ -95,20 +99,21 @@ def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
 
 
 def read_whole_number(text: str, name: str, fail: Fail) -> int:
-    """Read a whole number of 0 or more."""
+    """Parse a whole number of 0 or more; `name` is the tag of the element, for the error message."""
     if not _WHOLE_NUMBER.fullmatch(text.strip()):
         fail(f"{name} is {text.strip()[:40]!r}; expected a whole number")
     return int(text)
 
 
 def read_number(text: str, name: str, fail: Fail) -> float:
-    """Read a finite decimal number."""
+    """Parse a finite decimal number; `name` is the tag of the element, for the error message."""
     if not _NUMBER.fullmatch(text.strip()):
         fail(f"{name} is {text.strip()[:40]!r}; expected a number")
     return float(text)
 
 
 def _read_bounded(fields: Mapping[str, str], name: str, largest: int, fail: Fail) -> int:
+    """Parse the element `name` as a whole number from 1 to `largest`."""
     value = read_whole_number(fields[name], name, fail)
     if not 1 <= value <= largest:
         fail(f"{name} is {value}; expected 1..{largest}")
@@ -116,6 +121,7 @@ def _read_bounded(fields: Mapping[str, str], name: str, largest: int, fail: Fail
 
 
 def _read_length(fields: Mapping[str, str], name: str, fail: Fail) -> float:
+    """Parse the element `name` as a positive length in millimetres; return the length [m]."""
     value = read_number(fields[name], name, fail)
     if value <= 0:
         fail(f"{name} is {value} mm; expected a positive length")
@@ -123,6 +129,7 @@ def _read_length(fields: Mapping[str, str], name: str, fail: Fail) -> float:
 
 
 def _read_mask(fields: Mapping[str, str], name: str, rows: int, columns: int, fail: Fail) -> BoolArray:
+    """Parse the element `name` as lines of digits 0 or 1; return the digits as booleans, shape (rows * columns,)."""
     lines = fields[name].split()
     if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
         fail(f"{name} is not {rows} lines of {columns} digits 0 or 1")

@@ -11,12 +11,13 @@ from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import Clocks, RecordingWriter
 from validation.recordings.recording import ClockArray, Recording, RecordingError, Setup
 
-#: Formats that `open_recording` accepts, for error messages.
+#: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
-#: Times of forces that start above this value count from 1970, others from the first frame [s].  The value is a date
-#: in 1973, before any such recording and longer than any.
+#: Smallest first time of a file of forces from which its times count as times since 1970 [s]; smaller times count from
+#: the first frame.  Since 1970, the value is a date in 1973, before any recording; as a duration, it is three years.
 _EPOCH_TIMES = 1e8
-#: Time at either end of the frames for which forces may be missing [s].
+#: Largest time after the first frame, and before the last frame, for which readings of the force sensor may be
+#: missing [s].
 _UNCOVERED_TIME = 0.5
 _SECONDS_PER_NANOSECOND = 1e-9
 
@@ -27,13 +28,13 @@ def open_recording(
     """Read a recording of any known format.
 
     Args:
-        path: File or folder.
-        topic: Topic with the frames, for bags of other programs.
-        rows: Number of texels along y, for files that do not contain it [-].
-        columns: Number of texels along x, for files that do not contain it [-].
+        path: The file or folder.
+        topic: ROS topic with the tactile frames, for recordings (bags) of other programs.
+        rows: Number of texels along y, for files that do not state the number [-].
+        columns: Number of texels along x, for files that do not state the number [-].
 
     Raises:
-        RecordingError: If it is missing, damaged or of an unknown format.
+        RecordingError: If the recording is missing, damaged or of an unknown format.
     """
     path = Path(path)
     if not path.exists():
@@ -52,7 +53,7 @@ def open_recording(
 
 
 def relabel(recording: Recording, setup: Setup) -> Recording:
-    """Replace indenter, load and note of a recording by those of `setup` that are given."""
+    """Return a copy of a recording with indenter, load and note from `setup`, where `setup` gives them."""
     old = recording.setup
     merged = replace(
         old,
@@ -64,16 +65,16 @@ def relabel(recording: Recording, setup: Setup) -> Recording:
 
 
 def add_forces(recording: Recording, path: str | Path, *, delay: float = 0.0) -> Recording:
-    """Add the readings of a force sensor, from a file of their own, to a recording.
+    """Return a copy of a recording with the readings of a force sensor from a separate file.
 
     Args:
         recording: The recording.
-        path: CSV file with the columns `time` [s] and `force` [N], or a bag with wrenches, of which the z component is
-            used.  Times count from 1970 by the clock of the recording, or from the first frame.
-        delay: Clock of the force sensor minus clock of the recording [s].
+        path: CSV file with the columns `time` [s] and `force` [N], or a ROS bag with wrench messages, of which the z
+            component is used.  Times count from 1970, or from the first frame.
+        delay: Time on the clock of the force sensor minus time on the clock of the recording [s].
 
     Raises:
-        RecordingError: If the file cannot be read, or its times do not cover those of the frames.
+        RecordingError: If the file cannot be read, or the times of its readings do not cover those of the frames.
     """
     path = Path(path)
     times, forces = tables.read_forces(path) if path.suffix.lower() == ".csv" else bags.read_forces(path)
@@ -120,7 +121,7 @@ def save(recording: Recording, path: str | Path) -> int:
 
 
 def _fill_clock(clock: ClockArray, recording: Recording) -> ClockArray:
-    """A clock of the frames, shape (frames,), with zeros if it is unknown."""
+    """Return the readings of a clock at each frame, shape (frames,); zeros if the recording does not hold the clock."""
     return clock if clock.size else np.zeros(len(recording.times), dtype=np.int64)
 
 

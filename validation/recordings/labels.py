@@ -1,4 +1,4 @@
-"""Labels of a recording as one JSON object, which the recording's file holds: set-up, arrays, serial number, clocks."""
+"""Converts the labels of a recording (set-up, arrays, serial number, clocks) to and from a JSON object in its file."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ import numpy as np
 from meshes import TexelArray
 from validation.recordings.recording import BoolArray, RecordedArray, RecordingError, Setup
 
-#: Name and version of the format; a reader refuses any other.
+#: Name and version of the format of the labels; files with another name or version are refused.
 FORMAT = "softcover-recording/1"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Labels:
-    """The data in the file of a recording other than the frames.
+    """Labels of a recording: the description of sensor and set-up that its file holds beside the frames.
 
     Attributes:
         setup: How the recording was made.
         arrays: The texel arrays, without frames.
         serial: Serial number of the sensor.
-        start: Host clock at the start, UTC since 1970 [ns].
-        monotonic: Monotonic clock of the host at the start [ns].
+        start: Time at the start of the recording, UTC since 1970, by the clock of the host [ns].
+        monotonic: Time at the start of the recording on the monotonic clock of the host [ns].
     """
 
     setup: Setup
@@ -37,7 +37,7 @@ class Labels:
 
 
 def encode_labels(labels: Labels) -> str:
-    """Write labels as a JSON object; frames of the arrays are left out."""
+    """Return labels as the text of a JSON object, without the frames of the arrays."""
     return json.dumps(
         {
             "format": FORMAT,
@@ -50,14 +50,14 @@ def encode_labels(labels: Labels) -> str:
 
 
 def decode_labels(text: str, path: Path) -> Labels:
-    """Read the JSON object that `encode_labels` wrote.
+    """Parse the text of the JSON object that `encode_labels` returns.
 
     Args:
-        text: The JSON object.
-        path: The file that holds it, for error messages.
+        text: Text of the JSON object.
+        path: The file that holds the text, for error messages.
 
     Raises:
-        RecordingError: If the text is not such an object.
+        RecordingError: If the text does not hold labels of a recording.
     """
     try:
         entries = json.loads(text)

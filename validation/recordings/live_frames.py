@@ -1,7 +1,7 @@
-"""Streams of `fastmodel.Frame` from a sensor on a port, from a recording or from a simulation.
+"""Yields frames of a sensor on a port, of a recording or of a simulation, all as objects of type `fastmodel.Frame`.
 
-All three yield objects of the same type, so a program can use any of them.  `softcover emulate` sends the simulated
-frames through an emulated Weiss sensor.
+Because the type is the same, a program can use any of the three sources.  `softcover emulate` sends simulated frames
+through an emulated Weiss sensor.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ if TYPE_CHECKING:
 _TIMESTEP = 1e-3
 #: Period of the simulated load [s].
 _LOAD_PERIOD = 4.0
-#: Largest share of the weight that is lifted; the rest keeps the indenter in contact [-].
+#: Largest share of the weight of the simulated indenter that an upward force compensates [-].  It is below 1, so that
+#: the indenter stays in contact.
 _LARGEST_LIFT = 0.95
 
 
 def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
-    """Frames of a real sensor as they arrive.
+    """Yield the frames of a real sensor when they arrive.
 
-    Lost frames are left out; they show as gaps in the times of the others.
+    Lost frames are not reported; they can be recognised by longer steps between the times of the other frames.
 
     Args:
         sensor: An open sensor.
-        reconnect: How long to try to open the port again after it went away [s].
+        reconnect: Longest time during which a lost port is opened again and again [s].
 
     Raises:
-        LinkLostError: If the port goes away and does not come back in time.
+        LinkLostError: If the port is lost and cannot be opened again within `reconnect`.
     """
     matrix = sensor.read_matrix()
     for event in sensor.stream(reconnect=reconnect):
@@ -62,11 +63,11 @@ def replay_frames(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
 
 
 def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) -> Iterator[Frame]:
-    """Endless stream of frames of the fast model, under an indenter whose load rises and falls.
+    """Yield frames of the fast model without end, under an indenter whose load rises and falls periodically.
 
     Args:
-        parameters: The sensor, from `derive`.
-        indenter: The indenter, guided along the normal of the array.
+        parameters: Parameters of the fast model of the sensor, from `derive`.
+        indenter: The indenter, which is guided along the normal of the array.
         load: Largest load [N].
     """
     import mujoco
@@ -92,5 +93,6 @@ def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) 
 
 
 def _make_frame(time: float, counts: npt.NDArray[np.integer], full_scale: int, columns: int) -> Frame:
+    """Make a frame from a time [s] and counts, shape (n,), with grey levels whose white is `full_scale` [counts]."""
     image = grey_levels(counts, full_scale).reshape(-1, columns)
     return Frame(time=time, counts=counts.astype(np.int64), image=image)

@@ -1,8 +1,8 @@
-"""Reads the recordings that `mcap_writer` writes, complete or cut off, and refuses damaged ones.
+"""Reads the MCAP files that `mcap_writer` writes, complete or truncated, and refuses damaged ones.
 
-Chunks carry checksums, a complete file carries one over all its data, and frames carry sequence numbers.  All are
-checked.  A file without its end, as a killed recorder leaves it, is read up to its last complete chunk, and the result
-is marked as not complete.
+The reader checks the checksum of each chunk (group of messages), the checksum over all data of a complete file, and the
+sequence numbers of the frames.  A file without its end, as a killed recorder leaves it, is read up to its last complete
+chunk, and the recording is marked as not complete.
 """
 
 from __future__ import annotations
@@ -36,22 +36,23 @@ if TYPE_CHECKING:
 
 #: First and last bytes of every MCAP file.
 MAGIC = b"\x89MCAP0\r\n"
-#: Bytes before the content of a record: its kind and its length.
+#: Number of bytes before the content of an MCAP record: one for the kind of the record, eight for its length.
 _RECORD_HEAD_SIZE = 9
-#: Kind of the last record of a complete file.
+#: Code of the kind of the last record (footer) of a complete MCAP file.
 _FOOTER = 0x02
-#: Largest record that is read, because a damaged length could claim all memory; chunks here hold 1 MiB [bytes].
+#: Largest size of a record that is read [bytes].  A damaged length field could otherwise claim all memory; the chunks
+#: that this program writes hold about 1 MiB.
 _LARGEST_RECORD = 2**28
 
 
 def read(path: str | Path) -> Recording:
-    """Read a recording.
+    """Read a recording from an MCAP file that this program wrote.
 
     Args:
-        path: An MCAP file that this program wrote.
+        path: The MCAP file.
 
     Raises:
-        RecordingError: If the file is missing, of another program or damaged.
+        RecordingError: If the file is missing, damaged, or was written by another program.
     """
     path = Path(path)
     collector = _Collector(path, complete=is_complete(path))
@@ -61,10 +62,10 @@ def read(path: str | Path) -> Recording:
 
 
 def is_own_recording(path: str | Path) -> bool:
-    """Whether this program wrote an MCAP file; false for files of other programs.
+    """Return whether this program wrote an MCAP file; False for MCAP files of other programs.
 
     Raises:
-        RecordingError: If it is not an MCAP file or is damaged near its start.
+        RecordingError: If the file is not an MCAP file or is damaged near its start.
     """
     from mcap.records import Channel
 
@@ -74,25 +75,25 @@ def is_own_recording(path: str | Path) -> bool:
 
 
 def is_complete(path: str | Path) -> bool:
-    """Whether a recording was closed properly.
+    """Return whether an MCAP file was closed properly, so that it has its footer.
 
     Raises:
-        RecordingError: If it is not an MCAP file.
+        RecordingError: If the file is not an MCAP file.
     """
     return _measure(Path(path))[1]
 
 
 def recover(path: str | Path) -> bool:
-    """Add the index and the end to a recording that was cut off, so that every MCAP tool reads it.
+    """Add index and footer to the file of a recorder that was killed, so that every MCAP tool can read the file.
 
-    The new file replaces the old one in one step.  A complete file is left as it is.
+    The completed file replaces the old file atomically.  A complete file is not changed.
 
     Returns:
-        Whether the file was cut off.
+        Whether the file was incomplete.
 
     Raises:
-        RecordingError: If it is not a recording or is damaged.
-        OSError: If the new file cannot be written; the old one then remains.
+        RecordingError: If the file is not an MCAP file or is damaged.
+        OSError: If the completed file cannot be written; the old file then remains.
     """
     from mcap.records import Channel, Message, Metadata, Schema
     from mcap.writer import Writer
@@ -124,7 +125,17 @@ def recover(path: str | Path) -> bool:
 
 @dataclass
 class _Collector:
-    """Collects the content of the messages of one file, with their times, UTC since 1970 [ns]."""
+    """Collects the decoded messages of one MCAP file; their times are UTC since 1970 [ns].
+
+    Attributes:
+        path: The file.
+        complete: Whether the file was closed properly.
+        labels_text: Labels of the recording as JSON text; None before they were read.
+        frames: Time and content of each frame, by topic.
+        gaps: One line for each gap in the stream of frames.
+        temperatures: Time and temperatures of all channels [degC] of each reading.
+        forces: Time and value [N] of each reading of the force sensor.
+    """
 
     path: Path
     complete: bool
@@ -135,7 +146,7 @@ class _Collector:
     forces: list[tuple[int, float]] = field(default_factory=list)
 
     def add(self, topic: str, message: Message) -> None:
-        """Decode one message and keep its content."""
+        """Decode one message and store its content by topic; raise `RecordingError` if a frame before it is missing."""
         if topic == SETUP_TOPIC:
             self.labels_text = ros_messages.decode_text(message.data)
         elif topic == GAP_TOPIC:
@@ -153,14 +164,15 @@ class _Collector:
             frames.append((message.log_time, ros_messages.decode_frame(message.data)))
 
     def make_recording(self) -> Recording:
-        """Make one recording of all messages."""
+        """Make a recording from all messages of the file."""
         if self.labels_text is None:
             raise RecordingError(f"{self.path}: an MCAP file without the labels of a softcover recording")
         labels = decode_labels(self.labels_text, self.path)
         series = [self.frames[f"/{name}/frame"] for name in name_topics(len(labels.arrays))]
-        # a recorder killed between two arrays leaves one frame more of the first arrays: leave it out
+        # A recorder that was killed between the frames of two arrays leaves one frame more of the first arrays than of
+        # the others; the additional frames are left out.
         count = min(len(frames) for frames in series)
-        # a file without frames counts its times from the start of the recording
+        # In a file without frames, times count from the start of the recording.
         start = series[0][0][0] if count else labels.start
         clocks = [frame for _, frame in series[0][:count]]
         return Recording(
@@ -191,7 +203,7 @@ class _Collector:
 
 
 def _read_messages(path: Path) -> Iterator[tuple[str, Message]]:
-    """Read every message with its topic."""
+    """Yield topic and content of every message in an MCAP file, in the order of the file."""
     from mcap.records import Channel, Message
 
     channels: dict[int, Channel] = {}
@@ -205,7 +217,11 @@ def _read_messages(path: Path) -> Iterator[tuple[str, Message]]:
 
 
 def _read_records(path: Path) -> Iterator[McapRecord]:
-    """Read every record up to the end, or up to the last complete record of a file that was cut off."""
+    """Yield every record of an MCAP file, up to the last complete record if the file was not closed properly.
+
+    Raises:
+        RecordingError: If the file is missing, not an MCAP file or damaged.
+    """
     try:
         from mcap.exceptions import EndOfFile
         from mcap.stream_reader import StreamReader
@@ -213,7 +229,7 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
         raise MissingExtraError("device", "mcap") from error
     size, complete = _measure(path)
     with path.open("rb") as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
-        # the library asks for a complete file object but only reads
+        # `StreamReader` is declared to need a complete file object, but it only reads from it.
         reader = StreamReader(cast("IO[bytes]", part), validate_crcs=True, record_size_limit=_LARGEST_RECORD)
         try:
             yield from reader.records
@@ -223,12 +239,12 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
         except RecordingError:
             raise
         except Exception as error:
-            # the library raises many kinds of errors on damaged bytes
+            # The mcap library raises many kinds of exceptions on damaged files.
             raise RecordingError(f"{path}: damaged near byte {part.tell()}: {error}") from error
 
 
 def _measure(path: Path) -> tuple[int, bool]:
-    """Number of bytes that form complete records, and whether the file ends properly."""
+    """Return the number of bytes of an MCAP file that form complete records, and whether the file ends properly."""
     if not path.is_file():
         raise RecordingError(f"{path}: no such file; expected a recording")
     end = path.stat().st_size

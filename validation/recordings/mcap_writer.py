@@ -1,8 +1,8 @@
-"""Writes recordings as MCAP files that stay readable when the recorder is killed at any moment.
+"""Writes recordings as MCAP files that stay readable if the recorder is killed at any moment.
 
-One thread closes a chunk and hands it to the operating system five times a second.  Another thread forces the file to
-the disk once a second.  A killed recorder leaves a valid file without its index and end: `mcap_reader.read` reads it as
-it is, and `mcap_reader.recover` completes it.
+Five times a second, one thread closes a chunk (group of messages) and passes it to the operating system.  Once a
+second, another thread forces the file to the disk (fsync).  A killed recorder leaves a valid file without index and
+footer: `mcap_reader.read` reads such a file, and `mcap_reader.recover` completes it.
 """
 
 from __future__ import annotations
@@ -27,27 +27,29 @@ from validation.recordings.recording import RecordedArray, Setup
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
+#: Topics of the messages in a recording other than frames and images: labels, bytes as received, gaps in the stream of
+#: frames, temperatures, readings of the force sensor.
 SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
 TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
 
-#: Time between two chunks, and between two times that the file is forced to the disk [s].
+#: Time between two chunks, and time between two calls of fsync, which forces the file to the disk [s].
 _FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
-#: Largest count that a frame message of 16 bit numbers can hold [-].
+#: Largest count that a frame message can hold, because its counts are 16 bit numbers [-].
 _LARGEST_COUNT = 0xFFFF
 
 
 class StorageError(OSError):
-    """A recording cannot be written, e.g. to a full disk; the message says what is kept."""
+    """Reports that a recording cannot be written, for example to a full disk; the message states what is kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clocks:
-    """The time of a frame on each clock.
+    """The time of a frame on three clocks.
 
     Attributes:
-        time: Host clock, UTC since 1970 [ns].
-        monotonic: Monotonic clock of the host [ns]; 0 if unknown.
-        ticks: Clock of the device [ticks]; 0 if unknown.
+        time: Time on the clock of the host, UTC since 1970 [ns].
+        monotonic: Time on the monotonic clock of the host [ns]; 0 if unknown.
+        ticks: Time on the clock of the device [ticks]; 0 if unknown.
     """
 
     time: int
@@ -56,14 +58,14 @@ class Clocks:
 
 
 class RecordingWriter(AbstractContextManager["RecordingWriter"]):
-    """A growing MCAP file.  Use it in a `with` block: leaving the block writes the index and the end of the file.
+    """Writes a recording to an MCAP file.  Use it in a `with` block, whose end writes index and footer of the file.
 
     Args:
-        path: The file; it must not exist.
-        arrays: The arrays whose frames will be added; frames that they already hold are not written.
+        path: The file to write; it must not exist.
+        arrays: The arrays whose frames will be added; frames that `arrays` already hold are not written.
         setup: How the recording is made.
         serial: Serial number of the sensor.
-        start: Host clock at the start, UTC since 1970; the present time if not given [ns].
+        start: Time at the start of the recording, UTC since 1970; the present time if not given [ns].
 
     Raises:
         StorageError: If the file exists or cannot be written.
@@ -99,15 +101,15 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             raise
         except OSError as error:
             raise self._abandon_file(error) from error
-        # Flush and fsync run in separate threads: fsync may block for seconds on a slow disk, and meanwhile finished
-        # chunks must still be handed to the operating system, where they survive the end of this process.
+        # Flush and fsync run in separate threads.  On a slow disk, fsync may block for seconds.  During this time,
+        # finished chunks must still be passed to the operating system; otherwise they are lost if this process ends.
         tasks = ((_FLUSH_INTERVAL, self._flush), (_SYNC_INTERVAL, lambda: os.fsync(self._file.descriptor)))
         self._threads = [threading.Thread(target=self._repeat, args=task, daemon=True) for task in tasks]
         for thread in self._threads:
             thread.start()
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Complete the file.  An exception that left the `with` block takes precedence over a `StorageError`."""
+        """Complete the file.  If the `with` block raised an exception, a `StorageError` does not replace it."""
         try:
             self.close()
         except StorageError:
@@ -125,10 +127,10 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         """Write one frame of one array.
 
         Args:
-            array: Index of the array.
-            clocks: Time of the frame.
-            counts: Shape (n,), 0..65535 [-].
-            texel_forces: Shape (n,) [N]; None for a real sensor.
+            array: Index of the array among the arrays of the recording.
+            clocks: Time of the frame on each clock.
+            counts: Counts 0..65535 of the n texels, shape (n,) [-].
+            texel_forces: Forces on the texels from a simulation, shape (n,) [N]; None for a real sensor.
 
         Raises:
             StorageError: If an earlier write failed.
@@ -152,23 +154,23 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self.frames += array == 0
 
     def add_raw(self, time_ns: int, data: bytes) -> None:
-        """Write bytes as received from a port at a UTC time since 1970 [ns]."""
+        """Write bytes that were received from a port at `time_ns`, UTC since 1970 [ns], without parsing them."""
         self._add(RAW_TOPIC, time_ns, ros_messages.encode_bytes(data))
 
     def add_gap(self, time_ns: int, text: str) -> None:
-        """Write one line about missing frames, noticed at a UTC time since 1970 [ns]."""
+        """Write one line of text on missing frames that were noticed at `time_ns`, UTC since 1970 [ns]."""
         self._add(GAP_TOPIC, time_ns, ros_messages.encode_diagnostics(time_ns, "gap", text))
 
     def add_temperatures(self, time_ns: int, degrees: npt.ArrayLike) -> None:
-        """Write the temperatures of all channels, shape (channels,) [degC], at a UTC time since 1970 [ns]."""
+        """Write the temperatures of all channels, shape (channels,) [degC], at `time_ns`, UTC since 1970 [ns]."""
         self._add(TEMPERATURE_TOPIC, time_ns, ros_messages.encode_numbers(degrees))
 
     def add_force(self, time_ns: int, newtons: float) -> None:
-        """Write a reading of a force sensor [N], taken at a UTC time since 1970 [ns]."""
+        """Write a reading of a force sensor [N] that was taken at `time_ns`, UTC since 1970 [ns]."""
         self._add(FORCE_TOPIC, time_ns, ros_messages.encode_force(time_ns, "force_sensor", newtons))
 
     def close(self) -> None:
-        """Write the index and the end, and close the file; a second call does nothing.
+        """Write index and footer, and close the file; a second call does nothing.
 
         Raises:
             StorageError: If the file cannot be completed.
@@ -189,7 +191,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._file.close()
 
     def _write_start(self, labels: Labels) -> None:
-        """Write the header, the types and topics, and the labels."""
+        """Write the header of the file, the message types and topics, and the labels of the recording."""
         topics = {
             SETUP_TOPIC: ros_messages.TEXT,
             RAW_TOPIC: ros_messages.BYTES,
@@ -213,12 +215,13 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._writer.flush()
 
     def _add(self, topic: str, time_ns: int, data: bytes, sequence: int = 0) -> None:
+        """Write an encoded message to a topic; `sequence` is the number of the message in its topic."""
         with self._lock:
             self._check_failure()
             self._writer.add_message(self._channels[topic], time_ns, data, publish_time=time_ns, sequence=sequence)
 
     def _repeat(self, seconds: float, task: Callable[[], None]) -> None:
-        """Run a task at an interval [s] until the file is closed or the task fails."""
+        """Run a task every `seconds` [s] until the file is closed or the task raises `OSError`."""
         while not self._closed.wait(seconds):
             try:
                 task()
@@ -237,7 +240,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             raise self._abandon_file(self._failure) from self._failure
 
     def _abandon_file(self, error: OSError) -> StorageError:
-        """Cut the file back to its last complete chunk, close it and return an error that says so."""
+        """Truncate the file after its last complete chunk, close it, and return the error to raise."""
         self._failure = error
         self._closed.set()
         self._file.cut()
@@ -248,9 +251,10 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
 
 
 class _File:
-    """Output of the MCAP library.  Each flush writes to the disk at once; the bytes of a failed flush can be removed.
+    """Output file for the mcap library: collects bytes in memory and writes them when `flush` is called.
 
-    The first flush creates the file, so that a killed recorder leaves either no file or one with its set-up.
+    Bytes of a failed flush can be removed from the file.  The first flush creates the file, so that a killed recorder
+    leaves either no file or a file with its labels.
     """
 
     def __init__(self, path: Path) -> None:
@@ -260,16 +264,16 @@ class _File:
         self._buffer = bytearray()
 
     def write(self, data: bytes) -> int:
-        """Take bytes; they reach the disk with the next flush."""
+        """Append bytes to the buffer, which the next flush writes to the file; return their number."""
         self._buffer += data
         return len(data)
 
     def tell(self) -> int:
-        """Position of the next byte in the file."""
+        """Return the position of the next byte in the file, including the bytes in the buffer."""
         return self._size + len(self._buffer)
 
     def flush(self) -> None:
-        """Write all bytes taken since the last flush."""
+        """Write the buffer to the file."""
         if self.descriptor < 0:
             self._create()
         data, self._buffer = self._buffer, bytearray()
@@ -279,7 +283,7 @@ class _File:
         self._size += written
 
     def cut(self) -> None:
-        """Remove what a failed flush wrote, and close the file; a second call does nothing."""
+        """Remove the bytes that a failed flush wrote, and close the file; a second call does nothing."""
         if self.descriptor >= 0:
             os.ftruncate(self.descriptor, self._size)
             self.close()
@@ -297,7 +301,7 @@ class _File:
 
 
 def name_topics(arrays: int) -> list[str]:
-    """First part of the topics of each array."""
+    """Return the first part of the topics of each array: `tactile`, or `tactile_0`, `tactile_1`, ... for several."""
     return ["tactile"] if arrays == 1 else [f"tactile_{index}" for index in range(arrays)]
 
 
@@ -306,5 +310,5 @@ def _open_writer(output: _File) -> Writer:
         from mcap.writer import Writer
     except ImportError as error:
         raise MissingExtraError("device", "mcap") from error
-    # the library asks for a complete file object but only writes, tells and flushes
+    # `Writer` is declared to need a complete file object, but it only calls `write`, `tell` and `flush`.
     return Writer(cast("IO[bytes]", output), enable_data_crcs=True)

@@ -1,7 +1,7 @@
-"""The data types that every reader of recordings returns.
+"""Data types that every reader of recordings returns.
 
-A `Recording` holds the frames of one file: the counts of each texel array over time.  Temperatures, the readings of a
-force sensor and a `Setup`, which states how the recording was made, stand beside them where the file has them.
+A `Recording` holds the frames of one file: the counts of each texel array over time.  It also holds temperatures,
+readings of a force sensor and a `Setup`, which states how the recording was made, if the file has them.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ ClockArray = npt.NDArray[np.int64]
 CountArray = npt.NDArray[np.int32]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Distance between texels of a Weiss array, for files that do not give it [m].
+#: Pitch of the texels that is assumed if a file does not state it: that of the Weiss arrays [m].
 DEFAULT_PITCH = 3.4e-3
-#: Largest count of a 12 bit converter, for files that do not give it [-].
+#: Largest count that is assumed if a file does not state it: that of a 12 bit converter [-].
 DEFAULT_FULL_SCALE = 4095
-#: Two texel centres closer than this are the same [m].
+#: Tolerance of a coordinate of a texel centre when two arrays are compared [m].
 _SAME_POSITION = 1e-6
 _SECONDS_PER_NANOSECOND = 1e-9
 
 
 class RecordingError(ValueError):
-    """A recording cannot be read or used; the message names the file, the place and what is accepted."""
+    """Reports that a recording cannot be read or used; the message names the file, the fault and what is accepted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """How a recording was made.
+    """Describes how a recording was made.
 
     Attributes:
-        indenter: The indenter, as written on the command line, e.g. `box:size=10.5mmx10.5mmx5mm`.
-        load: Weight or force of the indenter [N]; None if unknown.
+        indenter: The indenter as text in the notation of the command line, e.g. `box:size=10.5mmx10.5mmx5mm`.
+        load: Load on the array, the weight or force of the indenter [N]; None if unknown.
         note: Any other remark.
         source: Port or file that the frames came from.
-        source_sha256: SHA-256 hash of that file, hexadecimal; empty for a port.
+        source_sha256: SHA-256 hash of the source file, hexadecimal; empty for a port.
         device: Properties that the sensor reported: type, serial, firmware, threshold, gain, temperature.
     """
 
@@ -70,13 +70,13 @@ class RecordedArray:
     """One texel array of a recording and its frames.
 
     Attributes:
-        texels: The texel array; texels that the hardware lacks are not active.
+        texels: The array of n texels; texels that the hardware lacks are not active.
         enabled: Whether each texel was switched on during the recording (the dynamic mask), shape (n,).
-        counts: Output of the sensor, shape (frames, n) [-].
-        full_scale: Largest count that the converter can give [-].
-        unit: Unit of a count, as the file calls it.
-        centre: Position of the array in the drawing of the sensor, (x, y, z) [m].
-        rotation: Rotation of the array in that drawing, about x, y and z [rad].
+        counts: Counts of each texel in each frame, shape (frames, n) [-].
+        full_scale: Largest count that the converter of the sensor can give [-].
+        unit: Name of the unit of the counts in the file.
+        centre: Position x, y, z of the array in the frame of the sensor's drawing [m].
+        rotation: Rotation of the array about the axes x, y and z of the sensor's drawing [rad].
     """
 
     texels: TexelArray
@@ -88,7 +88,7 @@ class RecordedArray:
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def has_layout_of(self, array: TexelArray) -> bool:
-        """Whether rows, columns, texel centres (to 1 um) and missing texels equal those of `array`."""
+        """Return whether rows, columns, texel centres (within 1 um) and active texels equal those of `array`."""
         mine = self.texels
         return (
             (mine.rows, mine.columns) == (array.rows, array.columns)
@@ -102,21 +102,22 @@ class Recording:
     """The frames of one file, with all other data in the file.
 
     Attributes:
-        path: The file.
+        path: The file or folder of the recording.
         sha256: SHA-256 hash of the file's bytes, hexadecimal.
         serial: Serial number of the sensor.
-        started: Host clock at the first frame, UTC.
-        times: Time of each frame after the first, shape (frames,) [s].
-        arrays: The texel arrays, in the order of the file.
-        temperatures: Shape (readings, channels) [degC].
-        temperature_times: Time of each temperature reading after the first frame, shape (readings,) [s].
+        started: Date and time of the first frame, UTC, by the clock of the host.
+        times: Time of each frame from the first frame, shape (frames,) [s].
+        arrays: The texel arrays with their counts, in the order of the file.
+        temperatures: Temperatures of all channels at each reading, shape (readings, channels) [degC].
+        temperature_times: Time of each temperature reading from the first frame, shape (readings,) [s].
         setup: How the recording was made.
         gaps: One line for each place where frames are missing, as noticed during the recording.
         complete: Whether the file was closed properly.  If the recorder was killed, up to half a second is missing.
-        host_monotonic: Monotonic clock of the host at each frame, shape (frames,) [ns]; empty or 0 if unknown.
-        ticks: Clock of the device at each frame, shape (frames,) [ticks]; empty or 0 if unknown.
+        host_monotonic: Time of each frame on the monotonic clock of the host, shape (frames,) [ns]; empty or 0 if
+            unknown.
+        ticks: Time of each frame on the clock of the device, shape (frames,) [ticks]; empty or 0 if unknown.
         forces: Readings of a force sensor, shape (readings,) [N].
-        force_times: Time of each force reading after the first frame, shape (readings,) [s].
+        force_times: Time of each reading of the force sensor from the first frame, shape (readings,) [s].
     """
 
     path: Path
@@ -137,12 +138,12 @@ class Recording:
 
     @property
     def seconds(self) -> float:
-        """Time from the first frame to the last; 0 without frames [s]."""
+        """Time from the first frame to the last [s]; 0 without frames."""
         return float(self.times[-1]) if len(self.times) else 0.0
 
     @property
     def frame_rate(self) -> float:
-        """Mean number of frames per second; NaN for fewer than two frames [Hz]."""
+        """Mean number of frames per second [Hz]; NaN for fewer than two frames."""
         span = self.times[-1] - self.times[0] if len(self.times) > 1 else 0.0
         return float((len(self.times) - 1) / span) if span > 0 else float("nan")
 
@@ -156,13 +157,13 @@ def make_array(
     full_scale: int = DEFAULT_FULL_SCALE,
     name: str = "tactile",
 ) -> RecordedArray:
-    """Make a rectangular array without masks, centred at the origin.
+    """Make a recorded rectangular array in which all texels are active, centred at the origin.
 
     Args:
         rows: Number of texels along y [-].
         columns: Number of texels along x [-].
-        counts: Shape (frames, rows * columns) [-]; no frames if not given.
-        pitch: Distance between texels along x and y [m].
+        counts: Counts of each frame, shape (frames, rows * columns) [-]; no frames if not given.
+        pitch: Distance between texel centres along x and y [m].
         full_scale: Largest count that the converter can give [-].
         name: Name of the array.
     """
@@ -184,18 +185,21 @@ def convert_to_utc(nanoseconds: int) -> datetime:
 
 
 def count_seconds(timed: Sequence[tuple[int, object]], start: int) -> FloatArray:
-    """Times of values after a start [s].
+    """Convert times in nanoseconds to times from a start in seconds.
 
     Args:
-        timed: Each value after its time [ns].
-        start: The start [ns].
+        timed: Pairs of a time [ns] and a value; the values are ignored.
+        start: Time of the start [ns].
+
+    Returns:
+        Times from the start, shape (values,) [s].
     """
     nanoseconds = np.array([time for time, _ in timed], dtype=np.int64) - start
     return nanoseconds.astype(np.float64) * _SECONDS_PER_NANOSECOND
 
 
 def hash_contents(path: Path) -> str:
-    """SHA-256 hash of a file, or of all files below a folder in the order of their paths, hexadecimal."""
+    """Return the hexadecimal SHA-256 hash of a file, or of all files below a folder in the order of their paths."""
     digest = hashlib.sha256()
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     for each in files:

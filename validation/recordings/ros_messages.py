@@ -1,8 +1,8 @@
-"""The ROS 2 messages of a recording: conversion to and from CDR bytes, the ROS 2 wire format.
+"""Encodes and decodes the ROS 2 messages of a recording in CDR, the binary format of ROS 2 messages.
 
-Images, diagnostics, temperatures and forces use standard message types, so that Foxglove and ROS 2 tools show them.
-No standard type holds a frame with the clocks of host and device.  The definition of the type used here is stored in
-every file, as ROS 2 recordings do.
+Images, diagnostics, temperatures and forces use standard message types, so that Foxglove and ROS 2 tools display them.
+No standard message type holds a frame with the clocks of host and device.  A message type of this program holds such
+frames; its definition is stored in every file, as is usual in ROS 2 recordings.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from validation.errors import MissingExtraError
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
+#: Names of the ROS 2 message types in a recording.
 IMAGE = "sensor_msgs/msg/Image"
 FRAME = "softcover_msgs/msg/TactileFrame"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -27,26 +28,27 @@ TEXT = "std_msgs/msg/String"
 NUMBERS = "std_msgs/msg/Float64MultiArray"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 
+#: Definition of the message type `FRAME` in the notation of ROS 2.
 _FRAME_DEFINITION = """std_msgs/Header header
 uint64 host_monotonic
 uint32 device_ticks
 uint16[] counts
 float64[] texel_forces
 """
-#: Level of a diagnostic message that is a warning.
+#: Level of a ROS diagnostic status that marks a warning.
 _WARNING = 1
 _NANOSECONDS_PER_SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FrameMessage:
-    """Content of a frame message.
+    """Content of a frame message, without its header.
 
     Attributes:
-        host_monotonic: Monotonic clock of the host [ns].
-        ticks: Clock of the device [ticks].
-        counts: Shape (n,) [-].
-        texel_forces: Shape (n,) [N]; shape (0,) for a real sensor.
+        host_monotonic: Time of the frame on the monotonic clock of the host [ns].
+        ticks: Time of the frame on the clock of the device [ticks].
+        counts: Counts of the n texels, shape (n,) [-].
+        texel_forces: Forces on the texels from a simulation, shape (n,) [N]; shape (0,) for a real sensor.
     """
 
     host_monotonic: int
@@ -56,17 +58,17 @@ class FrameMessage:
 
 
 def define_type(name: str) -> bytes:
-    """Definition of a message type and of all types in it, as ROS 2 recordings store it."""
+    """Return the definition of a message type and of all types in it, as stored in ROS 2 recordings."""
     return bytes(_load_types().generate_msgdef(name, ros_version=2)[0].encode())
 
 
 def encode_image(time: int, name: str, counts: npt.NDArray[np.uint16], columns: int) -> bytes:
-    """Write an image whose pixels are the counts: encoding mono16, row 0 at the smallest y.
+    """Encode counts as an image message with the encoding mono16, whose first row has the smallest y.
 
     Args:
-        time: UTC since 1970 [ns].
-        name: Frame of reference.
-        counts: Shape (n,) [-].
+        time: Time of the frame, UTC since 1970 [ns].
+        name: Name of the coordinate frame in the header of the message.
+        counts: Counts of the n texels, shape (n,) [-].
         columns: Number of pixels in a row [-].
     """
     pixels = np.ascontiguousarray(counts, dtype="<u2")
@@ -83,11 +85,11 @@ def encode_image(time: int, name: str, counts: npt.NDArray[np.uint16], columns: 
 
 
 def encode_frame(time: int, name: str, frame: FrameMessage) -> bytes:
-    """Write a frame with its clocks.
+    """Encode a frame with its clocks as a frame message.
 
     Args:
-        time: UTC since 1970 [ns].
-        name: Frame of reference.
+        time: Time of the frame, UTC since 1970 [ns].
+        name: Name of the coordinate frame in the header of the message.
         frame: Clocks, counts and texel forces.
     """
     return _encode(
@@ -101,7 +103,7 @@ def encode_frame(time: int, name: str, frame: FrameMessage) -> bytes:
 
 
 def decode_frame(data: bytes) -> FrameMessage:
-    """Read the bytes that `encode_frame` wrote."""
+    """Decode a frame message that `encode_frame` encoded."""
     message = _decode(data, FRAME)
     return FrameMessage(
         host_monotonic=message.host_monotonic,
@@ -112,12 +114,12 @@ def decode_frame(data: bytes) -> FrameMessage:
 
 
 def encode_diagnostics(time: int, name: str, text: str) -> bytes:
-    """Write one warning.
+    """Encode a warning as a diagnostics message.
 
     Args:
-        time: UTC since 1970 [ns].
+        time: Time of the warning, UTC since 1970 [ns].
         name: Subject of the warning.
-        text: The warning.
+        text: Text of the warning.
     """
     status = _make(
         "diagnostic_msgs/msg/DiagnosticStatus", level=_WARNING, name=name, message=text, hardware_id="", values=[]
@@ -126,31 +128,31 @@ def encode_diagnostics(time: int, name: str, text: str) -> bytes:
 
 
 def decode_diagnostics(data: bytes) -> list[str]:
-    """Read the texts that `encode_diagnostics` wrote."""
+    """Decode a diagnostics message; return the texts of all warnings in the message."""
     return [status.message for status in _decode(data, DIAGNOSTICS).status]
 
 
 def encode_bytes(data: bytes) -> bytes:
-    """Write bytes as they are."""
+    """Encode bytes as a message that holds an array of bytes."""
     return _encode(BYTES, layout=_make_layout(), data=np.frombuffer(data, dtype=np.uint8))
 
 
 def encode_numbers(values: npt.ArrayLike) -> bytes:
-    """Write numbers, shape (n,)."""
+    """Encode n numbers, shape (n,), as a message that holds an array of floating-point numbers."""
     return _encode(NUMBERS, layout=_make_layout(), data=np.array(values, dtype=np.float64).ravel())
 
 
 def decode_numbers(data: bytes) -> npt.NDArray[np.float64]:
-    """Read the numbers that `encode_numbers` wrote, shape (n,)."""
+    """Decode a message that `encode_numbers` encoded; return the numbers, shape (n,)."""
     return np.array(_decode(data, NUMBERS).data, dtype=np.float64)
 
 
 def encode_force(time: int, name: str, newtons: float) -> bytes:
-    """Write a force along the normal of the array as the z component of a wrench.
+    """Encode a force along the normal of the array as the z component of a wrench message.
 
     Args:
-        time: UTC since 1970 [ns].
-        name: Frame of reference.
+        time: Time of the reading, UTC since 1970 [ns].
+        name: Name of the coordinate frame in the header of the message.
         newtons: The force [N].
     """
     force, torque = (_make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=z) for z in (newtons, 0.0))
@@ -159,23 +161,23 @@ def encode_force(time: int, name: str, newtons: float) -> bytes:
 
 
 def decode_force(data: bytes) -> float:
-    """Read the force that `encode_force` wrote [N]."""
+    """Decode a wrench message; return the z component of its force [N]."""
     return float(_decode(data, WRENCH).wrench.force.z)
 
 
 def encode_text(text: str) -> bytes:
-    """Write a text."""
+    """Encode a text as a string message."""
     return _encode(TEXT, data=text)
 
 
 def decode_text(data: bytes) -> str:
-    """Read the text that `encode_text` wrote."""
+    """Decode a string message that `encode_text` encoded; return its text."""
     return str(_decode(data, TEXT).data)
 
 
 @cache
 def _load_types() -> Typestore:
-    """All message types by name."""
+    """Load the standard ROS 2 message types, and register the type of frame messages with them."""
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError as error:
@@ -186,18 +188,22 @@ def _load_types() -> Typestore:
 
 
 def _make(kind: str, /, **fields: Any) -> Any:  # noqa: ANN401 -- rosbags creates message types at run time
+    """Make a message of the type `kind` from its fields."""
     return _load_types().types[kind](**fields)
 
 
 def _encode(kind: str, /, **fields: Any) -> bytes:  # noqa: ANN401 -- the fields depend on the type
+    """Make a message of the type `kind` from its fields, and return its CDR bytes."""
     return bytes(_load_types().serialize_cdr(_make(kind, **fields), kind))
 
 
 def _decode(data: bytes, name: str) -> Any:  # noqa: ANN401 -- rosbags creates message types at run time
+    """Decode the CDR bytes of a message of the type `name`."""
     return _load_types().deserialize_cdr(data, name)
 
 
 def _make_header(time: int, name: str) -> object:
+    """Make the header of a message from a UTC time since 1970 [ns] and the name of a coordinate frame."""
     seconds, nanoseconds = divmod(time, _NANOSECONDS_PER_SECOND)
     stamp = _make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
     return _make("std_msgs/msg/Header", stamp=stamp, frame_id=name)

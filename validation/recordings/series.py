@@ -1,7 +1,7 @@
-"""Finds series of recordings in which the name of each file gives the load.
+"""Finds weight series: recordings of a square stamp under known weights, where the name of each file gives the weight.
 
-A weight series is a square stamp under dead weights: folders `room` and `operating` with files `A1.dsa` .. `H2.dsa`.
-A..H stand for 200..900 g in steps of 100 g, the digit counts the repeats.
+A weight series has the folders `room` and `operating`, named after the temperature of the sensor, with the files
+`A1.dsa` .. `H2.dsa`.  The letters A..H stand for masses of 200..900 g in steps of 100 g; the digit counts the repeats.
 """
 
 from __future__ import annotations
@@ -14,33 +14,34 @@ from pathlib import Path
 from meshes.constants import STANDARD_GRAVITY
 from validation.recordings.recording import RecordingError
 
-#: Source of the recordings, which are not part of this distribution.
+#: Repository, commit and author of the published weight series, which is not part of this distribution.
 SOURCE = (
     "github.com/peter-kiechle/tactile-sensors @7bbb341b2db445653477b82b908e2ef0175cf926 "
     "(P. Kiechle, University of Innsbruck, 2015)"
 )
-#: Side length of the square stamp that carried known weights in the recordings [m].
+#: Edge length of the flat square stamp that carried known weights in the weight series [m].
 STAMP_EDGE = 10.5e-3
-#: Threshold that the firmware subtracted in these recordings, from the notes of their author [counts].
+#: Threshold that the firmware subtracted from the counts in the weight series, from the notes of its author [counts].
 THRESHOLD = 100
 #: Folders of a weight series, named after the temperature of the sensor.
 _CONDITIONS = ("room", "operating")
-#: Letters of the masses: A is 200 g, each further one 100 g more.
+#: Letters for the masses on the stamp: A stands for 200 g, and each following letter for 100 g more.
 _LETTERS = "ABCDEFGH"
+#: Pattern of the file names of a weight series: letter of the mass and number of the repeat.
 _FILE_NAME = re.compile(r"([A-H])([1-9])\.dsa")
-#: Environment variable that names the folder of recordings, and the folder used without it.
+#: Environment variable that names the folder of recordings, and the folder that is used if the variable is not set.
 _ENVIRONMENT_VARIABLE, _DEFAULT_FOLDER = "SOFTCOVER_RECORDINGS", Path("../shared/recordings")
 
 
 @dataclass(frozen=True, kw_only=True)
 class StampFile:
-    """One file of a weight series.
+    """One file of a weight series: a recording of the stamp under one weight.
 
     Attributes:
         path: The file.
         condition: Temperature of the sensor, `room` or `operating`.
-        letter: Letter of the mass, A..H.
-        repeat: Number of the repeat, from 1.
+        letter: Letter of the mass on the stamp, A..H.
+        repeat: Number of the recording among the repeats with this mass, from 1.
     """
 
     path: Path
@@ -60,20 +61,20 @@ class StampFile:
 
     @property
     def weight(self) -> str:
-        """Condition and letter, the same for all repeats."""
+        """Name of the condition and the letter of the mass, the same for all repeats."""
         return f"{self.condition} {self.letter}"
 
     @property
     def name(self) -> str:
-        """Condition, letter and repeat."""
+        """Name of the recording: condition, letter of the mass and number of the repeat."""
         return f"{self.weight}{self.repeat}"
 
 
 def find_recordings_folder(given: str | Path | None = None) -> Path | None:
     """Find the folder with recordings.
 
-    The argument comes first, then the environment variable `SOFTCOVER_RECORDINGS`, then `../shared/recordings` relative
-    to the current folder.
+    The folder is the argument `given`, or else the value of the environment variable `SOFTCOVER_RECORDINGS`, or else
+    `../shared/recordings` relative to the current folder.
 
     Returns:
         The folder; None if neither argument nor variable is set and the default folder does not exist.
@@ -97,7 +98,7 @@ def find_stamp_files(folder: str | Path) -> tuple[StampFile, ...]:
         The files in the order of condition, letter and repeat.
 
     Raises:
-        RecordingError: If there is none, or if a file in it has another name than A1.dsa .. H9.dsa.
+        RecordingError: If there is no weight series, or if one of its files has another name than A1.dsa .. H9.dsa.
     """
     root = Path(folder)
     for pattern in ("room", "*/room", "*/*/room", "*/*/*/room"):
@@ -110,6 +111,7 @@ def find_stamp_files(folder: str | Path) -> tuple[StampFile, ...]:
 
 
 def _list_files(folder: Path) -> tuple[StampFile, ...]:
+    """List the files of the weight series in a folder, in the order of condition, letter and repeat."""
     files = []
     for condition in _CONDITIONS:
         for path in sorted((folder / condition).glob("*.dsa")):

@@ -1,8 +1,8 @@
-"""Reads and writes recordings as CSV: one line per frame.
+"""Reads and writes recordings as CSV files with one line per frame.
 
-The first line names the columns: `time` [s], then optionally `force` [N] and `temperature` [degC], then one column per
-texel, row by row, x fastest.  Lines `# key = value` before it may give `rows`, `columns`, `pitch` [m], `full_scale`,
-`indenter`, `load` [N] and `note`.
+The header line names the columns: `time` [s], then optionally `force` [N] and `temperature` [degC], then one column per
+texel, row by row, x fastest.  Lines of the form `# key = value` before the header may give `rows`, `columns`, `pitch`
+[m], `full_scale`, `indenter`, `load` [N] and `note`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from validation.recordings.recording import (
     make_array,
 )
 
-#: Keys of the lines `# key = value`; lines with other keys are comments.
+#: Accepted keys of the lines `# key = value` of a CSV file; lines with other keys are comments.
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
-#: Optional columns between the time and the texels.
+#: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 
 
@@ -40,9 +40,9 @@ class _Table:
     """Content of a CSV file.
 
     Attributes:
-        notes: Values of the lines `# key = value`.
+        notes: Values of the lines `# key = value`, by key.
         header: Names of the columns, in lower case.
-        values: Shape (lines, columns).
+        values: Numbers in the lines below the header, shape (lines, columns).
     """
 
     notes: Mapping[str, str]
@@ -50,12 +50,12 @@ class _Table:
     values: FloatArray
 
     def get_column(self, name: str) -> FloatArray:
-        """A column, shape (lines,); shape (0,) if it is missing."""
+        """Return the numbers of the column with this name, shape (lines,); shape (0,) if the column is missing."""
         return self.values[:, self.header.index(name)] if name in self.header else np.empty(0)
 
 
 def read(path: str | Path, *, rows: int | None = None, columns: int | None = None) -> Recording:
-    """Read a recording.
+    """Read a recording from a CSV file.
 
     Args:
         path: The CSV file.
@@ -105,7 +105,7 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
     """Read the CSV file of a force sensor, with the columns `time` [s] and `force` [N].
 
     Returns:
-        Times and forces, shape (readings,).
+        Times [s] and forces [N], each of shape (readings,).
 
     Raises:
         RecordingError: If the file cannot be read; the message names the line.
@@ -123,11 +123,11 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
 
     Args:
         recording: The recording.
-        path: The file; an existing one is replaced.
-        array: Index of the array.
+        path: The file to write; an existing file is replaced.
+        array: Index of the array in the recording.
 
     Raises:
-        OSError: If the file cannot be written; an existing one then remains.
+        OSError: If the file cannot be written; an existing file then remains.
     """
     recorded = recording.arrays[array]
     texels, setup = recorded.texels, recording.setup
@@ -179,7 +179,7 @@ def _read_table(path: Path) -> _Table:
 
 
 def _find_first_texel(header: list[str]) -> int:
-    """Index of the first column of counts."""
+    """Return the index of the first column that holds counts, after the time and the optional columns."""
     return 1 + sum(name in header for name in _SENSOR_COLUMNS)
 
 
@@ -193,7 +193,19 @@ def _check_header(place: str, header: list[str]) -> None:
 
 
 def _read_lines(header: list[str], lines: list[tuple[str, list[str]]]) -> Iterator[FloatArray]:
-    """Read the numbers of each line and check them."""
+    """Parse and check the numbers of each line.
+
+    Args:
+        header: Names of the columns.
+        lines: Place of each line for error messages, and the texts of its columns.
+
+    Yields:
+        Numbers of one line, shape (columns,).
+
+    Raises:
+        RecordingError: If a line has another number of columns than the header, a text is not a finite number, a count
+            is not a whole number of 0 or more, or a time is smaller than the time before.
+    """
     first = _find_first_texel(header)
     before = -math.inf
     for place, cells in lines:
@@ -215,7 +227,11 @@ def _read_lines(header: list[str], lines: list[tuple[str, list[str]]]) -> Iterat
 def _find_shape(
     path: Path, notes: Mapping[str, str], rows: int | None, columns: int | None, *, texels: int
 ) -> tuple[int, int]:
-    """Rows and columns as given or as noted in the file; if one of them is unknown it follows from the other."""
+    """Return the numbers of rows and columns of the array.
+
+    Arguments take precedence over the lines `# key = value` of the file.  If only one of the two numbers is known, the
+    other follows from the number of texels.
+    """
     rows = int(_read_number(path, notes, "rows", 0)) if rows is None else rows
     columns = int(_read_number(path, notes, "columns", 0)) if columns is None else columns
     if rows and not columns:
@@ -231,7 +247,7 @@ def _find_shape(
 
 
 def _read_number(path: Path, notes: Mapping[str, str], key: str, default: float) -> float:
-    """Value of a line `# key = value`, a number of 0 or more."""
+    """Return the value of the line `# key = value` of a file, a number of 0 or more; `default` if there is no line."""
     try:
         value = float(notes.get(key, default))
     except ValueError as error:
