@@ -63,7 +63,7 @@ def test_the_description_on_a_package_index_has_no_broken_pictures_or_links(run)
 def test_the_example_of_the_readme_runs_without_a_warning(run):
     (example,) = re.findall(r"^```python\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
     done = run("python", "-W", "error", "-c", example)
-    assert done.stderr == ""
+    assert "Warning" not in done.stderr  # a line may tell that kernels compile
     assert max(int(word) for word in re.findall(r"\d+", done.stdout)) > 100
 
 
