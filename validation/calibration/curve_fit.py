@@ -170,11 +170,11 @@ def fit_curve(observations: Observations, form: CurveForm, *, confidence: float 
         )
     forces = observations.forces
     reference = float(np.nanmean(observations.temperatures)) if form.temperature else 0.0
-    warmth = observations.temperatures - reference if form.temperature else np.zeros(len(forces))
+    above_reference = observations.temperatures - reference if form.temperature else np.zeros(len(forces))
     start, scale = _start_and_scale(form, forces, observations.counts)
 
     def misfit(scaled: FloatArray) -> FloatArray:
-        return (_predict_counts(form, scaled * scale, forces, warmth) - observations.counts).ravel()
+        return (_predict_counts(form, scaled * scale, forces, above_reference) - observations.counts).ravel()
 
     solution = least_squares(misfit, start / scale, x_scale="jac", method="trf")
     index = np.repeat([groups.index(group) for group in observations.groups], observations.counts.shape[1])
@@ -190,14 +190,14 @@ def fit_curve(observations: Observations, form: CurveForm, *, confidence: float 
     )
 
 
-def _predict_counts(form: CurveForm, values: FloatArray, forces: FloatArray, warmth: FloatArray) -> FloatArray:
+def _predict_counts(form: CurveForm, values: FloatArray, forces: FloatArray, above_reference: FloatArray) -> FloatArray:
     """Evaluate the characteristic.
 
     Args:
         form: Selection of the fitted parameters.
         values: Parameters in the order of `form.names`, shape (p,).
         forces: Texel forces, shape (m, n) [N].
-        warmth: Temperature minus the reference temperature T_0 at each observation, shape (m,) [K].
+        above_reference: Temperature minus the reference temperature T_0 at each observation, shape (m,) [K].
 
     Returns:
         Counts, shape (m, n) [-].
@@ -205,7 +205,7 @@ def _predict_counts(form: CurveForm, values: FloatArray, forces: FloatArray, war
     signal = np.polynomial.polynomial.polyval(forces, values[: form.degree + 1])
     shared = dict(zip(form.shared_names, values.tolist(), strict=False))
     if form.temperature:
-        signal = signal * (1 + shared["temperature"] * warmth)[:, None]
+        signal = signal * (1 + shared["temperature"] * above_reference)[:, None]
     if form.gains:
         free = values[len(shared) :]
         signal = signal * np.append(free, len(free) + 1 - free.sum())

@@ -76,7 +76,7 @@ def measure_noise_and_drift(
         the relative standard deviation between recordings of one load [-].
     """
     found: dict[str, Estimate] = {}
-    # counts above this ceiling lie in the saturation band, where noise is compressed
+    # Counts above this ceiling lie in the saturation band, where the bend of the characteristic reduces their noise.
     bent = line.form.saturation
     ceiling = line.value("output_max") - abs(line.value("saturation_band")) if bent else math.inf
     noise = [_frame_noise(each.arrays[array].counts[:, texels], ceiling) for each in recordings]

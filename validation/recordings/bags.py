@@ -133,7 +133,7 @@ def _read_messages(path: Path) -> Iterator[tuple[str, int, Any]]:
     except RecordingError:
         raise
     except Exception as error:
-        # rosbags raises many kinds of exceptions on damaged files
+        # The rosbags library raises many kinds of exceptions on damaged files.
         raise RecordingError(f"{path}: not a ROS bag, or damaged: {' '.join(str(error).split())}") from error
 
 

@@ -1,4 +1,4 @@
-"""Weiss WTS tactile arrays on a serial port: the protocol, a driver and a virtual sensor.
+"""Driver, protocol and virtual sensor for Weiss WTS tactile arrays on a serial port.
 
     with Sensor("/dev/ttyACM0") as sensor:
         print(sensor.read_matrix(), sensor.read_temperature())
@@ -8,15 +8,16 @@
             else:
                 print(event.time, event.counts.max())
 
-The bytes on the line are messages (`messages`), which `parser` finds in a stream that may be damaged.  Some messages
-hold frames (`frames`).  `commands` lists the commands and the layout of their answers.  `unconfirmed` lists what is
-assumed because no source confirms it.  `Sensor` asks the device on a port and yields a `Reading` for each frame and a
-`Gap` for each place where frames are missing.  `VirtualSensor` answers as the device does, and `serve` runs it on a
-port.  File formats are in `validation.recordings`; `validation.recordings.live_frames` converts readings to the frames
+The module `messages` defines the format of messages on the serial line; `parser` finds messages in a byte stream that
+may be damaged.  Some messages hold frames, the counts of all texels at one instant (`frames`).  `commands` lists the
+commands and the layout of their answers.  `unconfirmed` lists assumptions about the protocol that no source confirms.
+`Sensor` sends commands to the device on a port, and yields a `Reading` for each frame and a `Gap` for each place where
+frames are missing.  `VirtualSensor` answers commands as the device does, and `serve` runs a virtual sensor on a port.
+File formats are in `validation.recordings`; `validation.recordings.live_frames` converts readings to the type of frame
 that a simulation yields.
 
-Needs numpy and pyserial only.  Times of the host are monotonic [ns].  Times of the device are ticks of its own clock,
-which are assumed to be milliseconds.
+The package needs numpy and pyserial only.  Times of the host come from its monotonic clock [ns].  Times of the device
+come from the device's own clock; one tick is assumed to be a millisecond.
 """
 
 from validation.weiss.continuity import Gap

@@ -1,7 +1,7 @@
-"""The documented commands: their identifiers, and the layouts of requests and answers.
+"""Commands of a Weiss WTS sensor: identifiers, and conversion of requests and answers to and from bytes.
 
-An answer has the identifier of its command and starts with a status (16 bits, unsigned, little-endian).  A periodic
-frame has no status.
+An answer has the identifier of its command, and its payload starts with a status (16 bits, unsigned, little-endian).
+Frames that the sensor sends periodically have no status.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from validation.weiss.messages import Message, encode_message
 from validation.weiss.unconfirmed import GAIN_FORMAT, THRESHOLD_FORMAT
 
 _STATUS = struct.Struct("<H")
-#: Device units per metre [1/m] and per kelvin [1/K]: lengths come in 0.01 mm, temperatures in 0.1 K.
+#: Units of the device per metre [1/m] and per kelvin [1/K]: the device gives lengths in 0.01 mm, temperatures in 0.1 K.
 _LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
 
-#: Values of a request or an answer, in the order of its `Layout`.
+#: Values in the payload of a request or an answer, in the order of the command's `Layout`.
 Values = tuple[int | bytes, ...]
 
 
 class Command(IntEnum):
-    """Identifiers of the commands."""
+    """Identifiers of the documented commands."""
 
     PERIODIC_FRAME = 0x00
     LOOP = 0x06
@@ -48,7 +48,7 @@ class Command(IntEnum):
 
 
 class Status(IntEnum):
-    """Status of an answer."""
+    """Documented values of the status in an answer."""
 
     SUCCESS = 0
     NOT_AVAILABLE = 1
@@ -85,11 +85,11 @@ class Status(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Layout of a command's request and answer.
+    """Layouts of the payloads of a command's request and answer.
 
     Attributes:
-        request: `struct` format of the request's payload; None for raw bytes.
-        answer: `struct` format of the answer's payload after the status; None for raw bytes.
+        request: `struct` format of the payload of the request; None for raw bytes.
+        answer: `struct` format of the payload of the answer after the status; None for raw bytes.
     """
 
     request: str | None = ""
@@ -123,14 +123,14 @@ LAYOUTS: Mapping[Command, Layout] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class MatrixInfo:
-    """Description of the array by the device.
+    """Description of the texel array, as reported by the device.
 
     Attributes:
         columns: Number of texels along x [-].
         rows: Number of texels along y [-].
-        cell_width: Pitch along x [m].
-        cell_height: Pitch along y [m].
-        full_scale: Largest count [-].
+        cell_width: Pitch of the texels along x [m].
+        cell_height: Pitch of the texels along y [m].
+        full_scale: Largest count of a texel [-].
     """
 
     columns: int
@@ -147,13 +147,13 @@ class MatrixInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class SystemInfo:
-    """Description of the device by itself.
+    """Description of the device, as reported by the device.
 
     Attributes:
-        kind: 0 unknown, 1 WTS.
-        hardware_revision: Revision of the hardware.
-        firmware: Version as major.minor.sub.release-type.
-        serial_number: Serial number.
+        kind: Code of the kind of device: 0 for unknown, 1 for WTS.
+        hardware_revision: Number of the hardware revision.
+        firmware: Version of the firmware as major.minor.sub.release-type.
+        serial_number: Serial number of the device.
     """
 
     kind: int
@@ -163,7 +163,7 @@ class SystemInfo:
 
 
 def encode_request(command: Command, *values: int | bytes) -> bytes:
-    """Message that asks for a command.
+    """Return the message that requests a command with the given values.
 
     Raises:
         ValueError: If the values do not fit the command's layout.
@@ -172,7 +172,7 @@ def encode_request(command: Command, *values: int | bytes) -> bytes:
 
 
 def encode_answer(command: Command, status: Status, *values: int | bytes) -> bytes:
-    """Message that answers a command; an answer with any status but success carries the status alone.
+    """Return the message that answers a command; the values are left out unless the status is success.
 
     Raises:
         ValueError: If the values do not fit the command's layout.
@@ -182,7 +182,7 @@ def encode_answer(command: Command, status: Status, *values: int | bytes) -> byt
 
 
 def decode_request(message: Message) -> tuple[Command, Values]:
-    """Command and values of a request.
+    """Return the command and the values of a request message.
 
     Raises:
         KeyError: If the command is unknown.
@@ -193,7 +193,7 @@ def decode_request(message: Message) -> tuple[Command, Values]:
 
 
 def decode_answer(message: Message) -> tuple[int, Values]:
-    """Status and values of an answer; the values are empty unless the status is 0 (success).
+    """Return the status and the values of an answer message; the values are empty unless the status is 0 (success).
 
     Raises:
         KeyError: If the command is unknown.
@@ -209,7 +209,7 @@ def decode_answer(message: Message) -> tuple[int, Values]:
 
 
 def describe_status(status: int) -> str:
-    """A status in words, with its number."""
+    """Return the meaning of a status in words, with its number."""
     try:
         return f"{Status(status).name.lower().replace('_', ' ')} ({status})"
     except ValueError:
@@ -217,18 +217,18 @@ def describe_status(status: int) -> str:
 
 
 def join_bytes(values: Values) -> bytes:
-    """The raw bytes among the values of a request or an answer."""
+    """Join the raw bytes among the values of a request or an answer."""
     return b"".join(value for value in values if isinstance(value, bytes))
 
 
 def encode_matrix_info(info: MatrixInfo) -> tuple[int, ...]:
-    """Values of the answer to `matrix info`."""
+    """Convert the description of an array to the values of the answer to the command `matrix info`."""
     width, height = (round(length * _LENGTH_UNITS_PER_METRE) for length in (info.cell_width, info.cell_height))
     return (info.columns, info.rows, width, height, info.full_scale)
 
 
 def decode_matrix_info(values: Values) -> MatrixInfo:
-    """Read the values of the answer to `matrix info`."""
+    """Convert the values of the answer to the command `matrix info` to the description of an array."""
     columns, rows, width, height, full_scale = (int(value) for value in values)
     return MatrixInfo(
         columns=columns,
@@ -240,7 +240,7 @@ def decode_matrix_info(values: Values) -> MatrixInfo:
 
 
 def decode_system_info(values: Values) -> SystemInfo:
-    """Read the values of the answer to `system info`."""
+    """Convert the values of the answer to the command `system info` to the description of a device."""
     kind, hardware, firmware, serial = (int(value) for value in values)
     digits = (firmware >> 12, firmware >> 8 & 15, firmware >> 4 & 15, firmware & 15)
     version = ".".join(str(digit) for digit in digits)
@@ -248,12 +248,12 @@ def decode_system_info(values: Values) -> SystemInfo:
 
 
 def encode_temperature(degrees: float) -> tuple[int]:
-    """Values of the answer to `temperature`, from a temperature [degC]."""
+    """Convert a temperature [degC] to the value of the answer to the command `temperature`."""
     return (round(degrees * _TEMPERATURE_UNITS_PER_KELVIN),)
 
 
 def decode_temperature(values: Values) -> float:
-    """Read the value of the answer to `temperature` [degC]."""
+    """Convert the value of the answer to the command `temperature` to a temperature [degC]."""
     return int(values[0]) / _TEMPERATURE_UNITS_PER_KELVIN
 
 
@@ -264,6 +264,7 @@ def _find_command(identifier: int) -> Command:
 
 
 def _pack(command: Command, layout: str | None, values: Values) -> bytes:
+    """Convert values to a payload by a `struct` format, or join raw bytes if the format is None."""
     try:
         return join_bytes(values) if layout is None else struct.pack(layout, *values)
     except struct.error as error:
@@ -271,6 +272,7 @@ def _pack(command: Command, layout: str | None, values: Values) -> bytes:
 
 
 def _unpack(command: Command, layout: str | None, payload: bytes) -> Values:
+    """Convert a payload to values by a `struct` format; the value is the payload itself if the format is None."""
     try:
         return (payload,) if layout is None else struct.unpack(layout, payload)
     except struct.error as error:

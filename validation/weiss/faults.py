@@ -1,7 +1,7 @@
 """Faults of a serial line, as functions that damage one message.
 
-Each takes a message and a random generator and returns the bytes that arrive.  The tests of the parser and the virtual
-sensor use the same faults.
+Each function takes the bytes of a message and a random number generator, and returns the bytes that the receiver gets.
+The tests of the parser and the virtual sensor use the same faults.
 """
 
 from __future__ import annotations
@@ -12,34 +12,35 @@ from types import MappingProxyType
 
 from validation.weiss.messages import HEAD_SIZE, PREAMBLE
 
+#: Function from a message and a random number generator to the bytes that the receiver gets.
 Fault = Callable[[bytes, Random], bytes]
 
-#: Text that the SDH generation of sensors sends while it boots.
+#: Text that sensors of the SDH generation send while they boot.
 _BOOT_TEXT = b"\x1b[5n\x1b[5n\x1b[5n"
 
 
 def flip_bit(message: bytes, random: Random) -> bytes:
-    """Change one bit."""
+    """Change one random bit of the message."""
     damaged = bytearray(message)
     damaged[random.randrange(len(damaged))] ^= 1 << random.randrange(8)
     return bytes(damaged)
 
 
 def change_bytes(message: bytes, random: Random) -> bytes:
-    """Replace one to eight bytes by random ones."""
+    """Replace one to eight consecutive bytes of the message by random bytes."""
     start = random.randrange(len(message))
     length = min(random.randint(1, 8), len(message) - start)
     return message[:start] + random.randbytes(length) + message[start + length :]
 
 
 def drop_bytes(message: bytes, random: Random) -> bytes:
-    """Remove one to sixteen bytes."""
+    """Remove one to sixteen consecutive bytes of the message."""
     start = random.randrange(len(message))
     return message[:start] + message[start + random.randint(1, 16) :]
 
 
 def repeat_bytes(message: bytes, random: Random) -> bytes:
-    """Send one to sixteen bytes twice."""
+    """Send one to sixteen consecutive bytes of the message twice."""
     start = random.randrange(len(message))
     end = start + random.randint(1, 16)
     return message[:end] + message[start:]
@@ -52,22 +53,22 @@ def insert_noise(message: bytes, random: Random) -> bytes:
 
 
 def cut(message: bytes, random: Random) -> bytes:
-    """End the message too early."""
+    """Truncate the message after a random number of bytes."""
     return message[: random.randrange(1, len(message))]
 
 
 def extra_preamble(message: bytes, random: Random) -> bytes:
-    """Send one to five more AA before the message."""
+    """Send one to five bytes AA, the byte of the preamble, before the message."""
     return PREAMBLE[:1] * random.randint(1, 5) + message
 
 
 def false_head(message: bytes, random: Random) -> bytes:
-    """Send a head that announces a payload before the message."""
+    """Send the head of another message, with a random payload size and without payload, before the message."""
     return PREAMBLE + random.choice((b"\x00", b"\x20")) + bytes([random.randrange(256), 0]) + message
 
 
 def lose(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults take the same arguments
-    """Send nothing."""
+    """Send nothing instead of the message."""
     return b""
 
 
@@ -82,7 +83,7 @@ def boot_text(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all f
 
 
 def wrong_size(message: bytes, random: Random) -> bytes:
-    """Replace the size field by a random one."""
+    """Replace the payload size in the head of the message by a random number."""
     return message[: HEAD_SIZE - 2] + random.randbytes(2) + message[HEAD_SIZE:]
 
 

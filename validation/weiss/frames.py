@@ -1,4 +1,4 @@
-"""Frames: the counts of all texels at one instant, raw or run-length encoded."""
+"""Encodes and decodes frames: the counts of all texels at one instant, raw or run-length encoded."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, RUN_LENGTH_VALUE_BITS,
 
 CountArray = npt.NDArray[np.uint16]
 
-#: Largest count of a texel: 12 bits [-].
+#: Largest count of a texel, a number of 12 bits [-].
 LARGEST_COUNT = 0x0FFF
-#: Clock of the device (u32 LE) and flags (u8).
+#: Layout of the start of a frame: time on the clock of the device (unsigned, 32 bits, little-endian), flags (8 bits).
 _HEAD = struct.Struct("<IB")
+#: Number of bytes before the counts of a frame.
 HEAD_SIZE = _HEAD.size
-#: Longest run that one run-length unit can hold: 4 bits [-].
+#: Largest number of equal counts that one run-length unit can hold, because the number has 4 bits [-].
 _LONGEST_RUN = 15
 
 
@@ -26,10 +27,11 @@ class Reading:
     """One frame of the sensor.
 
     Attributes:
-        counts: Shape (n,), row by row, x fastest [-].
-        ticks: Clock of the device, 32 bits unsigned [ticks].
-        host_time: When its last byte was read, monotonic [ns]; 0 for a frame that did not come from a port.
-        run_length: Whether it was sent run-length encoded.
+        counts: Counts of the n texels, shape (n,), row by row, x fastest [-].
+        ticks: Time of the frame on the clock of the device, 32 bits unsigned [ticks].
+        host_time: Time at which the last byte of the frame was read, on the monotonic clock of the host [ns]; 0 for a
+            frame that did not come from a port.
+        run_length: Whether the frame was sent run-length encoded.
     """
 
     counts: CountArray
@@ -39,17 +41,17 @@ class Reading:
 
     @property
     def time(self) -> float:
-        """Clock of the device [s]."""
+        """Time of the frame on the clock of the device [s]."""
         return self.ticks * TICK
 
 
 def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False) -> bytes:
-    """Payload of a frame message, or of an answer to `read single frame` after the status.
+    """Return a frame as bytes: the payload of a periodic frame, or of a requested single frame after the status.
 
     Args:
-        ticks: Clock of the device; wraps at 2**32 [ticks].
-        counts: Shape (n,), 0..4095 [-].
-        run_length: Whether to run-length encode.
+        ticks: Time of the frame on the clock of the device [ticks]; the lowest 32 bits are used.
+        counts: Counts 0..4095 of the n texels, shape (n,) [-].
+        run_length: Whether to run-length encode the counts.
 
     Raises:
         ValueError: If a count does not fit 12 bits.
@@ -63,12 +65,12 @@ def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False)
 
 
 def decode_frame(payload: bytes, *, texels: int | None = None, host_time: int = 0) -> Reading:
-    """Read the payload of a frame message.
+    """Decode the payload of a frame message.
 
     Args:
-        payload: Clock, flags and counts, without the status of an answer.
-        texels: Expected number of texels; any number if not given [-].
-        host_time: When the last byte was read, monotonic [ns].
+        payload: Clock, flags and counts of the frame, without the status of an answer.
+        texels: Expected number of texels; any number is accepted if not given [-].
+        host_time: Time at which the last byte was read, on the monotonic clock of the host [ns].
 
     Raises:
         ValueError: If the payload is too short, has unknown flags, a count over 12 bits or the wrong number of texels.
@@ -89,12 +91,12 @@ def decode_frame(payload: bytes, *, texels: int | None = None, host_time: int = 
 
 
 def compress(counts: CountArray) -> bytes:
-    """Run-length encode counts of 0..4095, shape (n,)."""
+    """Run-length encode the counts of n texels, each 0..4095, shape (n,)."""
     if not counts.size:
         return b""
     starts = np.flatnonzero(np.concatenate(([True], counts[1:] != counts[:-1])))
     lengths = np.diff(np.append(starts, counts.size))
-    # a run longer than one unit can hold becomes several full units and a rest of 1..15
+    # a run that is longer than one unit can hold is divided into full units of 15 counts and a rest of 1..15 counts
     full, rest = np.divmod(lengths - 1, _LONGEST_RUN)
     values = np.repeat(counts[starts].astype(np.uint16), full + 1)
     runs = np.full(values.size, _LONGEST_RUN, dtype=np.uint16)
@@ -103,7 +105,7 @@ def compress(counts: CountArray) -> bytes:
 
 
 def _expand(units: CountArray) -> CountArray:
-    """Counts of run-length units, shape (n,)."""
+    """Decode run-length units to the counts of the n texels, shape (n,)."""
     runs = units >> RUN_LENGTH_VALUE_BITS
     if not runs.all():
         raise ValueError("a run of length 0 in a run-length encoded frame")

@@ -1,4 +1,4 @@
-"""Asks a connected sensor about each assumption that no source confirms (see `unconfirmed`)."""
+"""Checks the assumptions about the protocol that no source confirms (see `unconfirmed`) on a connected sensor."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from validation.weiss.frames import Reading, compress
 from validation.weiss.sensor import Sensor, SensorError
 from validation.weiss.unconfirmed import TICK
 
-#: Number of frames over which the tick of the clock is measured: about a second [-].
+#: Number of frames over which the length of a tick of the device's clock is measured, about one second [-].
 _CLOCK_FRAMES = 300
 _SECONDS_PER_NANOSECOND = 1e-9
 
 
 def inquire(sensor: Sensor) -> Mapping[str, str]:
-    """Answer each open question in one line; no setting of the device is changed.
+    """Send the commands whose format is assumed, and describe each answer in one line.
+
+    No setting of the device is changed.
 
     Args:
-        sensor: An open sensor that does not stream.
+        sensor: An open sensor that does not stream frames.
 
     Returns:
-        The answers by topic.
+        The descriptions by topic of the assumption.
 
     Raises:
         PortError: If the sensor stops answering.
@@ -44,6 +46,7 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
 
 
 def _ask(question: Callable[[], str]) -> str:
+    """Return the result of a check, or the error if the sensor does not answer as assumed."""
     try:
         return question()
     except (SensorError, ValueError) as error:
@@ -51,12 +54,14 @@ def _ask(question: Callable[[], str]) -> str:
 
 
 def _check_loop(sensor: Sensor) -> str:
+    """Check that the sensor answers the command `loop` with the bytes that it was sent."""
     sent = b"softcover"
     (data,) = sensor.ask(Command.LOOP, sent)
     return "answers with the bytes it was sent" if data == sent else f"answers {data!r} to {sent!r}"
 
 
 def _measure_clock(sensor: Sensor) -> str:
+    """Measure the length of a tick of the device's clock, and the frame rate, from a stream of frames."""
     stream = sensor.stream()
     readings = [event for event in islice(stream, _CLOCK_FRAMES) if isinstance(event, Reading)]
     stream.close()
@@ -67,6 +72,7 @@ def _measure_clock(sensor: Sensor) -> str:
 
 
 def _check_run_length(sensor: Sensor) -> str:
+    """Compare a run-length encoded frame with the raw frame before it."""
     raw, packed = sensor.read_frame(), sensor.read_frame(run_length=True)
     if not packed.run_length:
         return "asked for, but the frame came raw"
@@ -78,6 +84,7 @@ def _check_run_length(sensor: Sensor) -> str:
 
 
 def _find_largest_texel(sensor: Sensor) -> str:
+    """Describe the place of the texel with the largest count, so that a user who presses a corner can check it."""
     texel = int(sensor.read_frame().counts.argmax())
     row, column = divmod(texel, sensor.read_matrix().columns)
     return f"largest is texel {texel}, read as row {row}, column {column}: press a corner to check"

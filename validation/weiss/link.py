@@ -1,4 +1,4 @@
-"""A serial port that a thread reads in the background, so that a slow consumer does not stall it."""
+"""Reads a serial port in a background thread, so that no bytes are lost while the program does other work."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from pathlib import Path
 import serial
 from serial.tools import list_ports
 
-#: Largest number of bytes kept for a slow consumer: five seconds of an array of 84 texels at 271 frames/s.
+#: Largest number of received bytes that are kept until the program fetches them: five seconds of an array of 84 texels
+#: at 271 frames/s.
 BUFFER_BYTES = 256 * 1024
-#: Longest wait for a byte, after which the reader checks whether it should stop [s].
+#: Longest wait for a byte, after which the reading thread checks whether it should stop [s].
 _READ_TIMEOUT = 0.05
+#: Longest wait until the port accepts bytes to send [s].
 _WRITE_TIMEOUT = 1.0
-#: The number of waiting bytes is unknown for a socket: the reader asks for this many [bytes], and waits at most this
-#: long [s].
+#: Number of bytes that are requested at a time from a socket, and longest wait for them [s].  A socket, unlike a serial
+#: port, does not report the number of bytes that can be read.
 _SOCKET_BYTES, _SOCKET_TIMEOUT = 64, 0.005
-#: Accepted names of ports, for error messages.
+#: Description of the accepted names of ports, for error messages.
 _ACCEPTED = "accepted: a port such as /dev/ttyACM0, or a pyserial URL"
 
 
 class PortError(OSError):
-    """A port cannot be opened, went away, or no sensor answers on it; the message is one line."""
+    """Reports that a port cannot be opened, was lost, or that no sensor answers on it; the message is one line."""
 
 
 class LinkLostError(PortError):
-    """The port went away while it was in use."""
+    """Reports that a port was lost while it was in use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +40,9 @@ class Chunk:
     """Bytes as received from the port.
 
     Attributes:
-        host_time: When they were read, monotonic [ns].
+        host_time: Time at which the bytes were read, on the monotonic clock of the host [ns].
         data: The bytes.
-        lost: Number of bytes before these that were discarded, because the buffer was full [-].
+        lost: Number of bytes before `data` that were discarded because the buffer was full [-].
     """
 
     host_time: int
@@ -49,12 +51,12 @@ class Chunk:
 
 
 class Link:
-    """An open port.
+    """An open serial port whose received bytes are buffered by a background thread.
 
     Args:
         port: Name of a port, or a pyserial URL such as `socket://host:port`.
-        baud_rate: Speed of a true UART; USB virtual ports ignore it [1/s].
-        buffer_bytes: Largest number of bytes kept for the consumer; further ones are discarded and counted.
+        baud_rate: Baud rate of a UART; virtual ports over USB ignore the value [1/s].
+        buffer_bytes: Largest number of received bytes that are kept; further bytes are discarded and counted.
 
     Raises:
         PortError: If the port cannot be opened.
@@ -66,7 +68,7 @@ class Link:
         self._serial = _open_port(port, baud_rate, is_url=self._is_url)
         self._limit = buffer_bytes
         self._chunks: deque[Chunk] = deque()
-        #: Bytes in the chunks, and bytes discarded since the last chunk.
+        #: Number of bytes in the buffered chunks, and number of bytes discarded since the last chunk.
         self._buffered = self._lost = 0
         self._changed = threading.Condition()
         self._failure: Exception | None = None
@@ -78,7 +80,7 @@ class Link:
         """Send bytes.
 
         Raises:
-            LinkLostError: If the port is gone or does not take them.
+            LinkLostError: If the port was lost or does not accept the bytes.
         """
         try:
             self._serial.write(data)
@@ -92,7 +94,7 @@ class Link:
             timeout: Longest wait for the first byte [s].
 
         Raises:
-            LinkLostError: If the port went away and all bytes received before were fetched.
+            LinkLostError: If the port was lost and all bytes received before were fetched.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._chunks or self._failure, timeout)
@@ -110,6 +112,7 @@ class Link:
         self._serial.close()
 
     def _keep_reading(self) -> None:
+        """Read bytes into the buffer until the port is closed or lost; runs in the background thread."""
         port = self._serial
         try:
             while not self._stopping:
@@ -117,13 +120,13 @@ class Link:
                 if data:
                     self._buffer(bytes(data))
         except (OSError, serial.SerialException, TypeError) as error:
-            # pyserial raises TypeError if its file descriptor is closed while it reads
+            # pyserial raises TypeError if the file descriptor of the port is closed during a read
             with self._changed:
                 self._failure = error
                 self._changed.notify_all()
 
     def _buffer(self, data: bytes) -> None:
-        """Keep bytes for the consumer, or discard them if the buffer is full."""
+        """Append received bytes to the buffer, or discard them if the buffer is full."""
         with self._changed:
             if self._buffered + len(data) > self._limit:
                 self._lost += len(data)
@@ -135,7 +138,7 @@ class Link:
 
 
 def _open_port(port: str, baud_rate: int, *, is_url: bool) -> serial.SerialBase:
-    # a port can be locked against a second client, a URL cannot
+    # A serial port can be locked against a second client; a pyserial URL cannot.
     options = {} if is_url else {"exclusive": True}
     try:
         opened = serial.serial_for_url(
@@ -152,7 +155,7 @@ def _open_port(port: str, baud_rate: int, *, is_url: bool) -> serial.SerialBase:
 
 
 def _explain(port: str, error: Exception) -> str:
-    """Why a port cannot be opened and what to do about it, in one line."""
+    """Return one line with the reason why a port cannot be opened and what the user can do."""
     number = getattr(error, "errno", None)
     text = str(error)
     if number == errno.ENOENT:
@@ -168,7 +171,7 @@ def _explain(port: str, error: Exception) -> str:
 
 
 def _find_remedy(port: str) -> str:
-    """How the user gets permission to open a port."""
+    """Return an instruction how the user gets permission to open a port."""
     try:
         import grp
 

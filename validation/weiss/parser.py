@@ -1,4 +1,4 @@
-"""Finds messages in a byte stream that may be damaged."""
+"""Finds the messages of a sensor in a byte stream that may be damaged."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from validation.weiss.frames import HEAD_SIZE as FRAME_HEAD_SIZE
 from validation.weiss.frames import decode_frame
 from validation.weiss.messages import CHECKSUM_SIZE, HEAD_SIZE, PREAMBLE, Message, compute_checksum
 
-#: Number of texels of the largest array of this manufacturer; used while the array is unknown [-].
+#: Largest number of texels that is accepted in a frame while the array is unknown: that of the largest array of the
+#: manufacturer [-].
 _MOST_TEXELS = 512
-#: Longest text in an answer, such as a sensor type or a tag [bytes].
+#: Largest length of a text in an answer, such as a sensor type or a tag [bytes].
 _LONGEST_TEXT = 64
+#: Number of bytes of the status at the start of an answer, and the bytes of the status `success`.
 _STATUS_SIZE = 2
 _SUCCESS = b"\0\0"
 
 
 @dataclass(slots=True)
 class Counters:
-    """Totals of a parser.
+    """Numbers of bytes and messages that a parser has processed.
 
     Attributes:
-        bytes_seen: Bytes received [-].
-        messages: Messages found [-].
-        skipped: Bytes that belong to no message [-].
+        bytes_seen: Number of bytes received [-].
+        messages: Number of messages found [-].
+        skipped: Number of bytes that belong to no message [-].
     """
 
     bytes_seen: int = 0
@@ -33,46 +35,47 @@ class Counters:
 
 
 class Parser:
-    """Finds messages in a stream that is received in pieces.
+    """Finds messages in a byte stream that is received in pieces.
 
-    A message is accepted if its checksum fits and, for frames, its content is possible.  After a failure the search
-    continues at the byte after the first AA, so that damage costs only the messages that it touches.  A head makes the
-    parser wait for the rest of the message, but for no more than the largest message that is possible; `finish` ends
-    the wait.  The parser keeps no more than one such message and the last piece.
+    A message is accepted if its checksum is correct and, for frames, its content is valid.  If a message is refused,
+    the search continues at the byte after its first byte AA, so that only damaged messages are lost.  After the head of
+    a message, the parser waits for the stated number of bytes, unless the number exceeds the largest possible message;
+    `finish` ends the wait.  The parser stores at most one message of the largest size and the last piece.
 
     Args:
-        texels: Number of texels of the array; if given, frames must have exactly as many [-].
+        texels: Number of texels of the array; if given, frames with another number are refused [-].
     """
 
     def __init__(self, *, texels: int | None = None) -> None:
         self.texels = texels
         self.counters = Counters()
         self._buffer = bytearray()
-        #: Bytes since the last message that belong to no message.
+        #: Number of bytes since the last message that belong to no message.
         self._skipped = 0
 
     @property
     def pending(self) -> int:
-        """Number of bytes that may be the start of a message [-]."""
+        """Number of stored bytes, which may be the start of a message [-]."""
         return len(self._buffer)
 
     @property
     def largest_payload(self) -> int:
-        """Longest payload that the parser waits for [bytes]."""
+        """Size of the largest payload of a message that is accepted [bytes]."""
         texels = _MOST_TEXELS if self.texels is None else self.texels
         return _STATUS_SIZE + max(FRAME_HEAD_SIZE + 2 * texels, _LONGEST_TEXT)
 
     def feed(self, data: bytes) -> list[Message]:
-        """Take more bytes and return the messages that they complete."""
+        """Add the next bytes of the stream and return the messages that they complete."""
         self._buffer += data
         self.counters.bytes_seen += len(data)
         return self._scan(final=False)
 
     def finish(self) -> list[Message]:
-        """End the wait for missing bytes and return the messages that follow a damaged head."""
+        """End the wait for the rest of a message, and return the messages in the stored bytes after its head."""
         return self._scan(final=True)
 
     def _scan(self, *, final: bool) -> list[Message]:
+        """Return the messages in the stored bytes; if `final`, an incomplete message counts as damaged."""
         messages: list[Message] = []
         buffer, position = self._buffer, 0
         while True:
@@ -94,7 +97,11 @@ class Parser:
         return messages
 
     def _measure_message(self, start: int, *, final: bool) -> int | None:
-        """Size of the message at `start` [bytes]: 0 if there is none, None if more bytes are needed to decide."""
+        """Return the size of the message that starts at the index `start` of the stored bytes.
+
+        Returns:
+            Size of the message [bytes]; 0 if the bytes are no valid message, None if more bytes are needed to decide.
+        """
         buffer = self._buffer
         available = len(buffer) - start
         incomplete = 0 if final else None
@@ -113,7 +120,7 @@ class Parser:
         return size
 
     def _is_possible(self, identifier: int, payload: bytes) -> bool:
-        """Whether a message may be genuine: where its identifier announces a frame, the payload must be one."""
+        """Return whether the payload of a message is valid: a frame if the identifier is that of a frame message."""
         if identifier == Command.READ_SINGLE_FRAME and payload.startswith(_SUCCESS):
             payload = payload[_STATUS_SIZE:]
         elif identifier != Command.PERIODIC_FRAME:
@@ -125,6 +132,7 @@ class Parser:
         return True
 
     def _take_message(self, start: int, size: int) -> Message:
+        """Make a message from `size` stored bytes from the index `start` on, and count it."""
         payload = bytes(self._buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
         message = Message(self._buffer[start + 3], payload, self._skipped)
         self._skipped = 0
@@ -132,12 +140,13 @@ class Parser:
         return message
 
     def _skip(self, count: int) -> None:
+        """Count bytes that belong to no message."""
         self.counters.skipped += count
         self._skipped += count
 
 
 def _find_partial_preamble(buffer: bytearray, position: int) -> int:
-    """Index of a partial preamble at the end of the buffer; the length of the buffer if there is none."""
+    """Return the index at which an incomplete preamble at the end of the buffer starts, or the length of the buffer."""
     start = len(buffer)
     while start > max(position, len(buffer) - len(PREAMBLE) + 1) and buffer[start - 1] == PREAMBLE[0]:
         start -= 1

@@ -1,4 +1,4 @@
-"""The driver of a WTS sensor on a port."""
+"""Driver of a Weiss WTS sensor on a serial port: sends commands and yields the stream of frames."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from validation.weiss.messages import Message
 from validation.weiss.parser import Counters, Parser
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
 
-#: Largest number of readings and gaps kept while the consumer of a stream sends commands in between [-].
+#: Largest number of readings and gaps that are stored until the program takes them from the stream [-].
 _MOST_EVENTS = 8192
-#: Number of times that a command is sent before it counts as unanswered; as many unread answers are kept [-].
+#: Number of times that a command is sent before it counts as unanswered, and largest number of stored answers [-].
 _ATTEMPTS = 3
-#: Pause between two attempts to open a port again [s].
+#: Pause between two attempts to open a lost port again [s].
 _REOPEN_PAUSE = 0.1
-#: A stream counts as silent if no frame comes during this many timeouts of an answer, or during this many intervals
-#: between frames if that is longer [-].
+#: Factors on the timeout of an answer and on the interval between frames [-].  A stream counts as silent if no frame
+#: arrives during the longer of the two products.
 _SILENT_TIMEOUTS, _SILENT_INTERVALS = 2, 3
 _SECONDS_PER_NANOSECOND = 1e-9
 
 
 class SensorError(PortError):
-    """The sensor refused a command, or its answer is not as assumed; the message says which and why."""
+    """Reports that the sensor refused a command, or answered in another format than assumed."""
 
 
 class NoAnswerError(PortError):
-    """The sensor did not answer in time."""
+    """Reports that the sensor did not answer a command in time."""
 
 
 class Sensor(AbstractContextManager["Sensor"]):
-    """An open sensor.  Use it in a `with` block: leaving it stops the stream and closes the port.
+    """An open sensor.  Use it in a `with` block, whose end stops the stream and closes the port.
 
     Args:
         port: Name of a port, or a pyserial URL such as `socket://host:port`.
-        baud_rate: Speed of a true UART; USB virtual ports ignore it [1/s].
-        timeout: How long to wait for an answer before the command is sent again, three times in all [s].
-        buffer_bytes: Largest number of bytes kept for a slow consumer.
+        baud_rate: Baud rate of a UART; virtual ports over USB ignore the value [1/s].
+        timeout: Longest wait for an answer before the command is sent again; it is sent three times at most [s].
+        buffer_bytes: Largest number of received bytes that are kept until the program fetches them.
 
     Raises:
         PortError: If the port cannot be opened or no sensor answers on it.
@@ -54,10 +54,10 @@ class Sensor(AbstractContextManager["Sensor"]):
     ) -> None:
         self.port = port
         self.timeout = timeout
-        #: Called with all bytes as they are received, before they are parsed.
+        #: Function that is called with all received bytes before they are parsed; None for no call.
         self.tap: Callable[[Chunk], None] | None = None
         self._open_link: Callable[[], Link] = lambda: Link(port, baud_rate=baud_rate, buffer_bytes=buffer_bytes)
-        #: Settings that were made, to make them again after a reconnection.
+        #: Values that were set on the device, by command; they are set again after a reconnection.
         self._settings: dict[Command, int] = {}
         self._events: deque[Reading | Gap] = deque()
         self._answers: list[Message] = []
@@ -78,43 +78,43 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     @property
     def counters(self) -> Counters:
-        """Totals of the bytes and messages received up to now; they start again after a reconnection."""
+        """Numbers of bytes and messages received since the port was opened or opened again."""
         return self._parser.counters
 
     def read_info(self) -> SystemInfo:
-        """Ask for kind, hardware revision, firmware version and serial number."""
+        """Read kind, hardware revision, firmware version and serial number of the device."""
         return commands.decode_system_info(self.ask(Command.SYSTEM_INFO))
 
     def read_matrix(self) -> MatrixInfo:
-        """Ask for rows, columns, pitch and full scale."""
+        """Read the numbers of rows and columns, the pitch and the full scale of the array."""
         return commands.decode_matrix_info(self.ask(Command.MATRIX_INFO))
 
     def read_type(self) -> str:
-        """Ask for the name of the sensor's type."""
+        """Read the name of the sensor's type."""
         return self._ask_text(Command.SENSOR_TYPE)
 
     def read_tag(self) -> str:
-        """Ask for the name that a user gave to the device."""
+        """Read the name that a user gave to the device (tag)."""
         return self._ask_text(Command.GET_TAG)
 
     def set_tag(self, tag: str) -> None:
-        """Give the device a name (ASCII)."""
+        """Store a name for the device (tag), in ASCII characters."""
         self.ask(Command.SET_TAG, tag.encode("ascii"))
 
     def read_temperature(self) -> float:
-        """Ask for the temperature of the device [degC]."""
+        """Read the temperature of the device [degC]."""
         return commands.decode_temperature(self.ask(Command.TEMPERATURE))
 
     def read_threshold(self) -> int:
-        """Ask for the threshold below which a texel reads 0 [counts]."""
+        """Read the threshold below which a texel reads 0 [counts]."""
         return int(self.ask(Command.GET_THRESHOLD)[0])
 
     def set_threshold(self, threshold: int) -> None:
-        """Set the threshold [counts]; it is set again after a reconnection."""
+        """Set the threshold below which a texel reads 0 [counts]; it is set again after a reconnection."""
         self._set(Command.SET_THRESHOLD, threshold)
 
     def read_gain(self) -> int:
-        """Ask for the front-end gain, in the unit of the device [-]."""
+        """Read the front-end gain, in the unit of the device [-]."""
         return int(self.ask(Command.GET_GAIN)[0])
 
     def set_gain(self, gain: int) -> None:
@@ -122,18 +122,18 @@ class Sensor(AbstractContextManager["Sensor"]):
         self._set(Command.SET_GAIN, gain)
 
     def tare(self) -> None:
-        """Let the device subtract the present image from all later frames, until `untare`."""
+        """Make the device subtract the present frame from all later frames, until `untare` is called."""
         self.ask(Command.TARE, TARE)
 
     def untare(self) -> None:
-        """Undo `tare`."""
+        """Make the device stop the subtraction that `tare` started."""
         self.ask(Command.TARE, UNTARE)
 
     def read_frame(self, *, run_length: bool = False) -> Reading:
-        """Ask for one frame.
+        """Request one frame and return it.
 
         Args:
-            run_length: Whether to ask for run-length encoding.
+            run_length: Whether to request run-length encoding.
         """
         values = self.ask(Command.READ_SINGLE_FRAME, RUN_LENGTH_FLAG * run_length)
         return decode_frame(commands.join_bytes(values), host_time=time.monotonic_ns())
@@ -141,10 +141,14 @@ class Sensor(AbstractContextManager["Sensor"]):
     def ask(self, command: Command, *values: int | bytes) -> Values:
         """Send any documented command and return the values of its answer.
 
+        Args:
+            command: The command.
+            values: Values of the request, in the order of the command's layout.
+
         Raises:
-            SensorError: If the status is not success, or if the layout of the answer is not as assumed.
-            NoAnswerError: If no answer comes.
-            LinkLostError: If the port goes away.
+            SensorError: If the status of the answer is not success, or if the layout of the answer is not as assumed.
+            NoAnswerError: If no answer arrives in time.
+            LinkLostError: If the port is lost.
         """
         name = command.name.lower().replace("_", " ")
         for _ in range(_ATTEMPTS):
@@ -165,18 +169,18 @@ class Sensor(AbstractContextManager["Sensor"]):
     def stream(
         self, *, run_length: bool = False, interval_ms: int = 0, reconnect: float = 0.0
     ) -> Generator[Reading | Gap, None, None]:
-        """Yield frames as the device sends them, and a `Gap` wherever frames are missing.
+        """Yield frames when the device sends them, and a `Gap` for each place where frames are missing.
 
-        The stream ends if the caller closes it or by an error.  In either case the device gets the command to stop.
-        Commands may be sent between two frames.
+        The stream ends if the caller closes the generator or an error is raised.  In both cases the device is commanded
+        to stop sending.  The caller may send commands between two frames.
 
         Args:
-            run_length: Whether to ask for run-length encoding.
-            interval_ms: Time between frames; 0 for as fast as the device can [ms].
-            reconnect: How long to try to open the port again after it went away [s].
+            run_length: Whether to request run-length encoding.
+            interval_ms: Time between frames; 0 for the shortest time that the device supports [ms].
+            reconnect: Longest time during which a lost port is opened again and again [s].
 
         Raises:
-            LinkLostError: If the port goes away and does not come back in time.
+            LinkLostError: If the port is lost and cannot be opened again within `reconnect`.
         """
         values = (RUN_LENGTH_FLAG * run_length, interval_ms)
         silence = max(_SILENT_TIMEOUTS * self.timeout, _SILENT_INTERVALS * interval_ms * 1e-3)
@@ -194,7 +198,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._stop_stream()
 
     def take_last_gaps(self) -> list[Gap]:
-        """Return the gaps among the first frames of a stream that ended before they could be judged."""
+        """Return the gaps between the first frames of a stream that ended before these frames were checked for gaps."""
         return self._continuity.finish()
 
     def close(self) -> None:
@@ -203,7 +207,11 @@ class Sensor(AbstractContextManager["Sensor"]):
         self._link.close()
 
     def _check_sensor(self) -> None:
-        """Stop a stream that another client left running, and check that a sensor answers."""
+        """Stop a stream that another program has left running, and check that a sensor answers.
+
+        Raises:
+            NoAnswerError: If no sensor answers on the port.
+        """
         try:
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
@@ -221,19 +229,21 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._parser.texels = None
 
     def _ask_unless_refused(self, command: Command, *values: int | bytes) -> None:
-        """Send a command that a device may refuse because it is in the wanted state already."""
+        """Send a command and ignore a refusal: a device may refuse a command that would not change its state."""
         with suppress(SensorError):
             self.ask(command, *values)
 
     def _set(self, command: Command, value: int) -> None:
+        """Set a value on the device, and store the value for a reconnection."""
         self.ask(command, value)
         self._settings[command] = value
 
     def _ask_text(self, command: Command) -> str:
+        """Send a command and return the text in its answer."""
         return commands.join_bytes(self.ask(command)).decode("ascii", "replace")
 
     def _await_answer(self, command: Command) -> Message | None:
-        """Wait for the answer to a command; None if it does not come in time."""
+        """Wait for the answer to a command and return it; None if it does not arrive in time."""
         deadline = time.monotonic() + self.timeout
         while (left := deadline - time.monotonic()) > 0:
             self._receive(left)
@@ -243,10 +253,11 @@ class Sensor(AbstractContextManager["Sensor"]):
         return self._find_answer(command)
 
     def _find_answer(self, command: Command) -> Message | None:
+        """Return the first stored answer to a command; None if there is none."""
         return next((message for message in self._answers if message.identifier == command), None)
 
     def _receive(self, timeout: float) -> None:
-        """Receive and sort bytes; wait for the first one at most for `timeout` [s]."""
+        """Receive bytes and sort the messages in them; wait for the first byte at most for `timeout` [s]."""
         for chunk in self._link.read(timeout):
             if self.tap is not None:
                 self.tap(chunk)
@@ -255,11 +266,11 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._sort_messages(self._parser.feed(chunk.data), chunk.host_time)
 
     def _end_wait(self) -> None:
-        """Sort the messages that the parser kept back while it waited for the rest of a damaged one."""
+        """Sort the messages that the parser has held back while it waited for the rest of a damaged message."""
         self._sort_messages(self._parser.finish(), time.monotonic_ns())
 
     def _sort_messages(self, messages: list[Message], host_time: int) -> None:
-        """Keep answers for `_find_answer`, and frames with the gaps between them as events of the stream."""
+        """Store answers for `_find_answer`, and store frames and the gaps between them as events of the stream."""
         for message in messages:
             if message.identifier != Command.PERIODIC_FRAME:
                 self._answers.append(message)
@@ -275,21 +286,26 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._events.append(Gap(kind="overflow", host_time=host_time, frames=lost))
 
     def _start_stream(self, values: tuple[int, int]) -> None:
+        """Command the device to send frames; `values` are the flags and the interval between frames [ms]."""
         self._events.clear()
         self._continuity = Continuity()
         self._streaming = True
         self._ask_unless_refused(Command.START_PERIODIC_FRAMES, *values)
 
     def _stop_stream(self) -> None:
+        """Command the device to stop sending frames, if it sends them."""
         if not self._streaming:
             return
         self._streaming = False
-        # a device that is gone or does not answer has nothing left to stop
+        # If the port was lost or the device does not answer, there is no stream to stop.
         with suppress(PortError):
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
 
     def _await_events(self, silence: float, values: tuple[int, int]) -> Iterator[Reading | Gap]:
-        """Wait for events and yield them; after a silence [s] report it and ask for frames again."""
+        """Wait for readings and gaps, and yield them.
+
+        If nothing arrives for `silence` [s], yield a gap and command the device again to send frames.
+        """
         deadline = time.monotonic() + silence
         while not self._events and (left := deadline - time.monotonic()) > 0:
             self._receive(left)
@@ -300,11 +316,19 @@ class Sensor(AbstractContextManager["Sensor"]):
         yield from self._take_events()
 
     def _take_events(self) -> Iterator[Reading | Gap]:
+        """Yield the stored readings and gaps, and remove them from the store."""
         while self._events:
             yield self._events.popleft()
 
     def _reconnect(self, error: LinkLostError, patience: float, values: tuple[int, int]) -> Gap:
-        """Try for `patience` [s] to open the port and start the stream again; return the gap."""
+        """Try for `patience` [s] to open the lost port and to start the stream again.
+
+        Returns:
+            The gap in the stream.
+
+        Raises:
+            LinkLostError: The given `error`, if the port cannot be opened in time.
+        """
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
         self._link.close()
         while (time.monotonic_ns() - lost) * _SECONDS_PER_NANOSECOND < patience:

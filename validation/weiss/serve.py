@@ -15,36 +15,38 @@ import serial
 from validation.weiss.link import PortError
 from validation.weiss.virtual import VirtualSensor
 
-#: Number of bytes that wait for a client that does not read; beyond it complete frames are left out, as a device does.
+#: Largest number of bytes that are stored for a client that does not read.  If more are stored, new frames are left
+#: out as a whole, as a real device does.
 BACKLOG_BYTES = 4096
-#: Longest wait for bytes of a client, after which the server checks whether it should stop [s].
+#: Longest wait for bytes from a client, after which the server checks whether it should stop [s].
 _RECEIVE_TIMEOUT = 0.05
-#: Bytes that are read from a client at a time.
+#: Largest number of bytes that are read from a client at a time.
 _PIECE_BYTES = 4096
+#: Longest wait until the port accepts bytes to send [s].
 _WRITE_TIMEOUT = 1.0
 
 
 class End(Protocol):
-    """The device's end of a connection."""
+    """The end of a connection on the side of the device."""
 
     def send(self, data: bytes) -> int:
         """Send as many bytes as possible without waiting, and return their number."""
 
     def receive(self, wait: float) -> bytes:
-        """Return the bytes received; wait for the first one at most for `wait` [s]."""
+        """Return the bytes received; wait for the first byte at most for `wait` [s]."""
 
 
 class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
-    """A pseudo-terminal, which a client opens by its `name` like a port.  Not on Windows.
+    """A pseudo-terminal, which a client opens by its `name` like a serial port.  It needs Linux or macOS.
 
-    The client's side stays open here, so that clients may come and go.  It is set raw before any client opens it,
-    because a new pseudo-terminal echoes.
+    The client's side stays open in this program, so that clients may close and open the port any number of times.  It
+    is set to raw mode before a client opens it, because a new pseudo-terminal echoes bytes.
 
     Args:
-        link: Where to create a symbolic link to the port, as its name; an existing link is replaced.
+        link: Path of a symbolic link to the port that is created and used as `name`; an existing link is replaced.
 
     Raises:
-        PortError: If the link cannot be created.
+        PortError: If the system has no pseudo-terminals, or if the link cannot be created.
     """
 
     def __init__(self, link: str | Path | None = None) -> None:
@@ -68,7 +70,7 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
         self.close()
 
     def send(self, data: bytes) -> int:
-        """Send as many bytes as the buffer of the client takes, and return their number."""
+        """Send as many bytes as the buffer of the client accepts, and return their number."""
         try:
             return os.write(self._device, data)
         except BlockingIOError:
@@ -80,11 +82,11 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
         return os.read(self._device, _PIECE_BYTES) if readable else b""
 
     def close(self) -> None:
-        """Close the pseudo-terminal; a client sees the port as unplugged.  A second call does nothing."""
+        """Close the pseudo-terminal; for a client, the port is then lost.  A second call does nothing."""
         if self._closed:
             return
         self._closed = True
-        # leave a link alone that another pseudo-terminal has replaced meanwhile
+        # A link that another pseudo-terminal has replaced since then is not removed.
         if self._link is not None and self._link.is_symlink() and str(self._link.readlink()) == self.port:
             self._link.unlink()
         os.close(self._client)
@@ -104,14 +106,14 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
 
 
 class SerialEnd:
-    """The device's end of a real cable, or of a pyserial URL.
+    """The device's end of a serial cable, or of a connection that a pyserial URL names.
 
     Args:
         port: Name of a port, or a pyserial URL.
-        baud_rate: Speed of a true UART [1/s].
+        baud_rate: Baud rate of a UART [1/s].
 
     Raises:
-        PortError: If it cannot be opened.
+        PortError: If the port cannot be opened.
     """
 
     def __init__(self, port: str, *, baud_rate: int = 115_200) -> None:
@@ -146,11 +148,12 @@ def serve(
     """Run a virtual sensor on a port in real time.
 
     Args:
-        sensor: The sensor.
+        sensor: The virtual sensor.
         end: The device's end of the connection.
-        stop: Ends the run when set.
-        seconds: Duration of the run; until stopped if not given [s].
-        backlog_bytes: Number of bytes that wait for a client that does not read, before complete frames are left out.
+        stop: Event that ends the run when it is set.
+        seconds: Duration of the run; until `stop` is set if not given [s].
+        backlog_bytes: Largest number of bytes that are stored for a client that does not read; if more are stored, new
+            frames are left out.
 
     Returns:
         Number of frames that were left out because the client did not read [-].
@@ -166,7 +169,7 @@ def serve(
                 backlog += frame
             else:
                 left_out += 1
-            # send after each frame, so that several late frames do not count as backlog of the client
+            # Bytes are sent after each frame; otherwise several frames that are due at once would fill the backlog.
             backlog = _send(end, backlog)
         due = sensor.next_due
         wait = _RECEIVE_TIMEOUT if due is None else min(_RECEIVE_TIMEOUT, max(0.0, due - (time.monotonic() - start)))

@@ -1,7 +1,7 @@
-"""Assumptions about the protocol that no source confirms; no other file holds any.
+"""All assumptions about the protocol of Weiss WTS sensors that no source confirms.
 
-A measurement on a real sensor can settle them (`softcover doctor --port`).  A change of a constant here changes the
-driver and the virtual sensor together.
+A measurement on a real sensor can confirm or refute them (`softcover doctor --port`).  A change of a constant in this
+module changes both the driver and the virtual sensor.
 """
 
 from __future__ import annotations
@@ -9,22 +9,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-#: Length of one tick of the device's clock [s].
+#: Assumed length of one tick of the device's clock [s].
 TICK = 1e-3
 
-#: Flag bit, in requests and frames, for run-length encoded texels.
+#: Bit in the flags of requests and frames that marks run-length encoded counts.
 RUN_LENGTH_FLAG = 0x01
 
-#: Number of low bits of a run-length unit that hold the count; the bits above hold the length of the run (1..15).
+#: Number of low bits of a 16-bit run-length unit that hold the count; the other bits hold the number of equal counts
+#: (1..15).
 RUN_LENGTH_VALUE_BITS = 12
 
-#: Payload of the tare command that makes the device subtract the present image, and of the one that undoes it.
+#: Payload of the command `tare` that makes the device subtract the present frame from later frames, and payload that
+#: ends the subtraction.
 TARE, UNTARE = 1, 0
 
-#: `struct` formats of the threshold and of the front-end gain, in requests and in answers.
+#: `struct` formats of the threshold and of the front-end gain in the payloads of requests and answers.
 THRESHOLD_FORMAT, GAIN_FORMAT = "<H", "<B"
 
-#: Each assumption by its topic, in words that a user can check on a real sensor.
+#: Description of each assumption by topic, so that a user can check it on a real sensor.
 UNCONFIRMED: Mapping[str, str] = MappingProxyType(
     {
         "clock": "a tick of the frame's timestamp is 1 ms",

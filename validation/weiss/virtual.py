@@ -1,7 +1,7 @@
-"""A virtual sensor: answers the protocol as a WTS does and shows given texel values.
+"""Virtual sensor that answers commands as a Weiss WTS does, and sends frames with given texel values.
 
-`VirtualSensor` turns bytes and times into bytes and needs no port; `serve` runs it on one.  Where no source states
-how a real device answers, it follows `unconfirmed`.
+`VirtualSensor` converts received bytes and times to sent bytes and needs no port; `serve` runs a virtual sensor on a
+port.  Where no source states how a real device answers, the virtual sensor follows the assumptions in `unconfirmed`.
 """
 
 from __future__ import annotations
@@ -23,26 +23,28 @@ from validation.weiss.messages import Message, encode_message
 from validation.weiss.parser import Parser
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, TICK
 
-#: Texel values at a time since the start [s], shape (n,) [counts].
+#: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
 
+#: Description of the array of a WTS 0614-34 sensor.
 WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
-#: Temperature of the device at the start and after a long time [degC], and time constant of its exponential rise [s].
+#: Temperature of the virtual device at the start and after a long time [degC], and time constant of the exponential
+#: rise between them [s].
 _COLD, _WARM, _WARMING_TIME = 25.0, 35.0, 1200.0
-#: The pattern `blob`: count at its centre [-], and twice the variance of its shape [texels^2].
+#: Test pattern `blob`, a moving Gaussian peak: largest count [-], and twice the variance of the Gaussian [texels^2].
 _BLOB_PEAK, _BLOB_SPREAD = 3000, 4.0
-#: The pattern `ramp`: difference from texel to texel [counts] and rise over time [counts/s].
+#: Test pattern `ramp`: difference of the counts of consecutive texels [-], and increase over time [counts/s].
 _RAMP_STEP, _RAMP_RATE = 40, 1000
-#: The pattern `corner`: count of the first texel [-].
+#: Test pattern `corner`: count of the first texel; all other texels are zero [-].
 _CORNER_COUNT = 2000
 
 
 class HasCounts(Protocol):
-    """A frame of any kind, with counts of shape (n,)."""
+    """A frame of any type that has the counts of n texels."""
 
     @property
     def counts(self) -> npt.NDArray[np.integer]:
-        """Shape (n,) [-]."""
+        """Counts of the texels, shape (n,) [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +52,10 @@ class Misbehaviour:
     """Faults that a virtual sensor makes on request.
 
     Attributes:
-        rates: Probability that a fault hits a message, 0..1 [-], by its name in `FAULTS`.
-        refused: Commands that are answered with a status other than success.
-        pauses: Intervals (from, to) since the start in which no frames are sent [s].
-        seed: Seed of the random numbers.
+        rates: Probability 0..1 that a fault damages a message [-], by name of the fault in `FAULTS`.
+        refused: Status of the answer, for each command that is refused.
+        pauses: Intervals in which no frames are sent: first and last time since the start [s].
+        seed: Seed of the random number generator that selects the damaged messages.
     """
 
     rates: Mapping[str, float] = field(default_factory=dict)
@@ -62,10 +64,10 @@ class Misbehaviour:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check names and rates.
+        """Check the names of the faults and their probabilities.
 
         Raises:
-            ValueError: If a fault is unknown or a rate is not in 0..1.
+            ValueError: If a fault is unknown or a probability is not in 0..1.
         """
         for name, rate in self.rates.items():
             if name not in FAULTS:
@@ -75,14 +77,14 @@ class Misbehaviour:
 
 
 class VirtualSensor:
-    """The behaviour of a device, without a port.
+    """Answers commands and sends frames as a Weiss WTS sensor does, without a port.
 
     Args:
-        source: Texel values that it shows.
-        matrix: Array that it describes.
-        rate: Frames per second when free-running [Hz].
-        sensor_type: Name of its type.
-        misbehaviour: Faults that it makes; none if not given.
+        source: Function that gives the counts of the texels as a function of time.
+        matrix: Description of the array that the sensor reports.
+        rate: Frames per second if a client requests frames without an interval [Hz].
+        sensor_type: Name of the sensor's type that the sensor reports.
+        misbehaviour: Faults that the sensor makes; none if not given.
 
     Raises:
         ValueError: If the rate is not positive.
@@ -109,20 +111,20 @@ class VirtualSensor:
         self._parser = Parser(texels=matrix.texels)
         self._tag = b""
         self._threshold = self._gain = 0
-        #: Counts that are subtracted since `tare`.
+        #: Counts that are subtracted from each frame after the command `tare`, shape (n,) [-].
         self._zero: npt.NDArray[np.int64] = np.zeros(matrix.texels, dtype=np.int64)
-        #: Time between periodic frames; None while there are none [s].
+        #: Time between periodic frames [s]; None while no periodic frames are sent.
         self._period: float | None = None
         self._flags = 0
         self._next_due = 0.0
 
     @property
     def next_due(self) -> float | None:
-        """When the next periodic frame is due, since the start; None while there are none [s]."""
+        """Time since the start at which the next periodic frame is due [s]; None while no periodic frames are sent."""
         return None if self._period is None else self._next_due
 
     def receive(self, data: bytes, now: float) -> bytes:
-        """Take bytes from the client and return the answers.
+        """Process bytes from the client and return the bytes of the answers.
 
         Args:
             data: Bytes that the client sent.
@@ -146,12 +148,14 @@ class VirtualSensor:
         return frames
 
     def _damage(self, message: bytes) -> bytes:
+        """Apply each fault to the bytes of a message with the probability of the fault."""
         for name, rate in self._misbehaviour.rates.items():
             if self._random.random() < rate and message:
                 message = FAULTS[name](message, self._random)
         return message
 
     def _answer(self, message: Message, now: float) -> bytes:
+        """Execute the command in a message from the client and return the bytes of the answer."""
         try:
             command, values = commands.decode_request(message)
         except KeyError:
@@ -165,7 +169,7 @@ class VirtualSensor:
         return commands.encode_answer(command, status, *answered)
 
     def _execute(self, command: Command, values: Values, now: float) -> tuple[Status, Values]:
-        """Execute a command; return the status and the values of the answer."""
+        """Execute a command and return the status and the values of its answer."""
         state = self._report_state(now).get(command)
         if state is not None:
             return Status.SUCCESS, state
@@ -182,7 +186,7 @@ class VirtualSensor:
                 return self._change(command, number, data, now), ()
 
     def _report_state(self, now: float) -> Mapping[Command, Values]:
-        """Values of the answers to commands that only ask for a property of the device."""
+        """Return the values of the answers to all commands that only read a property of the device, by command."""
         degrees = _WARM - (_WARM - _COLD) * math.exp(-now / _WARMING_TIME)
         return {
             Command.MATRIX_INFO: commands.encode_matrix_info(self.matrix),
@@ -195,7 +199,14 @@ class VirtualSensor:
         }
 
     def _change(self, command: Command, number: int, data: bytes, now: float) -> Status:
-        """Execute a command whose answer has no values; return the status."""
+        """Execute a command that changes a setting and whose answer has no values; return the status.
+
+        Args:
+            command: The command.
+            number: First value of the request; 0 if the first value is not a number.
+            data: Raw bytes of the request.
+            now: Time since the start [s].
+        """
         match command:
             case Command.STOP_PERIODIC_FRAMES:
                 self._period = None
@@ -214,6 +225,7 @@ class VirtualSensor:
         return Status.SUCCESS
 
     def _start_frames(self, flags: int, interval_ms: int, now: float) -> Status:
+        """Start to send periodic frames, no faster than at the rate of the sensor; return the status."""
         if self._period is not None:
             return Status.ALREADY_RUNNING
         self._period = max(interval_ms * 1e-3, 1 / self._rate)
@@ -222,20 +234,21 @@ class VirtualSensor:
         return Status.SUCCESS
 
     def _make_frame(self, now: float, flags: int) -> bytes:
+        """Return the bytes of a frame at the time `now` [s], after tare and threshold were subtracted."""
         counts = np.clip(self._show(now) - self._zero - self._threshold, 0, LARGEST_COUNT)
         return encode_frame(int(now / TICK), counts, run_length=bool(flags & RUN_LENGTH_FLAG))
 
     def _show(self, now: float) -> npt.NDArray[np.int64]:
-        """Counts of the source, shape (n,), before tare and threshold."""
+        """Return the counts of the source at the time `now` [s], before tare and threshold, shape (n,) [-]."""
         return np.clip(np.asarray(self._source(now), dtype=np.int64).ravel(), 0, self.matrix.full_scale)
 
 
 def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
-    """Show a test pattern.
+    """Make a source of counts that shows a test pattern.
 
     Args:
         name: `blob` (a moving peak), `ramp` (every frame differs), `corner` (the first texel only) or `zero`.
-        matrix: The array.
+        matrix: Description of the array.
 
     Raises:
         ValueError: If the name is unknown.
@@ -261,21 +274,21 @@ def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
 
 
 def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = True) -> Source:
-    """Show recorded frames at the times at which they were recorded.
+    """Make a source of counts that shows recorded frames at the times at which they were recorded.
 
     Args:
-        times: Shape (frames,), rising [s].
-        counts: Shape (frames, n) [-].
-        loop: Whether to start again at the end; otherwise the last frame stays.
+        times: Increasing times of the frames, shape (frames,) [s].
+        counts: Counts of the n texels in each frame, shape (frames, n) [-].
+        loop: Whether to start again after the last frame; otherwise the last frame is shown from then on.
 
     Raises:
-        ValueError: If there are no frames, or not as many times as frames.
+        ValueError: If there are no frames, or if the numbers of times and frames differ.
     """
     moments, values = np.asarray(times, dtype=float), np.asarray(counts)
     if not len(moments) or len(moments) != len(values):
         raise ValueError(f"a playback needs as many times as frames and at least one, not {len(moments)}")
     moments = moments - moments[0]
-    # the last frame is shown for the mean time between frames
+    # In a loop, the last frame is shown for the mean time between frames.
     duration = moments[-1] * len(moments) / max(1, len(moments) - 1)
 
     def show(time: float) -> npt.ArrayLike:
@@ -286,13 +299,13 @@ def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = 
 
 
 def show_frames(frames: Iterable[HasCounts]) -> Source:
-    """Show frames one after the other, one for each frame sent; the last one stays.
+    """Make a source of counts that shows the next of the given frames at each call, and finally the last frame.
 
     Args:
-        frames: Such as those of the fast model; may be endless.
+        frames: The frames, such as those of the fast model; their number may be infinite.
 
     Raises:
-        ValueError: If there is none.
+        ValueError: If there are no frames.
     """
     remaining = iter(frames)
     try:
