@@ -1,4 +1,4 @@
-"""The application with its commands, and the function that runs one command."""
+"""The command-line application `softcover` with its commands, and the function `main` that runs one command."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import validation
 from validation.cli.failures import DONE, INTERRUPTED, explain
 from validation.errors import InputError, nearest
 
-#: The function of each command, or the application of a command with actions, as `module:name` in `commands`.
+#: Place of each command as `module:name` in the folder `commands`: its function, or its application if the command has
+#: actions of its own.
 _COMMANDS = {
     "demo": "validate:demo",
     "derive": "derive:derive",
@@ -50,10 +51,10 @@ for _name, _target in _COMMANDS.items():
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command and leave with its exit status.
+    """Run one command of the command line, then end the process with the command's exit status.
 
     Args:
-        arguments: The words after `softcover`; those of the process when not given.
+        arguments: The words after `softcover` on the command line; those of the present process if None.
 
     Raises:
         SystemExit: Always, with the exit status.
@@ -61,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if not words or words[0] not in _COMMANDS:
-            # The list of commands shows the first lines of their docstrings.
+            # The list of all commands shows the first line of each command's docstring, so all modules are imported.
             for name in _COMMANDS:
                 app[name]
         result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
@@ -82,7 +83,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _clarify(error: Exception, words: Sequence[str]) -> Exception:
-    """Replace two errors of the argument parser by ones that name what would be accepted."""
+    """Replace two kinds of error of the argument parser by errors that name what would be accepted.
+
+    Args:
+        error: An error that a command raised; errors of other kinds are returned as they are.
+        words: The words after `softcover` on the command line.
+    """
     if isinstance(error, UnknownCommandError):
         if words[0].startswith("-"):
             return InputError(f"{words[0]}: unknown option; the options of a command follow its name")
@@ -96,5 +102,5 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
 
 
 def _command(words: Sequence[str]) -> str:
-    """The command's name and a space; empty if the first word is no command."""
+    """Return the name of the command and a space; empty if the first word is no command."""
     return f"{words[0]} " if words and words[0] in _COMMANDS else ""

@@ -1,4 +1,4 @@
-"""Turn an error into the lines that the user reads and the exit status."""
+"""Conversion of an error into the lines that the user reads and the exit status of the command."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from cyclopts import CycloptsError
 from fem_reference.errors import ConvergenceError
 from validation.errors import MissingExtraError
 
-#: Exit statuses; `docs/json.md` lists them.
+#: Exit statuses of commands; `docs/json.md` explains them.
 DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
-#: Exit status after Ctrl-C: 128 plus the number of the signal, as shells expect it.
+#: Exit status after Ctrl-C: 128 plus 2, the number of the signal, by the convention of shells.
 INTERRUPTED = 130
 
-#: The extra that installs an optional module.
+#: Extra of the package (`pip install 'softcover[EXTRA]'`) that installs each optional module.
 _EXTRAS = {
     "skfem": "fem",
     "pymetis": "fem",
@@ -33,17 +33,17 @@ _EXTRAS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """The lines to print, and the exit status."""
+    """Explanation of an error to the user: the lines to print, and the exit status of the command."""
 
     lines: tuple[str, ...]
     status: int
 
 
 def explain(error: Exception) -> Explanation | None:
-    """Describe an error to the user.
+    """Explain an error to the user.
 
     Returns:
-        None for a programming error, which only a traceback explains.
+        The lines to print and the exit status; None for a programming error, which only a traceback explains.
     """
     match error:
         case ImportError():
@@ -56,13 +56,17 @@ def explain(error: Exception) -> Explanation | None:
             return Explanation(lines=(f"{where}{error.strerror or error}",), status=OUTSIDE_FAILED)
         case CycloptsError():
             return Explanation(lines=(" ".join(str(error).split()),), status=BAD_INPUT)
-        case ValueError():  # every package raises subclasses of it for bad input
+        case ValueError():  # all packages of softcover raise subclasses of ValueError for bad input
             return Explanation(lines=tuple(str(error).splitlines()), status=BAD_INPUT)
     return None
 
 
 def _find_missing_extra(error: BaseException | None) -> MissingExtraError | None:
-    """Find the missing module of an extra among an import error and its causes."""
+    """Find out whether an import error, or one of its causes, is due to an optional module that is not installed.
+
+    Returns:
+        An error that names the extra to install; None if no optional module is missing.
+    """
     while error is not None and not isinstance(error, MissingExtraError):
         module = str(getattr(error, "name", "")).split(".")[0]
         error = MissingExtraError(_EXTRAS[module], module) if module in _EXTRAS else error.__cause__

@@ -1,4 +1,4 @@
-"""Tactile images as coloured text: one number per texel on a background from black over red to yellow."""
+"""Drawing of tactile images as coloured text: one number per texel on a background from black over red to yellow."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Width of a texel, and of the gap between two images [characters].
+#: Width of a texel in the text, and width of the space between two images side by side [characters].
 CELL, GAP = 6, 3
-#: Background of a negative value, dark blue [red, green, blue].
+#: Background colour of negative values, dark blue: red, green and blue, each 0..255.
 NEGATIVE = (30, 50, 110)
-#: On backgrounds with more red than this the text is black, else white [0..255].
+#: Red component of a background colour, 0..255, above which the text on the background is black; else it is white.
 BLACK_TEXT_FROM = 191
 
 
 def to_colours(shares: FloatArray) -> npt.NDArray[np.uint8]:
-    """Map shares of the full scale to colours.
+    """Convert values, given as shares of the full scale, to colours.
 
     Args:
-        shares: Values over the largest value, any shape; values above 1 are drawn as 1 [-].
+        shares: Values over the full scale, any shape; values above 1 are drawn as 1 [-].
 
     Returns:
-        Red, green and blue, shape (..., 3), from black at 0 over red to yellow at 1; dark blue below 0.
+        Red, green and blue, each 0..255, shape (..., 3): from black at 0 over red to yellow at 1; dark blue below 0.
     """
     level = np.sqrt(np.clip(shares, 0, 1))
     red_green_blue = np.stack([level, 0.72 * level**1.5, 0.25 * level**3], axis=-1)
@@ -40,15 +40,15 @@ def to_colours(shares: FloatArray) -> npt.NDArray[np.uint8]:
 def draw_heat_map(
     numbers: npt.NDArray[np.integer], shares: FloatArray, active: npt.NDArray[np.bool_] | None = None
 ) -> Text:
-    """Draw one image, row 0 at the bottom.
+    """Draw one tactile image as coloured text, with row 0 at the bottom.
 
     Args:
-        numbers: The number in each texel, shape (rows, columns).
-        shares: Values over the largest value, which give the colours, shape (rows, columns) [-].
-        active: The texels that exist, shape (rows, columns); all if not given.
+        numbers: Number that is printed in each texel, shape (rows, columns).
+        shares: Value of each texel over the full scale, which determines its colour, shape (rows, columns) [-].
+        active: Whether each texel is drawn, shape (rows, columns); all texels if None.
 
     Returns:
-        One line of text per row.
+        Text with one line per row of texels.
     """
     text, colours = Text(), to_colours(shares).tolist()
     for row in range(len(numbers) - 1, -1, -1):
@@ -64,12 +64,13 @@ def draw_heat_map(
 
 
 def draw_force_images(array: TexelArray, images: Sequence[tuple[str, FloatArray]], *, width: int = 80) -> Table:
-    """Draw texel forces in mN, with one colour scale for all images.
+    """Draw images of texel forces in mN as coloured text, with one colour scale for all images.
 
     Args:
-        array: The array of all images.
-        images: Title and texel forces of each image, forces of shape (n,) [N].
-        width: The images stand side by side if they fit into this width, else one below the other [characters].
+        array: The array of n texels to which all images belong.
+        images: Title of each image, and forces on its texels, shape (n,) [N].
+        width: Width of the terminal: the images are drawn side by side if they fit, else one below the other
+            [characters].
     """
     peak = max(float(np.max(np.abs(forces))) for _, forces in images) or 1.0
     titles = [Text(f"{title}, mN", style="bold") for title, _ in images]

@@ -1,4 +1,4 @@
-"""A live tactile image on standard error, and a way to end a running command by a signal."""
+"""Live tactile image on standard error, and the orderly end of a running command on SIGTERM."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from rich.live import Live
 
-#: Time between two pictures on a terminal, and between two lines where there is no terminal [s].
+#: Shortest time between two images on a terminal, and between two lines of text without a terminal [s].
 PICTURE_INTERVAL, LINE_INTERVAL = 0.1, 5.0
 
 
 class LiveImage(contextlib.ExitStack):
-    """Shows the latest image and a line of text on a terminal; where there is no terminal, only the line.
+    """Shows the latest tactile image and a line of text on a terminal; without a terminal, only the line of text.
 
     Args:
-        columns: Texels in a row.
-        full_scale: Count that is drawn with the brightest colour.
-        quiet: Show nothing at all.
+        columns: Number of texels in a row [-].
+        full_scale: Number of counts that is drawn with the brightest colour [counts].
+        quiet: Whether to show nothing at all.
     """
 
     def __init__(self, *, columns: int, full_scale: int, quiet: bool = False) -> None:
@@ -39,7 +39,7 @@ class LiveImage(contextlib.ExitStack):
         self._next = time.monotonic()
 
     def __enter__(self) -> Self:
-        """Start the display."""
+        """Start the display if standard error is a terminal."""
         if sys.stderr.isatty() and not self._quiet:
             from rich.console import Console
             from rich.live import Live
@@ -48,16 +48,21 @@ class LiveImage(contextlib.ExitStack):
             self._live = self.enter_context(live)
         return self
 
-    #: Whether the display is still there; only a window can be closed by the user.
+    #: Whether the display is open: always true here, because a user can close a window but not this display.
     is_open = True
 
     @property
     def is_due(self) -> bool:
-        """Whether it is time to show the next image or line."""
+        """Whether it is time to show the next image or line of text."""
         return not self._quiet and time.monotonic() >= self._next
 
     def show(self, counts: npt.NDArray[np.integer], text: str) -> None:
-        """Show the counts of all texels, shape (n,), and a line of text below them."""
+        """Show a tactile image and a line of text below the image.
+
+        Args:
+            counts: Counts of the n texels, shape (n,).
+            text: The line of text.
+        """
         self._next = time.monotonic() + (PICTURE_INTERVAL if self._live else LINE_INTERVAL)
         if self._live is None:
             say(text)
@@ -70,7 +75,7 @@ class LiveImage(contextlib.ExitStack):
 
 @contextlib.contextmanager
 def interrupt_on_terminate() -> Iterator[None]:
-    """Treat SIGTERM like Ctrl-C, so that the device is stopped and the file completed before the command ends."""
+    """Treat the signal SIGTERM like Ctrl-C, so that a command stops the device and completes its file at its end."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 -- the signature of a signal handler
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the functions that read them."""
+"""Options that several commands have in common, and functions that read and check options."""
 
 from __future__ import annotations
 
@@ -51,10 +51,14 @@ ArrayIndex = Annotated[
 
 
 def collect(faults: list[str], read: Callable[[], T]) -> T | None:
-    """Run one reader and append its faults, so that the faults of all options are reported at once.
+    """Read one option and collect its faults, so that the faults of all options are reported together.
+
+    Args:
+        faults: List to which the faults of the option are appended.
+        read: Function that reads the option.
 
     Returns:
-        What the reader returns; None if it raised an `InputError`.
+        The value that `read` returns; None if `read` raised an `InputError`.
     """
     try:
         return read()
@@ -64,7 +68,7 @@ def collect(faults: list[str], read: Callable[[], T]) -> T | None:
 
 
 def check_range(option: str, value: float | None, most: float = math.inf) -> None:
-    """Refuse a number below 0 or above `most`.
+    """Refuse the value of an option that is below 0 or above `most`; None, an option that is not given, is accepted.
 
     Raises:
         InputError: If the number is out of range; the message names the option.
@@ -75,7 +79,13 @@ def check_range(option: str, value: float | None, most: float = math.inf) -> Non
 
 
 def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -> None:
-    """Refuse a word that is not among the choices.
+    """Refuse the value of an option that is not among the accepted words.
+
+    Args:
+        option: Name of the option, for the error message.
+        kind: What the word stands for, for the error message.
+        value: The word that the user gave.
+        choices: The accepted words.
 
     Raises:
         InputError: If the word is unknown; the message names the nearest choice and lists all.
@@ -85,10 +95,10 @@ def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -
 
 
 def check_array_index(recording: Recording, index: int) -> None:
-    """Refuse an index that no array of the recording has.
+    """Refuse an index of an array that a recording does not have.
 
     Raises:
-        InputError: If there is no such array.
+        InputError: If the recording has no array of this index.
     """
     count = len(recording.arrays)
     if not 0 <= index < count:
@@ -96,10 +106,18 @@ def check_array_index(recording: Recording, index: int) -> None:
 
 
 def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
-    """Read two times `from:to` [s].
+    """Parse a time span from text of the form `from:to`, two times in seconds.
+
+    Args:
+        option: Name of the option, for the error message.
+        text: The time span.
+        example: Example of an accepted text, for the error message.
+
+    Returns:
+        The two times [s].
 
     Raises:
-        InputError: If they are no numbers, or not 0 <= from < to.
+        InputError: If the two are not numbers with 0 <= from < to.
     """
     start, _, end = text.partition(":")
     try:
@@ -114,7 +132,12 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
 
 
 def read_setup(indenter: str, load: str | None, note: str) -> Setup:
-    """Read the options that describe a measurement; they are kept in the recording.
+    """Read the options that describe how a recording was made; the result is stored in the recording.
+
+    Args:
+        indenter: Shape of the indenter, for example `sphere:radius=5mm`; empty if unknown.
+        load: Load or weight with its unit; None if unknown.
+        note: Any other text.
 
     Raises:
         InputError: If the indenter or the load cannot be read.

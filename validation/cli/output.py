@@ -1,4 +1,4 @@
-"""Printing: results go to standard output, messages to standard error."""
+"""Printing of a command's results on standard output, and of messages on standard error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def print_json(result: Mapping[str, Any]) -> None:
 
 
 def print_rows(rows: Iterable[tuple[str, str]], *, title: str | None = None) -> None:
-    """Print a table of two columns, names and values; an empty name continues the row above."""
+    """Print a table of two columns, name and value; a row with an empty name continues the row above."""
     print_table(None, rows, title=title, left=2)
 
 
@@ -42,11 +42,11 @@ def print_table(
     caption: str | None = None,
     left: int = 1,
 ) -> None:
-    """Print a table.
+    """Print a table on standard output.
 
     Args:
-        headings: Of the columns; None for two columns without headings.
-        rows: The cells of each row; text is printed as it is, without markup.
+        headings: Headings of the columns; None for two columns without headings.
+        rows: Cells of each row; strings are printed as they are, without markup.
         title: Line above the table.
         caption: Line below the table.
         left: Number of columns, from the left, that are aligned to the left; the others are aligned to the right.
@@ -67,7 +67,7 @@ def print_table(
 
 
 def describe_cover(cover: Cover) -> str:
-    """Describe a cover in one line; it begins with ASSUMED if nobody measured the cover."""
+    """Describe a cover in one line of text, which begins with ASSUMED if the real cover was never measured."""
     layers = " + ".join(
         f"{1e3 * layer.thickness:.4g} mm {layer.material.name} "
         f"(E {layer.material.youngs_modulus / 1e6:.4g} MPa, nu {layer.material.poisson_ratio:.4g})"

@@ -1,4 +1,4 @@
-"""Progress on standard error: a moving bar on a terminal, plain lines elsewhere."""
+"""Display of a computation's progress on standard error: a moving bar on a terminal, lines of text without one."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
-#: Shortest time between two plain lines [s].
+#: Shortest time between two lines of text, without a terminal [s].
 LINE_INTERVAL = 2.0
 
 
 class Progress(contextlib.ExitStack):
     """Shows the current stage of a computation.
 
-    Call it with the name of a stage, or call `step` within a counted stage.
+    Call the object with the name of a stage of unknown length; call `step` for each item of a stage of known length.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Progress(contextlib.ExitStack):
         self._last_line = self._started
 
     def __enter__(self) -> Self:
-        """Start the display."""
+        """Start the moving bar if standard error is a terminal."""
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -41,11 +41,11 @@ class Progress(contextlib.ExitStack):
         return self
 
     def __call__(self, stage: str) -> None:
-        """Begin a stage of unknown length."""
+        """Show that a stage of unknown length begins; `stage` is its name."""
         self._show(stage, 0, None)
 
     def step(self, done: int, total: int, name: str) -> None:
-        """Report that `done` of `total` items are finished and that `name` comes next."""
+        """Show that `done` of `total` items are finished and that the item `name` comes next."""
         self._show(name, done, total)
 
     def _show(self, text: str, done: int, total: int | None) -> None:

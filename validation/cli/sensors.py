@@ -1,4 +1,4 @@
-"""Find the sensor that SENSOR on the command line names, and the parameters of its fast model."""
+"""Reading of the sensor that the argument SENSOR of a command names, and of the parameters of its fast model."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from validation.sensor_file import BUILT_IN, SensorDescription, load
 
 
 def read_description(sensor: str, *, material: str | None = None, thickness: str | None = None) -> SensorDescription:
-    """Read the description of a sensor, for a command that needs its cover.
+    """Read the description of a sensor, for a command that needs the sensor's cover.
 
     Args:
-        sensor: A sensor file or a built-in name.
-        material: Material that replaces the cover's, by name.
-        thickness: Thickness that replaces the cover's, with its unit.
+        sensor: Path of a sensor file, or name of a built-in sensor.
+        material: Name of a material that replaces the cover's material.
+        thickness: Thickness with its unit that replaces the cover's thickness.
 
     Raises:
-        InputError: If the sensor cannot be read, or is a folder of parameters, which do not describe the cover.
+        InputError: If the sensor cannot be read, or `sensor` is a folder with parameters of the fast model, which do
+            not describe the cover.
         OSError: If the file exists and cannot be read.
     """
     if _holds_parameters(sensor):
@@ -34,18 +35,20 @@ def read_description(sensor: str, *, material: str | None = None, thickness: str
 def read_sensor(
     sensor: str, *, material: str | None = None, thickness: str | None = None
 ) -> SensorDescription | Parameters:
-    """Read a sensor for a command that needs only the fast model.
+    """Read a sensor, for a command that needs only the fast model.
 
     Args:
-        sensor: A sensor file, a built-in name, or a folder that `softcover derive` wrote.
-        material: Material that replaces the cover's, by name.
-        thickness: Thickness that replaces the cover's, with its unit.
+        sensor: Path of a sensor file, name of a built-in sensor, or path of a folder that `softcover derive` wrote.
+        material: Name of a material that replaces the cover's material.
+        thickness: Thickness with its unit that replaces the cover's thickness.
 
     Returns:
-        The parameters if `sensor` is such a folder, else the description of the sensor.
+        The parameters of the fast model if `sensor` is a folder that `softcover derive` wrote; else the description of
+        the sensor.
 
     Raises:
-        InputError: If the sensor cannot be read, or the cover of derived parameters shall be replaced.
+        InputError: If the sensor cannot be read, or `material` or `thickness` is given for a folder of parameters,
+            which were derived for one cover.
         ParametersError: If the files in the folder are damaged.
         OSError: If the file exists and cannot be read.
     """
@@ -60,14 +63,14 @@ def read_sensor(
 
 
 def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[str], None]) -> Parameters:
-    """Find the parameters of the fast model.
+    """Find the parameters of a sensor's fast model.
 
-    Those of a folder are taken as they are.  Those of a built-in sensor come with the package.  All others are derived
-    by finite elements.
+    Parameters that were read from a folder are returned as they are.  Those of a built-in sensor come with the package.
+    Those of any other sensor are derived by finite elements.
 
     Args:
-        sensor: What `read_sensor` returned.
-        progress: Called with each stage of the derivation.
+        sensor: Result of `read_sensor`.
+        progress: Called with the name of each stage of the derivation.
 
     Raises:
         ConvergenceError: If the finite elements did not converge.
@@ -83,6 +86,6 @@ def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[
 
 
 def _holds_parameters(sensor: str) -> bool:
-    """Whether this is a folder that `softcover derive` wrote, or its `parameters.toml`."""
+    """Return whether the text is the path of a folder that `softcover derive` wrote, or of its `parameters.toml`."""
     path = Path(sensor)
     return sensor not in BUILT_IN and (path.name == "parameters.toml" or (path / "parameters.toml").is_file())

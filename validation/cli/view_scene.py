@@ -1,4 +1,4 @@
-"""The scene of `softcover view`: an indenter comes down on the array and then slides in a circle.
+"""The simulation that `softcover view` shows: an indenter comes down on the array, then slides in a circle.
 
 The weight of the indenter rests on the cover.  A guide moves it sideways.  A damper limits its falling speed, so that
 the force on the sensor rises smoothly from zero to the weight.
@@ -20,15 +20,16 @@ from fastmodel.contact.interface import TexelContact
 from meshes import Indenter
 from meshes.constants import STANDARD_GRAVITY
 
-#: Physics time step [s].
+#: Time step of the simulation [s].
 TIMESTEP = 1e-3
-#: Gap between indenter and array at the start [m], and falling speed [m/s].
+#: Gap between indenter and array at the start [m], and speed at which the indenter comes down through the gap [m/s].
 GAP, FALLING_SPEED = 2e-3, 5e-3
-#: Time at which sliding begins, time to reach the circle, and time of one revolution [s].
+#: Time at which sliding begins, duration of the motion from the array's centre out to the circle, and duration of one
+#: revolution on the circle [s].
 SLIDE_START, RAMP_TIME, REVOLUTION_TIME = 1.0, 1.0, 4.0
-#: Radius of the circle as a fraction of the array's shorter side [-].
+#: Radius of the circle on which the indenter slides, over the array's shorter side [-].
 RADIUS_FRACTION = 0.2
-#: Colour of the indenter (red, green, blue, opacity); the array shows through.
+#: Colour of the indenter: red, green, blue and opacity, each 0..1; the array remains visible through the indenter.
 COLOUR = [0.85, 0.5, 0.2, 0.6]
 
 
@@ -36,14 +37,14 @@ class Scene:
     """A MuJoCo simulation of one tactile array and one indenter.
 
     Args:
-        parameters: Parameters of the sensor.
+        parameters: Parameters of the sensor's fast model.
         indenter: Shape of the indenter.
         load: Weight of the indenter [N].
-        method: Contact method, given by its name or as an object with its settings.
+        method: Contact method of the fast model, given by its name or as an object with its settings.
 
     Attributes:
-        model: The compiled model.
-        data: The state of the simulation.
+        model: The compiled MuJoCo model.
+        data: State of the simulation.
         sensor: The simulated sensor, bound to `model`.
 
     Raises:
@@ -75,17 +76,17 @@ class Scene:
 
     @property
     def texel_forces(self) -> npt.NDArray[np.float64]:
-        """Texel forces of the latest frame, shape (n,) [N]."""
+        """Forces on the n texels in the latest frame, shape (n,) [N]."""
         return np.asarray(self.sensor.frame().texel_forces)
 
     def run(self, seconds: float = math.inf) -> Iterator[float]:
-        """Simulate and yield the time of each new frame [s].
+        """Run the simulation, and yield the time of each new frame of the sensor [s].
 
         Args:
             seconds: Simulated time at which to stop [s].
         """
         while self.data.time < seconds:
-            # The guide prescribes position and velocity in x and y; only the height follows from the forces.
+            # The indenter's position and velocity along x and y are prescribed; only its height follows from forces.
             here, next_ = self._guide(self.data.time), self._guide(self.data.time + TIMESTEP)
             self.data.qpos[1:] = here
             self.data.qvel[1:] = (next_ - here) / TIMESTEP
@@ -94,12 +95,18 @@ class Scene:
                 yield self.sensor.frame().time
 
     def restart(self) -> None:
-        """Return to the start, with the indenter above the array."""
+        """Reset the simulation to its start, with the indenter above the array."""
         mujoco.mj_resetData(self.model, self.data)
         self.sensor.reset()
 
     def _guide(self, time: float) -> npt.NDArray[np.float64]:
-        """Position of the guide, shape (2,) [m]: first the centre of the array, then out to the circle and round."""
+        """Return the prescribed position (x, y) of the indenter's axis at a time, shape (2,) [m].
+
+        The axis is first over the centre of the array, then moves out to the circle while it turns on the circle.
+
+        Args:
+            time: Simulated time [s].
+        """
         since = max(0.0, time - SLIDE_START)
         share = min(1.0, since / RAMP_TIME)
         radius = self._radius * share**2 * (3 - 2 * share)
@@ -108,10 +115,17 @@ class Scene:
 
 
 def _add_guided_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float, *, height: float) -> None:
-    """Add an indenter of weight `load` [N] at `height` [m] over the array.  Its joints are slides along z, x and y."""
+    """Add an indenter to a MuJoCo model, with slide joints along z, x and y and a damper along z.
+
+    Args:
+        spec: The MuJoCo model.
+        indenter: Shape of the indenter.
+        load: Weight of the indenter [N].
+        height: Height of the indenter's lowest point at the start [m].
+    """
     body = add_indenter(spec, indenter, load, height=height)
     (vertical,) = body.joints
-    # Newer versions of MuJoCo take the coefficients of a polynomial here, older ones a single number.
+    # Newer versions of MuJoCo take the damping of a joint as coefficients of a polynomial, older ones as one number.
     vertical.damping = [load / FALLING_SPEED, 0.0, 0.0] if np.ndim(vertical.damping) else load / FALLING_SPEED
     for axis in ((1, 0, 0), (0, 1, 0)):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)

@@ -1,4 +1,4 @@
-"""The window of the MuJoCo viewer with a simulation and the live tactile image in its corner."""
+"""Window of the MuJoCo viewer that shows a simulation, with the live tactile image in a corner of the window."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from validation.cli.heat_map import to_colours
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
 
-#: Time between two drawings of the window [s].
+#: Shortest time between two drawings of the window [s].
 DRAW_INTERVAL = 1 / 30
-#: Distance of the image from the window's corner, and the largest height of the image [pixels].
+#: Distance of the tactile image from the window's corner, and largest edge of the tactile image [pixels].
 MARGIN, IMAGE_HEIGHT = 10, 420
-#: Direction of the camera [degrees], with x to the right as in the image.
+#: Azimuth and elevation of the camera [degrees]; the x axis points to the right, as in the tactile image.
 AZIMUTH, ELEVATION = 90.0, -40.0
-#: Distance of the camera over the array's longer side [-].
+#: Distance of the camera from the array, over the array's longer side [-].
 CAMERA_DISTANCE = 2.5
-#: Longest time to wait until a window opens or closes [s].
+#: Longest time to wait for a window to open, or for the viewer's threads to end [s].
 TIMEOUT = 30.0
-#: Tries to open a hidden window.  It runs in another process, because MuJoCo's viewer waits for ever for a window that
-#: cannot be opened.
+#: Program that tries to open a hidden window, and exits with the reason if that fails.  It is run in a process of its
+#: own before MuJoCo's viewer is started, because the viewer waits for ever for a window that cannot be opened.
 _PROBE = """
 import glfw, sys
 glfw.ERROR_REPORTING = "ignore"
@@ -43,7 +43,11 @@ sys.exit(reason.decode() if reason else "no reason given")
 
 
 def find_window_fault() -> str | None:
-    """Find out why no window can be opened on this machine; None if one can."""
+    """Find out whether a window can be opened on this machine.
+
+    Returns:
+        The reason why no window can be opened; None if a window can be opened.
+    """
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "there is no display: neither DISPLAY nor WAYLAND_DISPLAY is set"
     command = [sys.executable, "-c", _PROBE]
@@ -57,10 +61,12 @@ def find_window_fault() -> str | None:
 
 
 class Window(contextlib.ExitStack):
-    """The viewer's window with a scene, as a context; check `find_window_fault` before.
+    """The window of MuJoCo's viewer with a simulation, as a context manager.
+
+    Call `find_window_fault` first: the viewer waits for ever if no window can be opened.
 
     Args:
-        scene: The scene to show.
+        scene: The simulation to show.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -77,7 +83,8 @@ class Window(contextlib.ExitStack):
         self._viewer = viewer.launch_passive(
             self._scene.model, self._scene.data, show_left_ui=False, show_right_ui=False
         )
-        # A program that ends while the viewer's threads draw may crash: close the window, then wait for them.
+        # The process may crash if it ends while the viewer's threads draw.  So at the end the window is closed, and
+        # then the process waits for these threads.
         for thread in set(threading.enumerate()) - others:
             self.callback(thread.join, TIMEOUT)
         self.callback(self._viewer.close)
@@ -94,11 +101,16 @@ class Window(contextlib.ExitStack):
 
     @property
     def is_due(self) -> bool:
-        """Whether it is time to draw."""
+        """Whether it is time to draw the window again."""
         return time.monotonic() >= self._next
 
     def show(self, counts: npt.NDArray[np.integer], text: str) -> None:
-        """Draw the scene in its present state, the counts of all texels, shape (n,), and a line of text."""
+        """Draw the present state of the simulation, the tactile image and a line of text.
+
+        Args:
+            counts: Counts of the n texels, shape (n,).
+            text: The line of text.
+        """
         import mujoco
 
         started = time.monotonic()
@@ -108,12 +120,20 @@ class Window(contextlib.ExitStack):
         self._viewer.set_images((rectangle, image))
         self._viewer.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, text.strip(), ""))
         self._viewer.sync()
-        # On slow machines, leave at least three quarters of the time to the simulation.
+        # On slow machines the next drawing is delayed, so that drawing takes at most a quarter of the time.
         now = time.monotonic()
         self._next = now + max(DRAW_INTERVAL, 3 * (now - started))
 
 
 def _enlarge(counts: npt.NDArray[np.integer], full_scale: int) -> npt.NDArray[np.uint8]:
-    """Make a picture of the counts, shape (height, width, 3), top row first; row 0 of `counts` is the lowest."""
+    """Make a picture of a tactile image, with equal squares of pixels for its texels.
+
+    Args:
+        counts: Counts of the texels, shape (rows, columns); row 0 is drawn at the bottom.
+        full_scale: Number of counts that is drawn with the brightest colour [counts].
+
+    Returns:
+        Red, green and blue of the pixels, the upper row first, shape (height, width, 3).
+    """
     pixels = max(1, IMAGE_HEIGHT // max(counts.shape))
     return to_colours(counts[::-1] / full_scale).repeat(pixels, axis=0).repeat(pixels, axis=1)

@@ -1,4 +1,5 @@
-"""The commands, one module each.
+"""The commands of `softcover`, one or a few related commands per module.
 
-Only light packages may be imported at the top of these modules: every help page imports them all.
+The list of all commands imports every module of this folder, so only packages that load fast may be imported at the top
+of a module.
 """

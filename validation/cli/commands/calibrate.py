@@ -1,4 +1,4 @@
-"""`softcover calibrate`."""
+"""The command `softcover calibrate`, which fits the electronics of a real sensor to recordings under known loads."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def calibrate(
     polynomial: _Polynomial = False,
     json: Json = False,
 ) -> None:
-    """Characteristic, gains, saturation, noise, drift and hysteresis from recordings under known loads.
+    """Fit characteristic, gains, saturation, noise, drift and hysteresis to recordings under known loads.
 
-    Each value comes with its interval.
+    Each value is printed with its confidence interval.
 
     Examples of use:
 

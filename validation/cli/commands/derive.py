@@ -1,4 +1,4 @@
-"""`softcover derive`."""
+"""The command `softcover derive`, which computes the parameters of a sensor's fast model by finite elements."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ def derive(
     out: _Out = None,
     json: Json = False,
 ) -> None:
-    """Point spread function of a sensor's cover, and the fast model's parameters fitted to it.
+    """Compute the point spread function of a sensor's cover, and fit the fast model's parameters to it.
 
-    Prints sigma and ksize of the Gaussian kernel and the share of the load that the kernel misplaces; sigma by every
-    other estimator; the two-point resolution, which is the distance at which two equal loads begin to show a dip
-    between them, at the base and with these texels; the change of sigma with thickness and Poisson ratio; and the
-    error estimate of the finite elements.
+    Prints sigma and ksize of the Gaussian kernel and the share of the load that the kernel puts on wrong texels; sigma
+    by every other estimator; the two-point resolution, which is the smallest distance of two equal loads with a dip
+    between them, at the cover's base and in the texel values; the change of sigma with thickness and Poisson ratio; and
+    the error estimate of the finite elements.
 
-    Young's modulus drops out of the point spread function: a softer cover of the same thickness and Poisson ratio
-    spreads a given pressure just as far.  With several layers, the ratio of their moduli counts.  The modulus decides
-    how deep and how wide an indenter goes: see `softcover press`.
+    Young's modulus has no effect on the point spread function: a softer cover of the same thickness and Poisson ratio
+    spreads a given pressure just as far.  With several layers, the ratios of their moduli have an effect.  The modulus
+    determines the depth and the contact area of an indenter: see `softcover press`.
 
     Examples of use:
 
@@ -100,7 +100,7 @@ def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
 
 
 def _list_estimates(fit: Fit) -> Iterator[tuple[str, ...]]:
-    """Every estimator's sigma; the one that is used comes first."""
+    """Yield the name and the sigmas along x and y of every estimator; the estimator that is used comes first."""
     for name, pair in sorted(fit.estimates.items(), key=lambda item: item[0] != fit.estimator):
         label = f"{name} (used)" if name == fit.estimator else name
         yield label, *("none" if math.isnan(value) else f"{value:.4f}" for value in pair)

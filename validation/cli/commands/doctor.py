@@ -1,4 +1,4 @@
-"""`softcover doctor`."""
+"""The command `softcover doctor`, which checks the installation or asks a real sensor for its properties."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from validation.cli.failures import CHECK_FAILED, DONE
 from validation.cli.options import Json
 from validation.cli.output import print_json, print_table, show
 
-#: Parts of the installation (the base, then the extras) and what each is for.
+#: Parts of the installation, the base (empty name) and the extras, with the commands that need each part.
 _PARTS = {
     "": "fast model, press --model fast, export, terminal view, store",
     "fem": "derive, press",
@@ -32,7 +32,7 @@ def doctor(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Say what is installed, what is missing and the command that installs it; exit with 1 if the base is incomplete.
+    """Print what is installed, what is missing and the command that installs it; exit with 1 if the base is incomplete.
 
     Examples of use:
 
@@ -52,7 +52,11 @@ def doctor(
 
 
 def _find_distributions(extra: str) -> list[str]:
-    """The distributions that the package declares for the base (`extra` empty) or an extra on this platform."""
+    """List the packages that softcover requires on this platform.
+
+    Args:
+        extra: Name of an extra; empty for the base.
+    """
     from importlib import metadata
 
     from packaging.requirements import Requirement

@@ -1,4 +1,4 @@
-"""`softcover emulate`."""
+"""The command `softcover emulate`, which replaces a real sensor by a program that speaks the sensor's protocol."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from validation.weiss.commands import MatrixInfo
     from validation.weiss.virtual import Misbehaviour, Source
 
-#: Patterns that can be shown.
+#: Names of the tactile images that the emulated sensor can show without a recording or a model.
 _PATTERNS = ("blob", "ramp", "corner", "zero")
 
 _Port = Annotated[
@@ -54,7 +54,7 @@ def emulate(
     seed: _Seed = 0,
     json: Json = False,
 ) -> None:
-    """Stand in for a sensor on a port that speaks its protocol, for tests without the device.
+    """Emulate a sensor on a serial port, for tests without the device.
 
     Examples of use:
 
@@ -93,7 +93,21 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
 
 
 def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Source, MatrixInfo | None]:
-    """Find the frames to show, and the array that shows them; None for the default array."""
+    """Find the frames that the emulated sensor shows, and the properties of its array.
+
+    Args:
+        show: Name of a pattern or of a built-in sensor, or path of a recording, a sensor file or a folder that
+            `softcover derive` wrote.
+        array: Index of the array in a recording.
+        indenter: Shape of the indenter that presses on the fast model.
+        load: Largest load of this indenter, with its unit.
+
+    Returns:
+        The frames; and the array's properties, None for those of the default sensor.
+
+    Raises:
+        InputError: If nothing of this name exists, or a recording holds no frames.
+    """
     from validation.sensor_file import BUILT_IN
     from validation.weiss.virtual import show_frames, show_pattern, show_recording
 

@@ -1,4 +1,4 @@
-"""`softcover export`."""
+"""The command `softcover export`, which writes a sensor for other simulators."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.sensor_file import SensorDescription
 
-#: Formats that can be written.
+#: Formats that can be written: an MJCF model of MuJoCo, or an XML element for Gazebo.
 FORMATS = ("mjcf", "gazebo")
 
 _Format = Annotated[str, Parameter(name="--format", help="What to write: mjcf or gazebo.")]
@@ -40,7 +40,7 @@ def export(
     thickness: Thickness = None,
     json: Json = False,
 ) -> None:
-    """The sensor for other simulators: an MJCF model or a Gazebo block, and the fast model's parameters.
+    """Write the sensor for other simulators: an MJCF model or a Gazebo block, and the fast model's parameters.
 
     Examples of use:
 
@@ -78,9 +78,12 @@ def export(
 
 
 def _check_gazebo(found: SensorDescription | Parameters) -> None:
-    """Refuse an array or electronics that a plugin block cannot describe, before the parameters are derived.
+    """Refuse an array or electronics that the Gazebo plugin cannot describe, before the parameters are derived.
 
-    The check does not depend on the spread, so it uses an arbitrary kernel: the real one is not derived yet.
+    The check does not depend on the spread kernel, so it uses an arbitrary kernel: the real kernel is derived later.
+
+    Raises:
+        InputError: If the plugin cannot describe the array or the electronics.
     """
     from fastmodel import Gaussian, Parameters
 
@@ -91,10 +94,16 @@ def _check_gazebo(found: SensorDescription | Parameters) -> None:
 
 
 def _write_model(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
-    """Write the model file.
+    """Write the model of a sensor to a file.
+
+    Args:
+        parameters: Parameters of the sensor's fast model.
+        path: The file to write.
+        form: Format, one of `FORMATS`.
+        method: Contact method that a user chose, possibly `default`.
 
     Returns:
-        Name of the contact method that the model is for; None for Gazebo, which has one of its own.
+        Name of the contact method that the MJCF model is for; None for Gazebo, whose plugin has a method of its own.
     """
     from fastmodel.contact.methods import choose_method
     from validation.output_folder import write_text
@@ -108,7 +117,11 @@ def _write_model(parameters: Parameters, path: Path, form: str, method: str) -> 
 
 
 def _write_gazebo_block(parameters: Parameters) -> str:
-    """The XML element that the Gazebo plugin of the 2015 report reads."""
+    """Return the XML element that the Gazebo plugin of the 2015 report reads.
+
+    Raises:
+        InputError: If the plugin cannot describe the sensor.
+    """
     from fastmodel.adapters.gazebo import write_block
     from fastmodel.errors import FastModelError
 
@@ -119,14 +132,15 @@ def _write_gazebo_block(parameters: Parameters) -> str:
 
 
 def make_mjcf(parameters: Parameters, *, name: str, method: str) -> str:
-    """Make an MJCF model with the sensor on one body; MuJoCo loads it as it is.
+    """Make the text of a complete MJCF model, with the sensor on one body.
 
-    The model contains the rigid plate of the contact methods `cover` and `foundation`, or the rigid texels of `area`
-    and `boxes`.  Load sharing, spread, filter and electronics are in `parameters.toml`; `fastmodel` applies them.
+    The model contains the rigid plate of the contact methods `cover` and `foundation`, or the rigid texels of the
+    methods `area` and `boxes`.  The distribution of the load on texels, the spread, the filter and the electronics are
+    not in the model: `fastmodel` computes them from `parameters.toml`.
 
     Args:
-        parameters: The sensor.
-        name: Name of the model and of its body; the names of the geoms begin with it.
+        parameters: Parameters of the sensor's fast model.
+        name: Name of the model and of its body; the names of the geoms begin with this name.
         method: Name of the contact method.
 
     Raises:
@@ -142,7 +156,7 @@ def make_mjcf(parameters: Parameters, *, name: str, method: str) -> str:
     fastmodel.attach(spec, body, parameters, name=name, contact=method)
     geoms = spec.compile().ngeom
     text: str = spec.to_xml()
-    # Load the text once: a reader must get the same model.
+    # Load the text once to check that it gives the same model.
     loaded = mujoco.MjModel.from_xml_string(text).ngeom
     if loaded != geoms:
         raise RuntimeError(f"the MJCF text of {name} has {loaded} geoms, the model {geoms}")

@@ -1,4 +1,4 @@
-"""`softcover init`."""
+"""The command `softcover init`, which writes a template of a sensor file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def init(
     *,
     force: Annotated[bool, Parameter(help="Replace a file that is already there.")] = False,
 ) -> None:
-    """Write a commented sensor file to start from.
+    """Write a commented sensor file, a template for a sensor of your own.
 
     Examples of use:
 

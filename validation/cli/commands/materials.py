@@ -1,4 +1,4 @@
-"""`softcover materials`."""
+"""The command `softcover materials`, which lists the named materials and estimates a modulus from a hardness."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _Hardness = Annotated[
     str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
 ]
 
-#: Width of text lines [characters].
+#: Largest width of printed lines of text [characters].
 _WIDTH = 80
-#: Effect of the elastic constants on the point spread function and on the contact.
+#: Note for the user on the effect of the elastic constants on the point spread function and on the contact.
 PSF_NOTE = (
     "Young's modulus drops out of the point spread function (of several layers their ratio stays); "
     "it decides how deep and how wide a touch goes. Thickness and Poisson ratio do not drop out."
@@ -31,7 +31,7 @@ PSF_NOTE = (
 
 
 def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json = False) -> None:
-    """The materials that a cover can be made of by name, one of them, or a modulus from a hardness.
+    """List the materials that have a name, show one of them, or estimate a modulus from a hardness.
 
     Examples of use:
 
@@ -114,7 +114,7 @@ def _show_hardness(found: HardnessModulus) -> None:
 
 
 def _describe_psf(material: Material) -> str:
-    """Describe how far a bonded layer of this material spreads a load."""
+    """Describe in words how far a bonded layer of a material spreads a point load."""
     widths = [_relative_width(material.poisson_ratio + sign * material.poisson_spread) for sign in (-1, 0, 1)]
     band = f" ({widths[0]:.2f} to {widths[2]:.2f} over its Poisson ratios)" if material.poisson_spread else ""
     return (
@@ -125,16 +125,16 @@ def _describe_psf(material: Material) -> str:
 
 
 def _relative_width(poisson_ratio: float) -> float:
-    """Standard deviation of the base pressure under a point load on a bonded layer, over its thickness [-].
+    """Return the standard deviation of base pressure under a point load on a bonded layer, over the layer's thickness.
 
-    It is sqrt(nu / (1 - nu)) with Poisson ratio nu.
+    It is sqrt(nu / (1 - nu)) for the Poisson ratio nu [-].
     """
     ratio = min(0.5, max(0.0, poisson_ratio))
     return math.sqrt(ratio / (1 - ratio))
 
 
 def _shorten_source(material: Material) -> str:
-    """The source without the numbers of one material, so that equal sources can be listed once."""
+    """Return the source of a material without the numbers of this material, so that equal sources are listed once."""
     return material.source.split(": E0", 1)[0]
 
 

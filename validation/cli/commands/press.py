@@ -1,4 +1,4 @@
-"""`softcover press`."""
+"""The command `softcover press`, which computes one indentation by finite elements and by the fast model."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def press(
     thickness: Thickness = None,
     json: Json = False,
 ) -> None:
-    """One indentation by the finite elements and by the fast model, and how far they agree.
+    """Compute one indentation by finite elements and by the fast model, and compare the results.
 
     Examples of use:
 
@@ -97,10 +97,14 @@ def press(
 
 
 def _check_position(array: TexelArray, position: tuple[float, float]) -> None:
-    """Refuse an indenter whose axis does not pass through the array.
+    """Refuse a position of the indenter's axis beside the array.
+
+    Args:
+        array: The array.
+        position: Position (x, y) of the axis in the array's frame [m].
 
     Raises:
-        InputError: With the accepted ranges.
+        InputError: If the position is beside the array; the message states the accepted ranges.
     """
     half = [size / 2 for size in array.texel_size]
     low = [float(array.centres[:, axis].min()) - half[axis] for axis in (0, 1)]
@@ -122,14 +126,15 @@ def _read_models(text: str) -> tuple[str, ...]:
 
 
 def _read_friction(text: str, *, used: bool) -> float:
-    """Read the coefficient of friction; infinite for no slip [-].
+    """Parse the friction coefficient between indenter and cover; infinite for `no-slip` [-].
 
     Args:
-        text: The option.
-        used: Whether the finite elements are asked for; the fast model has no friction.
+        text: Value of the option `--friction`.
+        used: Whether finite elements are computed; the fast model has no friction.
 
     Raises:
-        InputError: If the text is no coefficient, or there is friction and no model that uses it.
+        InputError: If the text is not a coefficient, or the coefficient is not zero and no finite elements are
+            computed.
     """
     value = math.inf
     if text.strip() != "no-slip":
@@ -147,7 +152,14 @@ def _read_friction(text: str, *, used: bool) -> float:
 
 
 def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
-    """The load [N] and the depth [m], of which one is None; with a depth, the load follows from the reference."""
+    """Parse the options `--load` and `--depth`, of which exactly one must be given.
+
+    Returns:
+        The load [N] and the depth [m], one of which is None.
+
+    Raises:
+        InputError: If both options or none are given, or the given one cannot be read.
+    """
     from validation.text.indenter import read_depth, read_load
 
     if load is not None and depth is None:
@@ -178,7 +190,7 @@ def _print(comparison: Comparison) -> None:
 
 
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """Totals of each model and, if both models were asked for, the scores."""
+    """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:
         errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
@@ -196,5 +208,5 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
 
 
 def _format_force(value: float) -> str:
-    # Adding 0.0 removes the minus sign of a negative zero.
+    # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
     return f"{round(value, 4) + 0.0:.4f} N"

@@ -1,4 +1,4 @@
-"""`softcover record`."""
+"""The command `softcover record`, which records the frames of a real sensor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from validation.weiss.continuity import Gap
     from validation.weiss.frames import Reading
 
-#: Largest values of the sensor's 16-bit and 8-bit settings.
+#: Largest values of the sensor's settings that have 16 bits (interval, threshold) and 8 bits (gain).
 _MOST_16_BIT, _MOST_8_BIT = 0xFFFF, 0xFF
 
 _Port = Annotated[str, Parameter(help="Port of the sensor, e.g. /dev/ttyACM0, or a pyserial URL.")]
@@ -49,9 +49,9 @@ def record(
     baud_rate: _Baud = 115_200,
     json: Json = False,
 ) -> None:
-    """Record a real sensor as MCAP, with a live image.
+    """Record a real sensor in an MCAP file, with a live image.
 
-    The file holds the raw bytes, the frames, images that ROS 2 tools show, and the set-up.
+    The file holds the raw bytes, the frames, images that ROS 2 tools can show, and a description of the measurement.
 
     Examples of use:
 
@@ -94,7 +94,14 @@ def record(
 
 
 def _make_path(out: Path) -> Path:
-    """Path of the new file, named by the time if `out` is a folder; its folder is made."""
+    """Return the path of the new file, and make its folder.
+
+    Args:
+        out: Path of an .mcap file; or a folder, in which the file is named by date and time.
+
+    Raises:
+        InputError: If the file exists.
+    """
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
     if path.exists():
         raise InputError(f"--out: {path} exists; name a new file")
@@ -103,17 +110,21 @@ def _make_path(out: Path) -> Path:
 
 
 class _EventDisplay:
-    """Counts frames and gaps, and shows the latest image whenever the live image is due."""
+    """Counts the frames and gaps of a recording, and shows the latest frame whenever the live image is due.
+
+    Args:
+        live: The live image.
+    """
 
     def __init__(self, live: LiveImage) -> None:
         self._live = live
         self._frames = self._gaps = 0
         self._start = time.monotonic()
-        #: Frames and seconds at the time of the latest image.
+        #: Number of frames and time since the start [s] when the latest live image was shown.
         self._shown = (0, 0.0)
 
     def __call__(self, event: Reading | Gap) -> None:
-        """Take one reading or gap."""
+        """Count one frame or gap; show the frame if the live image is due."""
         counts = getattr(event, "counts", None)
         if counts is None:
             self._gaps += 1

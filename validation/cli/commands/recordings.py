@@ -1,4 +1,4 @@
-"""`softcover replay` and `softcover import`: recordings of any known format."""
+"""The commands `softcover replay` and `softcover import`, which show and convert recordings of any known format."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def replay(
     topic: Topic = None,
     json: Json = False,
 ) -> None:
-    """Show a recording of any known format in the terminal, and what it says about itself.
+    """Show a recording of any known format in the terminal, and print its properties.
 
     Examples of use:
 
@@ -84,9 +84,9 @@ def import_recording(
     columns: _Columns = None,
     json: Json = False,
 ) -> None:
-    """Convert a recording of any known format to MCAP with labels.
+    """Convert a recording of any known format to an MCAP file, with labels.
 
-    A recording of ours that was cut off is completed in place if no other file is named.
+    A recording by `softcover record` that was cut off is completed in place if no other file is named.
 
     Examples of use:
 
@@ -116,7 +116,7 @@ def import_recording(
 
 
 def _list_facts(recording: Recording) -> dict[str, Any]:
-    """List the properties of a recording, for `--json`."""
+    """Return the properties of a recording as a dictionary of JSON values."""
     return {
         "path": str(recording.path),
         "sha256": recording.sha256,

@@ -1,4 +1,4 @@
-"""`softcover regress`."""
+"""The command `softcover regress`, which compares the accuracy of a sensor's fast model with stored scores."""
 
 from __future__ import annotations
 

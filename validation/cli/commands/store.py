@@ -32,17 +32,17 @@ _OtherCode = Annotated[
 _Everything = Annotated[bool, Parameter(name="--all", help="Remove every entry.")]
 _DryRun = Annotated[bool, Parameter(name="--dry-run", help="Only say what would be removed.")]
 
-#: Printed names of kinds of entries; the other kinds are printed as they are.
+#: Printed names of some kinds of stored results; the names of the other kinds are printed as they are.
 _KINDS = {"point-spread": "point spread"}
-#: Longest list of sizes that is printed; of a longer list only the length is printed.
+#: Largest number of elements of a list that is printed in full; of a longer list only the number is printed [-].
 _LONGEST_LIST = 3
 
 store = App(
     name="store",
-    help="""The results that the reference keeps: list them, check them, remove them.
+    help="""List, check and remove stored finite-element results.
 
-    A result is found again by its whole input and the version of the code.  The results are in the user's cache folder,
-    or in the folder that the environment variable SOFTCOVER_STORE names.
+    A stored result is used again for the same input and the same version of the code.  The results are in the user's
+    cache folder, or in the folder that the environment variable SOFTCOVER_STORE names.
 
     Examples of use:
 
@@ -55,7 +55,7 @@ store = App(
 
 @store.command(name="list")
 def list_entries(*, json: Json = False) -> None:
-    """List the kept results with what they are, size and age, newest first.
+    """List the stored results with their inputs, size and age, newest first.
 
     Examples of use:
 
@@ -85,7 +85,7 @@ def list_entries(*, json: Json = False) -> None:
 
 @store.command(name="verify")
 def verify_entries(*, json: Json = False) -> int:
-    """Read every kept result and check it; exit with 1 if one is damaged, and say which.
+    """Read and check every stored result; print the damaged ones, and exit with 1 if there are any.
 
     Examples of use:
 
@@ -124,9 +124,9 @@ def prune_entries(
     dry_run: _DryRun = False,
     json: Json = False,
 ) -> None:
-    """Remove kept results and say which: those of other code versions, or those that the options choose.
+    """Remove stored results of other code versions, or those that the options choose, and print what was removed.
 
-    An entry is removed only if all given options choose it.  Damaged entries and unfinished files of killed processes
+    A result is removed only if all given options choose it.  Damaged results and unfinished files of killed processes
     are always removed.
 
     Examples of use:
@@ -157,7 +157,17 @@ def prune_entries(
 
 
 def _choose(found: Iterable[Entry], *, age: float, keep_latest: int, other_code: bool) -> Iterator[Entry]:
-    """Choose the entries to remove from `found`, which lists the newest first."""
+    """Choose the stored results to remove.
+
+    Args:
+        found: All stored results, the newest first.
+        age: Least age of an undamaged result that is removed [s].
+        keep_latest: Number of the newest undamaged results that are kept [-].
+        other_code: Whether results of the present code version are kept.
+
+    Yields:
+        Damaged results, and results that all conditions choose.
+    """
     from fem_reference import result_store
 
     now, kept = time.time(), 0
@@ -206,7 +216,7 @@ def _print_removed(removed: list[Entry], *, kept: int, swept: int, dry_run: bool
 
 
 def _print_lines(found: Iterable[Entry]) -> None:
-    """Print one line per entry.  Its description comes last, because it may be long."""
+    """Print one line per stored result, with the description of its inputs at the end, because it may be long."""
     from rich.filesize import decimal
 
     for entry in found:
@@ -236,7 +246,7 @@ def _is_usable(entry: Entry) -> bool:
 
 
 def _describe_inputs(inputs: Mapping[str, Any]) -> str:
-    """Describe in one line the inputs of a result."""
+    """Describe the inputs of a stored result in one line of text."""
     parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
     return ", ".join(parts) or "unknown"
 
@@ -257,7 +267,12 @@ def _format_input(name: str, value: object) -> str:
 
 
 def _format_length(name: str, size: object) -> str:
-    """Format a size of an indenter as on the command line."""
+    """Format a length, an angle or a list of lengths of an indenter as on the command line.
+
+    Args:
+        name: Name of the parameter; only the parameter `angle` is an angle.
+        size: Value of the parameter, in SI units.
+    """
     if isinstance(size, list):
         if len(size) > _LONGEST_LIST:
             return f"{len(size)} values"
@@ -275,7 +290,11 @@ def _summarise(found: list[Entry]) -> str:
 
 
 def _format_age(created: float) -> str:
-    """Format the time since `created` [s since 1970] with a unit."""
+    """Format the age of a stored result with a unit.
+
+    Args:
+        created: Time at which the result was written [s since 1970].
+    """
     seconds = max(0.0, time.time() - created)
     for unit, length in (("d", 86_400), ("h", 3600), ("min", 60)):
         if seconds >= length:

@@ -1,4 +1,4 @@
-"""`softcover demo` and `softcover validate`: score a sensor and write the report."""
+"""The commands `softcover demo` and `softcover validate`, which score a sensor's fast model and write a report."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings of a real sensor under known weights.")]
 
-#: The sensor of the demonstration, and the sensor that the recordings of known weights were made with.
+#: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
-#: Metrics of the table of scores.
+#: Names of the metrics in the printed table of scores.
 _COLUMNS = ("misplaced_force", "relative_l2", "total_force_error", "centre_of_pressure_m", "image_changed_percent")
 
 
 def demo(*, out: _Out = Path("softcover-report"), recordings: _Recordings = None, json: Json = False) -> int:
-    """The whole way on the default sensor: PSF, fit, scores against finite elements and recordings, report.
+    """Evaluate the default sensor: point spread, fit, scores against finite elements and recordings, and a report.
 
     Examples of use:
 
@@ -56,7 +56,7 @@ def validate(
     out: _Out = Path("softcover-report"),
     json: Json = False,
 ) -> int:
-    """Score the fast model of a sensor against finite elements, and against recordings where given.
+    """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
 
     Examples of use:
 
@@ -68,7 +68,8 @@ def validate(
     from validation.recordings.series import find_recordings_folder
 
     description = read_description(sensor, material=material, thickness=thickness)
-    # Recordings belong to one sensor, so only a folder that the user names is taken for this sensor's.
+    # Recordings belong to one sensor.  Those in the default folder may be of another sensor, so only a folder that the
+    # user names is used.
     folder = None if recordings is None else find_recordings_folder(recordings)
     return _evaluate(description, out, recordings=folder, recorded=description, json=json)
 
@@ -76,17 +77,17 @@ def validate(
 def _evaluate(
     sensor: SensorDescription, out: Path, *, recordings: Path | None, recorded: SensorDescription, json: bool
 ) -> int:
-    """Evaluate a sensor, write its report and print the summary.
+    """Evaluate a sensor, write the report and print a summary.
 
     Args:
         sensor: The sensor to evaluate.
         out: Folder of the report.
         recordings: Folder of recordings, or None.
-        recorded: The sensor that the recordings were made with.
-        json: Print the numbers as JSON instead of tables.
+        recorded: The sensor that made the recordings.
+        json: Whether to print the numbers as JSON instead of tables.
 
     Returns:
-        The exit status: 4 if a case did not converge.
+        The exit status: 0, or 4 if the finite-element solver did not converge in a case (an indentation).
     """
     from validation.campaign.evaluation import evaluate
     from validation.output_folder import new_folder
@@ -151,7 +152,15 @@ def _format_pooled(value: Pooled, metric: Metric) -> str:
 
 
 def _list_recording_scores(scores: StampScores, splits: list[str]) -> Iterator[tuple[str, ...]]:
-    """Mean image change of each model, one column per split; an empty cell where a model was not scored."""
+    """Yield the rows of the table of scores against recordings: the mean change of the image by each model.
+
+    Args:
+        scores: Scores against the recordings.
+        splits: Names of the divisions of the recordings into fitted and scored weights, one column each.
+
+    Yields:
+        Name of the model and one number per column [%]; an empty text where the model was not scored.
+    """
     means = {
         (row.split, row.model, row.texel_gains): f"{row.pooled['image_changed_percent'].mean:.2f}"
         for row in scores.rows

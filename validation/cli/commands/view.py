@@ -1,4 +1,4 @@
-"""`softcover view`."""
+"""The command `softcover view`, which shows a live simulation of the fast model."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
     from validation.cli.view_window import Window
 
-#: Where the live image can be shown.
+#: Places where the live image can be shown, as the user names them.
 DISPLAYS = ("auto", "window", "terminal")
-#: Simulated time without a terminal: the indenter comes down and goes once round [s].
+#: Simulated time without a terminal: the indenter comes down and slides once around its circle [s].
 _UNWATCHED_SECONDS = 5.0
 
 _Load = Annotated[str, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
@@ -58,10 +58,11 @@ def view(
     display: _Display = "auto",
     json: Json = False,
 ) -> None:
-    """Live image of the fast model: the indenter comes down and slides in a circle.
+    """Show the live image of the fast model while an indenter comes down and slides in a circle.
 
-    On a terminal it runs in real time until Ctrl-C, in the MuJoCo viewer's window where there is a display, else in the
-    terminal.  Without a terminal it simulates 5 s as fast as it can.  Then the last image is printed.
+    On a terminal the simulation runs in real time until Ctrl-C.  It is shown in the window of MuJoCo's viewer if there
+    is a display, else in the terminal.  Without a terminal, 5 s are simulated as fast as possible.  At the end the last
+    image is printed.
 
     Examples of use:
 
@@ -96,10 +97,17 @@ def view(
 
 
 def _choose_display(wanted: str, *, quiet: bool) -> str:
-    """Choose where to show the image: window, terminal or nowhere.
+    """Choose where to show the live image.
+
+    Args:
+        wanted: Place that the user chose, one of `DISPLAYS`.
+        quiet: Whether to show no live image, because the result is printed as JSON.
+
+    Returns:
+        `window`, `terminal` or `nowhere`.
 
     Raises:
-        InputError: If the choice is unknown, or a window was asked for and none can be opened.
+        InputError: If the place is unknown, or the user chose a window and none can be opened.
     """
     from validation.cli.view_window import find_window_fault
 
@@ -116,7 +124,13 @@ def _choose_display(wanted: str, *, quiet: bool) -> str:
 
 
 def _play(scene: Scene, seconds: float | None, place: str) -> None:
-    """Simulate: in real time if the image is shown, else as fast as possible."""
+    """Run the simulation, in real time if the live image is shown, else as fast as possible.
+
+    Args:
+        scene: The simulation.
+        seconds: Simulated time at which to stop; None for no end, or 5 s if the image is shown nowhere [s].
+        place: Where the live image is shown: `window`, `terminal` or `nowhere`.
+    """
     if seconds is None:
         seconds = _UNWATCHED_SECONDS if place == "nowhere" else math.inf
     start = time.monotonic()
@@ -129,13 +143,13 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
             if display.is_due:
                 display.show(scene.sensor.frame().counts, _describe_state(scene))
                 if scene.data.time < now:
-                    # The user reset the simulation with the viewer's own key.
+                    # The simulated time went back: the user reset the simulation in the viewer's window.
                     scene.restart()
                     start = time.monotonic()
 
 
 def _open_display(scene: Scene, place: str) -> LiveImage | Window:
-    """Make the display, a window or an image in the terminal."""
+    """Make the display of the simulation: the window of MuJoCo's viewer, or a live image in the terminal."""
     if place == "window":
         from validation.cli.view_window import Window
 
