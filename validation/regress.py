@@ -41,7 +41,7 @@ MEAN = "mean over cases"
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """Scores of the fast model for one sensor and one list of cases.
+    """Scores of the fast model for one sensor and one list of cases (indentations), to compare later scores with.
 
     Attributes:
         sensor: Name of the sensor.

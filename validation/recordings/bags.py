@@ -214,6 +214,7 @@ def _find_attribute(message: object, names: Sequence[str]) -> object:
 
 
 def _add_frames(path: Path, collector: _Collector, time: int, frames: Sequence[_ArrayFrame]) -> None:
+    """Add frames with the same time [ns] to a collector; raise `RecordingError` if the size of an array changes."""
     for frame in frames:
         first = collector.shapes.setdefault(frame.array, frame.shape)
         if first != frame.shape:
@@ -225,6 +226,7 @@ def _add_frames(path: Path, collector: _Collector, time: int, frames: Sequence[_
 
 
 def _make_recording(path: Path, collector: _Collector, topic: str | None) -> Recording:
+    """Make a recording from the frames and forces of a bag, which must be those of one topic and of equal number."""
     names = list(collector.shapes)
     topics = {name if name.count("/") == 1 else name.rsplit("/", 1)[0] for name in names}
     counts = {len(collector.frames[name]) for name in names}

@@ -30,6 +30,7 @@ _LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
 #: Number of hexadecimal digits of one token of a frame, an IEEE-754 single-precision number.
 _TOKEN_DIGITS = 8
 _METRES_PER_MILLIMETRE = 1e-3
+#: Patterns of the accepted whole numbers and decimal numbers, which limit the number of digits.
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
 _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
 

@@ -273,7 +273,7 @@ class _File:
         return self._size + len(self._buffer)
 
     def flush(self) -> None:
-        """Write the buffer to the file."""
+        """Write the buffered bytes to the file, which the first call creates."""
         if self.descriptor < 0:
             self._create()
         data, self._buffer = self._buffer, bytearray()

@@ -37,7 +37,7 @@ _SENSOR_COLUMNS = ("force", "temperature")
 
 @dataclass(frozen=True)
 class _Table:
-    """Content of a CSV file.
+    """Content of the CSV file of a recording or of a force sensor.
 
     Attributes:
         notes: Values of the lines `# key = value`, by key.
@@ -151,6 +151,7 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
 
 
 def _read_table(path: Path) -> _Table:
+    """Read the lines `# key = value`, the header line and the numbers of a CSV file."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from validation.weiss.messages import Message, encode_message
 from validation.weiss.unconfirmed import GAIN_FORMAT, THRESHOLD_FORMAT
 
+#: Layout of the status at the start of the payload of an answer: unsigned, 16 bits, little-endian.
 _STATUS = struct.Struct("<H")
 #: Units of the device per metre [1/m] and per kelvin [1/K]: the device gives lengths in 0.01 mm, temperatures in 0.1 K.
 _LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
@@ -141,7 +142,7 @@ class MatrixInfo:
 
     @property
     def texels(self) -> int:
-        """Number of texels [-]."""
+        """Number of texels of the array, rows times columns [-]."""
         return self.columns * self.rows
 
 

@@ -25,6 +25,7 @@ _LONG_STEP = 1.5
 #: Number of different values of the device's clock, which has 32 bits and then starts again at zero [ticks].
 _CLOCK_RANGE = 1 << 32
 
+#: Kinds of gaps in a stream of frames.
 Kind = Literal[
     "frames missing", "bytes skipped", "frame repeated", "clock set back", "silence", "link lost", "overflow"
 ]
@@ -32,7 +33,7 @@ Kind = Literal[
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gap:
-    """A place in the stream where frames or bytes are missing or wrong.
+    """A place in the stream from a sensor where frames or bytes are missing or wrong.
 
     Attributes:
         kind: Kind of the fault.

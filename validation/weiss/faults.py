@@ -73,7 +73,7 @@ def lose(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults
 
 
 def repeat(message: bytes, random: Random) -> bytes:  # noqa: ARG001 -- all faults take the same arguments
-    """Send the message twice."""
+    """Send a copy of the message after the message."""
     return message + message
 
 

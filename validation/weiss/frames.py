@@ -24,7 +24,7 @@ _LONGEST_RUN = 15
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Reading:
-    """One frame of the sensor.
+    """One frame that a sensor has sent: the counts of all texels at one instant.
 
     Attributes:
         counts: Counts of the n texels, shape (n,), row by row, x fastest [-].

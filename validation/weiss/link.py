@@ -37,7 +37,7 @@ class LinkLostError(PortError):
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes as received from the port.
+    """Bytes that were received from a port at one time.
 
     Attributes:
         host_time: Time at which the bytes were read, on the monotonic clock of the host [ns].
@@ -106,7 +106,7 @@ class Link:
         return chunks
 
     def close(self) -> None:
-        """Stop reading and close the port."""
+        """Stop the background thread that reads the port, and close the port."""
         self._stopping = True
         self._reader.join()
         self._serial.close()

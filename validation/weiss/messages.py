@@ -28,7 +28,7 @@ _TABLE = tuple(crc_hqx(bytes([byte]), 0) for byte in range(256))
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message that was received completely.
+    """A complete message that a sensor or its client has sent.
 
     Attributes:
         identifier: Identifier of the command, 0..255 but never 0xAA.
@@ -53,6 +53,7 @@ def compute_checksum(data: bytes, state: int = 0xFFFF) -> int:
     return state
 
 
+#: Checksum of the preamble, from which the checksum of every message continues.
 _PREAMBLE_CHECKSUM = compute_checksum(PREAMBLE)
 
 

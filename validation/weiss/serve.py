@@ -27,7 +27,7 @@ _WRITE_TIMEOUT = 1.0
 
 
 class End(Protocol):
-    """The end of a connection on the side of the device."""
+    """The end of a connection to a client on the side of the virtual sensor."""
 
     def send(self, data: bytes) -> int:
         """Send as many bytes as possible without waiting, and return their number."""
@@ -124,7 +124,7 @@ class SerialEnd:
             raise PortError(f"{port}: cannot be opened: {error}") from error
 
     def send(self, data: bytes) -> int:
-        """Send all bytes and return their number."""
+        """Send all bytes to the client and return their number."""
         return int(self._serial.write(data) or 0)
 
     def receive(self, wait: float) -> bytes:
@@ -181,5 +181,5 @@ def serve(
 
 
 def _send(end: End, data: bytes) -> bytes:
-    """Send as many bytes as possible and return the rest."""
+    """Send as many bytes as the connection accepts, and return the bytes that were not sent."""
     return data[end.send(data) :] if data else data

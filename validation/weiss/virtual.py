@@ -49,7 +49,7 @@ class HasCounts(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Misbehaviour:
-    """Faults that a virtual sensor makes on request.
+    """Faults that a virtual sensor makes on request, so that its clients can be tested.
 
     Attributes:
         rates: Probability 0..1 that a fault damages a message [-], by name of the fault in `FAULTS`.

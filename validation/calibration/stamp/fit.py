@@ -69,7 +69,7 @@ class StampFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Data:
-    """Fitted recordings as arrays.
+    """Loads and counts of the recordings that are fitted, as arrays.
 
     Attributes:
         loads: Weight on the stamp in each of the k recordings, shape (k,) [N].

@@ -54,7 +54,7 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StampModel:
-    """A model that predicts the texel forces under the stamp.
+    """A forward model: predicts the texel forces under the stamp from its weight and pose and from the cover.
 
     Attributes:
         name: Name of the model in the table of scores.

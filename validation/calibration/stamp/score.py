@@ -241,7 +241,7 @@ class _SplitTable:
             self._add_row("repeat of the same weight", per_case, kind="floor")
 
     def add_fit(self, name: str, found: StampFit) -> None:
-        """Add a row for a fitted forward model."""
+        """Add a row for the forward model `name` with the fitted parameters `found`."""
         texel_gains = found.gains is not None
         label = f"{name}, texel gains" if texel_gains else name
         self._add_row(
@@ -276,7 +276,7 @@ class _SplitTable:
         return per_case
 
     def _score(self, case: StampCase, predicted: FloatArray) -> CountScore:
-        """Score predicted counts, shape (n,), against one recording."""
+        """Compare predicted counts of the n texels, shape (n,), with the mean counts of one recording."""
         return score_counts(case.counts, predicted, full_scale=case.full_scale, array=self._sensor.array)
 
     def _grey_image(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
