@@ -84,7 +84,7 @@ def _create(folder: Path) -> tuple[int, Path]:
     while True:
         path = folder / f"{PREFIX}{secrets.token_hex(8)}"
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
-        with contextlib.suppress(OSError):  # a file system without locks
+        with contextlib.suppress(OSError):  # on a file system without locks the file stays unlocked
             _lock(handle, wait=True)
         if path.exists():
             return handle, path
@@ -130,7 +130,7 @@ def _is_abandoned(handle: int) -> bool:
         _lock(handle, wait=False)
     except BlockingIOError:
         return False
-    except OSError:  # a file system without locks
+    except OSError:  # on a file system without locks only the age of the file is a sign
         return time.time() - os.fstat(handle).st_mtime > _ABANDONED_AFTER
     return True
 

@@ -302,7 +302,8 @@ def _keep_outermost(corners: FloatArray) -> FloatArray:
         return corners
     share = np.arange(MOST_CORNERS) / (MOST_CORNERS - 1)
     z = np.where(share < _DOWNWARD, share / _DOWNWARD - 1, (share - _DOWNWARD) / (1 - _DOWNWARD))
-    turn = np.arange(MOST_CORNERS) * np.pi * (3 - np.sqrt(5))  # the golden angle spreads the directions evenly
+    # Turns by the golden angle from one direction to the next distribute the directions evenly over the sphere.
+    turn = np.arange(MOST_CORNERS) * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z**2)
     directions = np.stack([across * np.cos(turn), across * np.sin(turn), z])
     return np.asarray(corners[np.unique(((corners - corners.mean(axis=0)) @ directions).argmax(axis=0))])

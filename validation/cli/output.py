@@ -61,7 +61,7 @@ def print_table(
             Text(heading), justify="left" if index < left else "right", no_wrap=index == 0, overflow="fold"
         )
     for row in rows:
-        # Plain strings in a table would be parsed for markup.
+        # Strings are converted to `Text`, because rich would parse plain strings in a table for markup.
         table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
     Console(highlight=False).print(table)
 

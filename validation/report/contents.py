@@ -95,7 +95,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
         "cases": [_case(evaluation, result) for result in campaign.cases],
         "percent": lambda value, digits=2: f"{100 * value:.{digits}g}",
-        # The data stand in a script element of the page, which the text "</" would end.
+        # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
         "figures": json_text(figures, indent=None).replace("</", "<\\/"),
     }
 

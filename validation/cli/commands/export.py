@@ -156,7 +156,7 @@ def make_mjcf(parameters: Parameters, *, name: str, method: str) -> str:
     fastmodel.attach(spec, body, parameters, name=name, contact=method)
     geoms = spec.compile().ngeom
     text: str = spec.to_xml()
-    # Load the text once to check that it gives the same model.
+    # Compile the MJCF text once, to check that it has as many geoms as the original model.
     loaded = mujoco.MjModel.from_xml_string(text).ngeom
     if loaded != geoms:
         raise RuntimeError(f"the MJCF text of {name} has {loaded} geoms, the model {geoms}")

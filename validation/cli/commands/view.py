@@ -87,7 +87,7 @@ def view(
     with Progress() as progress:
         parameters = find_parameters(found, progress)
     scene = Scene(parameters, shape, load=weight, method=method)
-    # Ctrl-C is the normal way to end this command: print the last image then.
+    # Ctrl-C is the normal way to end `softcover view`: it ends the simulation, and then the last image is printed.
     with interrupt_on_terminate(), contextlib.suppress(KeyboardInterrupt):
         _play(scene, seconds, place)
     if json:
