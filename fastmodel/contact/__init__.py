@@ -1,1 +1,1 @@
-"""Contact methods: how contact forces in MuJoCo become forces on texels."""
+"""Contact methods, which compute forces on texels from contact forces in MuJoCo."""

@@ -1,10 +1,11 @@
-"""Box texels whose forces are redistributed by area.
+"""Contact method with one rigid box per texel, whose forces are redistributed by contact area.
 
 MuJoCo gives every contact point of a flat face about the same force, whatever area of the face the point represents.
-Here the force of each touching body is redistributed.  The body's contact points on one box span a polygon.  A
-pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that force and
-both moments equal MuJoCo's.  For a guided body the pressure is uniform, because the guide takes up its
-moments.  Boxes that a body touches in points or edges only keep their force.
+Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box span a
+polygon.  A
+pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that the force
+and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because the guide takes
+up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
 """
 
 from __future__ import annotations
@@ -22,20 +23,21 @@ from fastmodel.pressure.cover_kernels import CoverCells
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: Treat a polygon below this share of a texel's area as a point or an edge [-].
+#: Area of a contact polygon, over the product of the texel pitches, up to which it counts as a point or an edge [-].
 _FLAT = 1e-6
-#: Relative size of singular values that count as zero when polygons lie on one line [-].
+#: Singular values of the moment equations below this share of the largest count as zero [-].  They occur where all
+#: contact polygons lie on one line.
 _SINGULAR = 1e-10
-#: Number of points that span a polygon, and of polygons that fix a linear pressure [-].
+#: Smallest number of points that span a polygon, and of polygons that determine a linear pressure [-].
 _TRIANGLE = 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class AreaTexels:
-    """Rigid boxes whose forces are redistributed by the area of contact polygons.
+    """Contact method with rigid boxes, whose forces are redistributed by the area of contact polygons.
 
     Attributes:
-        boxes: The boxes.
+        boxes: Settings of the boxes.
     """
 
     boxes: BoxTexels = field(default_factory=BoxTexels)
@@ -63,10 +65,10 @@ class AreaTexels:
 
 
 class AreaReader(BoxReader):
-    """Sums contact forces per box and redistributes each body's force by area."""
+    """Reader that sums contact forces on each box and redistributes the force of each body by contact area."""
 
     def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray) -> None:
-        """Make the tables.
+        """Tabulate the texel and the body of each geom.
 
         Args:
             model: The compiled model.
@@ -80,7 +82,7 @@ class AreaReader(BoxReader):
         self._smallest = _FLAT * array.pitch[0] * array.pitch[1]
 
     def forces(self, data: mujoco.MjData) -> FloatArray:
-        """Sum and redistribute the contact forces against each box's outward normal, shape (n,) [N]."""
+        """Compute the force on each of n texels along its outward normal, redistributed by contact area, (n,) [N]."""
         total = super().forces(data)
         if np.count_nonzero(total) <= 1:
             return total
@@ -96,13 +98,13 @@ class AreaReader(BoxReader):
         return shared * (total.sum() / shared.sum()) if shared.sum() > 0 else total
 
     def _redistribute(self, texel: IntArray, force: FloatArray, place: FloatArray, *, tilts: bool) -> FloatArray:
-        """Force of one body on each texel, shape (n,) [N].
+        """Redistribute the force of one body over n texels by contact area, shape (n,) [N].
 
         Args:
             texel: Texel of each of the body's contacts, shape (k,) [-].
             force: Force of each contact against the texel's normal, shape (k,) [N].
             place: Positions of the contacts in the plane of the array, shape (k, 2) [m].
-            tilts: Whether the body is free to tilt, so that the moments are matched too.
+            tilts: Whether the body is free to tilt; the pressure then has the moments of the contact forces too.
         """
         own = np.bincount(texel, force, self._count).astype(np.float64)
         touched = np.unique(texel)
@@ -122,7 +124,7 @@ class AreaReader(BoxReader):
         return own
 
     def _contacts(self, data: mujoco.MjData) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Texel, body, force against the box's normal [N] and position [m] of every contact with a box."""
+        """List texel, body, force against the box's normal [N] and position in the world [m] of every box contact."""
         contact = data.contact
         pressed, _ = self._press(data)
         texels = self._texel_of[contact.geom]
@@ -132,9 +134,9 @@ class AreaReader(BoxReader):
 
 
 def _measure_polygon(points: FloatArray) -> tuple[float, float, float]:
-    """Area [m2] and centroid x, y [m] of the convex hull of points, shape (k, 2).
+    """Compute area [m2] and centroid x, y [m] of the convex hull of k points, shape (k, 2).
 
-    Hulls without area have the mean of the points as centroid.
+    If the hull has no area, the mean of the points is returned as its centroid.
     Source: shoelace formula.
     """
     middle = points.mean(axis=0)
@@ -150,7 +152,7 @@ def _measure_polygon(points: FloatArray) -> tuple[float, float, float]:
 
 
 def _find_hull(points: list[list[float]]) -> list[list[float]]:
-    """Corners of the convex hull, counterclockwise.  Source: monotone chain, Andrew (1979)."""
+    """Find the corners of the convex hull of points, counterclockwise.  Source: monotone chain, Andrew (1979)."""
     ordered = sorted(points)
     corners: list[list[float]] = []
     for sweep in (ordered, ordered[::-1]):
@@ -164,5 +166,5 @@ def _find_hull(points: list[list[float]]) -> list[list[float]]:
 
 
 def _cross(a: list[float], b: list[float], c: list[float]) -> float:
-    """Cross product of a to b and a to c: positive if the path a, b, c turns left [m2]."""
+    """Compute the cross product of b - a and c - a, which is positive if the path a, b, c turns left [m2]."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

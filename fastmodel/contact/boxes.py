@@ -1,7 +1,7 @@
-"""The rigid boxes of the 2015 report: one box geom per texel.
+"""Contact method with one rigid box geom per texel, as in the 2015 report.
 
-MuJoCo carries the weight on the boxes exactly, but divides it by the *number of contact points* per box instead of by
-area.  This is the known error of the method.
+The forces on all boxes add up to the weight, but MuJoCo divides the force of a flat face among the boxes by the *number
+of contact points* per box instead of by area.  This is the known error of the method.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _MASKED_COLOUR = (0.5, 0.5, 0.5, 0.4)
 
 @dataclass(frozen=True, kw_only=True)
 class BoxTexels:
-    """One rigid box per texel; its upper face is the texel, and its height points inward.
+    """Contact method with one rigid box per texel, whose outer face is the texel.
 
-    Boxes are as wide as the pitch, so that they cover the array without gaps.  They have no mass.  Masked texels have
-    boxes too: the cover carries load there, but the sensor does not measure it.
+    The boxes are as wide as the texel pitch, so that no gaps remain between the boxes.  They have no mass.  Masked
+    texels have boxes too, because the cover carries load there although the sensor does not measure this load.
 
     Attributes:
-        height: Height of a box [m].
-        contact_bit: Collision bit of the boxes, 0..30.  Boxes touch every geom with a non-zero contype, except those
-            of other arrays on the same bit [-].
+        height: Height of a box, inwards from its outer face [m].
+        contact_bit: Index of the collision bit of the boxes, 0..30.  The boxes collide with every geom with a non-zero
+            contype, except geoms of other arrays with the same collision bit [-].
     """
 
     height: float = 2e-3
@@ -82,17 +82,17 @@ class BoxTexels:
 
 
 class BoxReader:
-    """Sums contact forces per box; contacts are assigned by geom id."""
+    """Reader that sums MuJoCo's contact forces on each box; a contact belongs to a box by its geom id."""
 
     def __init__(self, model: mujoco.MjModel, geoms: IntArray) -> None:
-        """Make the table from geoms to texels.
+        """Tabulate the texel of each geom.
 
         Args:
             model: The compiled model.
             geoms: Geom id of each texel, shape (n,) [-].
         """
         self._count = len(geoms)
-        # The table has one more entry, so that geom -1, which MuJoCo writes for flexes, is no texel.
+        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no texel.
         self._texel_of = np.full(model.ngeom + 1, -1)
         self._texel_of[geoms] = np.arange(len(geoms))
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
@@ -108,40 +108,44 @@ class BoxReader:
         return self.at_rest(self.forces(data))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
-        """Make the reading of given contact forces, shape (n,) [N]."""
+        """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""
         return Reading(contact_forces, None, float(contact_forces.sum()))
 
     def forces(self, data: mujoco.MjData) -> FloatArray:
         """Sum the contact forces against each box's outward normal, shape (n,) [N].
 
-        The sum takes the component along the box's normal, not the length of the contact's normal force: the contact
-        normal is inclined where an indenter touches the edge of a box.  An indenter that hooks on the side of a box
-        can lift it by friction.  Such a box reads zero, and the others are scaled so that the total stays the same.
+        Each contact force is projected on the box's normal, because the contact normal differs from the box's normal
+        where an indenter touches the edge of a box.  An indenter that hooks on the side of a box can pull it upwards by
+        friction.  The force on such a box is set to zero, and the other forces are scaled to keep the total.
         """
         _, total = self._press(data)
         return _remove_lift(total) if total.min() < 0 else total
 
     def _press(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-        """Forces against the boxes' normals, by contact, shape (k, 2), and by texel, shape (n,) [N]."""
+        """Compute the forces against the boxes' outward normals, for k contacts and n texels; see `press_boxes`."""
         contacts = read_contacts(data, pyramidal=self._pyramidal)
         pressed, total = self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._count)
         return pressed, total
 
 
 def _remove_lift(total: FloatArray) -> FloatArray:
-    """Set negative forces to zero and scale the others so that the sum is unchanged, or zero if negative, (n,) [N]."""
+    """Set negative texel forces to zero, and scale the others to keep the sum, or to zero if the sum is negative.
+
+    Args:
+        total: Force on each texel, shape (n,) [N].
+    """
     pressed = np.maximum(total, 0.0)
     positive = pressed.sum()
     return pressed * (max(float(total.sum()), 0.0) / positive) if positive > 0 else pressed
 
 
 def find_boxes(model: mujoco.MjModel, array: TexelArray, name: str) -> IntArray:
-    """Geom id of each texel's box, shape (n,) [-].
+    """Find the geom id of the box of each of n texels, shape (n,) [-].
 
     Args:
         model: The compiled model.
         array: The array that was attached.
-        name: The prefix that it was attached with.
+        name: Name of the sensor, as given to `attach`.
 
     Raises:
         LifeCycleError: If a box is not in the model.
@@ -150,5 +154,5 @@ def find_boxes(model: mujoco.MjModel, array: TexelArray, name: str) -> IntArray:
 
 
 def geom_name(name: str, index: int) -> str:
-    """Name of a texel's geom: the sensor's name, then the texel's index."""
+    """Return the name of a texel's geom, made of the sensor's name and the texel's index."""
     return f"{name}/texel{index}"

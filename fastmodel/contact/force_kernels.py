@@ -1,13 +1,13 @@
 """Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
 
-A contact's force f acts on its second geom, and -f on its first.  It is given in the contact's own frame, whose rows
-are the contact normal and two tangents.  Contacts with elliptic cones store f itself.  Contacts with pyramidal cones
-store edge forces e: the normal force is their sum, and the i-th tangential force is mu_i (e_2i - e_2i+1).  Components
-from the fourth on are torques, which do not press.
+The force f of a contact acts on the second geom of the contact, and -f acts on the first.  MuJoCo gives f in the frame
+of the contact, whose rows are the contact normal and two tangents.  With elliptic friction cones MuJoCo stores f
+itself.  With pyramidal cones MuJoCo stores edge forces e: the normal force is their sum, and the i-th tangential force
+is mu_i (e_2i - e_2i+1), with friction coefficient mu_i.  Components from the fourth on are torques, which are not used.
 Source: MuJoCo documentation, Computation, section "Contact".
 
-All kernels stand in one file: numba's cache notices a change in the file of the called kernel only, not in the files of
-the functions that this kernel calls.
+All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
+files of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ import numpy as np
 from fastmodel.compiled import called_by_kernels
 from meshes.array_types import FloatArray, IntArray
 
-#: The contacts of a state: both geoms of each contact, shape (k, 2); its first row in the constraint forces, -1 for
-#: none, shape (k,); its dimension, shape (k,); the axes of its frame as rows, normal first, shape (k, 9) [-]; its
-#: friction coefficients, shape (k, 5) [-]; its position in the world, shape (k, 3) [m]; all constraint forces, shape
-#: (rows,) [N]; and whether friction cones are pyramidal.
+#: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
+#: first entry in the constraint forces, -1 for none, shape (k,); number of force components, shape (k,); axes of the
+#: contact frame as rows, normal first, shape (k, 9) [-]; friction coefficients, shape (k, 5) [-]; position in the
+#: world, shape (k, 3) [m].  For all contacts: constraint forces, shape (rows,) [N]; and whether friction cones are
+#: pyramidal.
 Contacts = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
 
 
 def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
-    """Read the contacts of a state.
+    """Read the contacts of a simulation state.
 
     Args:
-        data: The state.
+        data: The state after a simulation step.
         pyramidal: Whether the model has pyramidal friction cones.
     """
     found = data.contact
@@ -38,10 +39,10 @@ def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
 
 
 def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts, Contacts]:
-    """Contacts without force in the two memory layouts that MuJoCo gives them, for the compilation of kernels.
+    """Make contacts without force, from which kernels can be compiled, in both memory layouts of MuJoCo's arrays.
 
-    Numba compiles a kernel once per layout.  Arrays of at most one contact count as contiguous, those of several
-    contacts as strided.
+    Numba compiles a kernel once for each layout.  MuJoCo's arrays of at most one contact count as contiguous, those of
+    several contacts as strided.
 
     Args:
         data: A state without contacts.
@@ -55,7 +56,7 @@ def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts,
 
 @called_by_kernels
 def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
-    """Normal and two tangential components of the force of contact k, into `force`, shape (3,) [N]."""
+    """Compute the normal and two tangential components of contact k's force, and write them to `force` (3,) [N]."""
     _, address, dim, _, friction, _, efc_force, pyramidal = contacts
     force[:] = 0.0
     first = address[k]
@@ -73,17 +74,17 @@ def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
 def press_boxes(
     contacts: Contacts, geom_xmat: FloatArray, texel_of: IntArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Kernel: compute the contact forces against the boxes' outward normals, by contact and by texel.
+    """Kernel: compute the contact forces against the boxes' outward normals, for k contacts and n texels.
 
     Args:
         contacts: The contacts.
-        geom_xmat: Orientation of every geom in the world, shape (geoms, 9) [-].
-        texel_of: Texel of every geom, -1 for geoms that are no texel, shape (geoms + 1,).
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        texel_of: Index of the texel of every geom, -1 for geoms that are not boxes of texels, shape (geoms + 1,).
         count: Number of texels n.
 
     Returns:
-        Force on either geom of each contact, zero for a geom that is no texel, shape (k, 2) [N]; and the sum for each
-        texel, shape (n,) [N].
+        Force on both geoms of each contact, zero for a geom that is not a box of a texel, shape (k, 2) [N]; and the sum
+        of these forces for each texel, shape (n,) [N].
     """
     geom, address, _, frame, _, _, _, _ = contacts
     force, pressed, total = np.zeros(3), np.zeros(geom.shape), np.zeros(count)
@@ -107,18 +108,18 @@ def press_boxes(
 def sum_forces(
     contacts: Contacts, plate: int, body_of_geom: IntArray, axes: FloatArray, origin: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Kernel: sum contact forces against the plate's normal, and their moments, body by body.
+    """Kernel: sum, for each body, the contact forces against the plate's normal, and the moments of these forces.
 
     Args:
         contacts: The contacts.
-        plate: The plate's geom.
-        body_of_geom: Body that each geom moves with, shape (geoms,).
+        plate: Geom id of the plate.
+        body_of_geom: Id of the body that each geom moves with, shape (geoms,).
         axes: Axes of the array in the world, as columns, shape (3, 3) [-].
         origin: Origin of the array in the world, shape (3,) [m].
 
     Returns:
-        Ids of the bodies that touch the plate, shape (bodies,); and force [N], force times x and force times y [N m]
-        of each, shape (bodies, 3).
+        Ids of the bodies that touch the plate, shape (bodies,); and for each of these bodies the sums over its contacts
+        of force [N], force times x, and force times y [N m], shape (bodies, 3).
     """
     geom, address, _, frame, _, pos, _, _ = contacts
     bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 3))

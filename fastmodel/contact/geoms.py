@@ -1,4 +1,4 @@
-"""Box geoms without mass: texels and plates are made of them."""
+"""Massless box geoms, from which the texels and plates of contact methods are made."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 from fastmodel.errors import LifeCycleError
 from meshes.array_types import IntArray
 
-#: Colour of boxes that measure: red, green, blue, opacity [-].
+#: Colour of plates and of boxes of active texels: red, green, blue, opacity [-].
 _COLOUR = (0.25, 0.27, 0.3, 1.0)
-#: Highest collision bit: MuJoCo's collision masks are signed 32-bit numbers [-].
+#: Index of the highest usable collision bit [-]: MuJoCo's collision masks are signed 32-bit numbers.
 _HIGHEST_BIT = 30
 
 
 def check_box(height: float, contact_bit: int) -> None:
-    """Check the settings of a box.
+    """Check the height and the collision bit of a box geom.
 
     Args:
-        height: Its height [m].
-        contact_bit: Its collision bit [-].
+        height: Height of the box [m].
+        contact_bit: Index of the collision bit of the box [-].
 
     Raises:
         ValueError: If the height is not positive or the bit not 0..30.
@@ -34,11 +34,13 @@ def check_box(height: float, contact_bit: int) -> None:
 
 
 def describe_box(half: Sequence[float], contact_bit: int) -> dict[str, Any]:
-    """Attributes of a box that touches every geom with a non-zero contype, except those on its own collision bit.
+    """Return MuJoCo's attributes of a massless box geom, by name.
+
+    The box collides with every geom whose contype has a bit other than the box's own collision bit.
 
     Args:
-        half: Half edge lengths, shape (3,) [m].
-        contact_bit: The collision bit, 0..30 [-].
+        half: Half edge lengths of the box, shape (3,) [m].
+        contact_bit: Index of the box's own collision bit, 0..30 [-].
     """
     bit = 1 << contact_bit
     box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half, "mass": 0.0, "rgba": _COLOUR}
@@ -46,15 +48,15 @@ def describe_box(half: Sequence[float], contact_bit: int) -> dict[str, Any]:
 
 
 def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntArray:
-    """Ids of geoms in the compiled model, shape (n,).
+    """Find the ids of n geoms in the compiled model, shape (n,).
 
     Args:
         model: The compiled model.
-        names: Their names.
-        sensor: Name of the sensor, for the message.
+        names: Names of the n geoms.
+        sensor: Name of the sensor, for the error message.
 
     Raises:
-        LifeCycleError: If one is not in the model.
+        LifeCycleError: If one of the geoms is not in the model.
     """
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in names]
     if min(ids) < 0:

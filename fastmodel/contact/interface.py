@@ -1,7 +1,7 @@
-"""The interface of all contact methods: from contacts of MuJoCo to forces on texels.
+"""The interface of all contact methods, which compute forces on texels from MuJoCo's contacts.
 
-A contact method (`TexelContact`) adds geoms to a spec before it is compiled.  Bound to the compiled model it becomes a
-`ContactReader`, which makes a `Reading` of each simulation step.
+A contact method (`TexelContact`) adds geoms to a spec before the spec is compiled.  Its `bind` returns a
+`ContactReader` for the compiled model, which computes a `Reading`, the contact forces, at a simulation step.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ class Reading(NamedTuple):
 
     Attributes:
         contact_forces: Force that presses on each texel along its normal, before spread, shape (n,) [N].
-        texel_forces: Force on each texel after spread, shape (n,) [N]; None if the method does not model the cover.
+        texel_forces: Force on each texel after spread, shape (n,) [N]; None if the contact
+            method does not compute forces at the base of the cover.
         carried: Total force that presses on the array and its margin [N].
         approach: Approach of each touching body since its first touch of the undeformed cover, shape (bodies,) [m];
-            None if the method does not compute it.
+            None if the contact method does not compute the approach.
     """
 
     contact_forces: FloatArray
@@ -37,35 +38,39 @@ class TexelContact(Protocol):
     """A contact method and its settings, chosen before the model is compiled.
 
     Attributes:
-        costly: Whether reading is so slow that it should happen no more often than frames and filter need.
+        costly: Whether the contact forces take so much time to compute that they are sampled no more often than frame
+            rate and filter require.
     """
 
     costly: ClassVar[bool]
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
-        """Add the geoms that the method needs.
+        """Add the geoms of the contact method to a body of a spec.
 
         Args:
             body: The body of a `mujoco.MjSpec` that carries the array.
             array: The texels, in the array's frame.
-            pose: The array's frame in the body's.
-            name: Prefix of the geoms' names.
+            pose: Pose of the array's frame in the frame of the body.
+            name: Name of the sensor, which is the prefix of the names of the geoms.
         """
 
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
     ) -> ContactReader:
-        """Find the geoms in the compiled model.
+        """Find the geoms of the contact method in the compiled model.
 
         Args:
             model: The compiled model.
             array: The array that was attached.
-            name: The prefix that it was attached with.
-            cells: The cover between sub-texel cells, for methods that model the cover.
+            name: Name of the sensor, as given to `attach`.
+            cells: Compliance and influence of the cover, for contact methods that model the cover.
+
+        Returns:
+            The reader, which computes contact forces from states of the model.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
-            ParametersError: If the method needs cover data that are not given.
+            ParametersError: If the contact method needs cover data that are not given.
         """
 
 
@@ -73,18 +78,18 @@ class ContactReader(Protocol):
     """A contact method bound to a compiled model."""
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Compile every kernel that `read` calls, so that the first touch takes no longer than others.
+        """Compile every kernel that `read` calls, so that no compilation is needed at the first contact.
 
         Args:
             data: A state of the model without contacts.
         """
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Compute the contact forces of the last simulation step.
+        """Compute the contact forces of the last simulation step from the state after the step.
 
         Raises:
             StateError: If a contact force is not finite.
         """
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
-        """Make the reading of given contact forces, shape (n,) [N], and discard the state of earlier steps."""
+        """Make the reading for given contact forces, shape (n,) [N], and discard results of previous steps."""

@@ -1,7 +1,7 @@
-"""The joints between a body and the array: they decide whether the body is free to tilt or slide.
+"""The joints between a body and the array, which determine whether the body is free to tilt or slide.
 
-The moments of a body say where it presses only if the body is free to tilt against the array; a guide would take them
-up.
+The moments of the contact forces determine where a body presses only if the body is free to tilt relative to the array.
+Otherwise a guide of the body takes up moments.
 """
 
 from __future__ import annotations
@@ -11,19 +11,20 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 
-#: Cosine of the angle between a hinge's axis and the array's normal above which the hinge does not tilt a body [-].
+#: Cosine of the angle between the axis of a hinge joint and the array's normal, from which on the axis counts as
+#: parallel to the normal: rotation about the hinge then does not tilt a body [-].  It differs from 1 by rounding only.
 _UPRIGHT = 1 - 1e-6
 
 
 class Joints:
-    """The joints between the body that carries the array and all other bodies."""
+    """The joints of a model between the body that carries the array and any other body."""
 
     def __init__(self, model: mujoco.MjModel, body: int) -> None:
-        """Remember the ancestors of the body that carries the array.
+        """Find the ancestors of the body that carries the array.
 
         Args:
             model: The compiled model.
-            body: Id of that body.
+            body: Id of the body that carries the array.
         """
         self._model = model
         self._own = self._find_ancestors(body)
@@ -31,10 +32,10 @@ class Joints:
         self._slides: dict[int, IntArray] = {}
 
     def let_tilt(self, data: mujoco.MjData, body: int, normal: FloatArray) -> bool:
-        """Whether any joint between a body and the array lets the body tilt against the array.
+        """Return whether any joint between a body and the array lets the body tilt relative to the array.
 
         Args:
-            data: The state; the answer is found in the first call for each body and kept.
+            data: State of the simulation.  The first result for each body is stored and returned in later calls.
             body: Id of the body.
             normal: The array's normal in the world, shape (3,) [-].
         """
@@ -46,19 +47,19 @@ class Joints:
         return self._tilting[body]
 
     def find_slides(self, data: mujoco.MjData, body: int) -> FloatArray:
-        """Axes in the world of the slide joints between a body and the array, shape (k, 3) [-]."""
+        """Find the axes, in the world, of the k slide joints between a body and the array, shape (k, 3) [-]."""
         if body not in self._slides:
             joints = self._find_between(body)
             self._slides[body] = joints[self._model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE]
         return np.asarray(data.xaxis[self._slides[body]])
 
     def _find_between(self, body: int) -> IntArray:
-        """Ids of the joints on the path through the kinematic tree from a body to the array, shape (k,)."""
+        """Find the ids of the k joints in the kinematic tree between a body and the array, shape (k,)."""
         path = self._own ^ self._find_ancestors(body)
         return np.isin(self._model.jnt_bodyid, list(path)).nonzero()[0]
 
     def _find_ancestors(self, body: int) -> set[int]:
-        """A body and all its ancestors but the world."""
+        """Return the ids of a body and of all its ancestors in the kinematic tree except the world."""
         chain = set()
         while body:
             chain.add(body)

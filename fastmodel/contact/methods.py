@@ -13,29 +13,29 @@ from fastmodel.contact.interface import TexelContact
 from fastmodel.errors import ArgumentTypeError, UnknownNameError
 from fastmodel.parameters import Parameters
 
-#: Contact methods by name.
+#: Contact methods with their default settings, by name.
 METHODS: Mapping[str, TexelContact] = MappingProxyType(
     {"boxes": BoxTexels(), "area": AreaTexels(), "foundation": Foundation(), "cover": CoverContact()}
 )
-#: Name that stands for the best method that the parameters allow.
+#: Name that stands for the method `cover` if the parameters hold cover data, otherwise for `boxes`.
 DEFAULT = "default"
 
 
 def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
-    """Find a contact method by name, or take the given settings.
+    """Find a contact method by its name, or return given settings unchanged.
 
     The name `default` stands for `cover` if the parameters hold the cover's cells, otherwise for `boxes`.
 
     Args:
-        method: Name or settings.
+        method: Name of a contact method, or an object with its settings such as `BoxTexels()`.
         parameters: The array and its cover.
 
     Returns:
-        The name of the method (settings as text) and its settings.
+        The name of the method, or its settings as text if settings were given; and the settings.
 
     Raises:
         ArgumentTypeError: If the method is neither a name nor settings.
-        UnknownNameError: If no method has this name.
+        UnknownNameError: If no contact method has this name.
     """
     if not isinstance(method, str):
         if isinstance(method, type) or not (hasattr(method, "attach") and hasattr(method, "bind")):
@@ -52,7 +52,7 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
 
 
 def _end_plate_at_edges(method: TexelContact, parameters: Parameters) -> TexelContact:
-    """The method, with a plate that ends with the array if the cover has side edges."""
+    """Set the margin of a method's plate to zero if the cover has free side edges; else return the method unchanged."""
     if parameters.cells is None or parameters.cells.table is None or not isinstance(method, CoverContact | Foundation):
         return method
     return dataclasses.replace(method, plate=dataclasses.replace(method.plate, margin=0))

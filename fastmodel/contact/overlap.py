@@ -1,4 +1,4 @@
-"""Check that texels do not overlap: a force on an overlap would be measured twice."""
+"""Check that texels do not overlap, because a force on two overlapping texels would be measured twice."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from fastmodel.errors import OverlapError
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 
-#: Share of a texel's edge by which neighbours may overlap [-]: allows for rounding and for curved layouts, where the
-#: rectangles of neighbours overlap at their corners.
+#: Share of a texel's edge length by which neighbouring texels may overlap [-].  It allows for rounding and for curved
+#: layouts, in which the rectangles of neighbouring texels overlap at their corners.
 _ALLOWED = 0.02
 
 
@@ -18,7 +18,7 @@ def refuse_overlaps(array: TexelArray) -> None:
     """Check that no two texels overlap.
 
     Two texels overlap if their normals are less than 90 degrees apart, their planes are less than half a texel apart,
-    and their rectangles overlap in the plane of the first.
+    and their rectangles overlap in the plane of the first texel.
 
     Args:
         array: The texels.

@@ -7,8 +7,6 @@ files of the functions that this kernel calls.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from fastmodel.compiled import called_by_kernels
@@ -20,11 +18,6 @@ from meshes.array_types import FloatArray, IntArray
 #: matrices of `SymmetricConvolution.matrices` [m/N].
 Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
-#: Multiple to which the numbers of rows and columns of windows are rounded up, so that few matrices are needed [-].
-_BLOCK = 4
-#: Smallest share of a body's load that the last pressures must give on the cells now under the body; below this share
-#: the iteration starts from uniform pressure [-].
-_USABLE = 0.5
 #: Smallest factor by which one correction multiplies the force on a cell; a positive factor keeps forces positive [-].
 #: Corrections restore the balance of force and moments between the cells and the bodies.
 _LEAST_FACTOR = 0.2
@@ -39,86 +32,6 @@ _SLIGHT = 1e-6
 _ROUNDING = 1e-20
 #: Value added to the diagonal of small symmetric matrices, over their trace, so that they can be inverted [-].
 _RIDGE = 1e-12
-
-
-def place_cells(
-    samples: tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray],
-    grid: tuple[IntArray, FloatArray, FloatArray],
-    near: FloatArray,
-    square: float,
-) -> tuple[tuple[int, int], tuple[int, int], IntArray, FloatArray, FloatArray]:
-    """Kernel: divide each cell under a body among the four whole cells around the centroid of the covered part.
-
-    Args:
-        samples: Row, column, coverage, x and y of the cells, see `GapSamples`.
-        grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
-        near: Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N].
-        square: Displacement at the centre of a whole cell under unit force on this cell of a half space [m/N].
-
-    Returns:
-        Row and column in the contact grid of the first cell of a window that contains all these whole cells; rows and
-        columns of the window; and the first three entries of `Cover`.
-    """
-    row, column, coverage, x, y = samples
-    _, low, edge = grid
-    top, left, rows, cols = row[0], column[0], 0, 0
-    for k in range(len(x)):
-        top, left = min(top, row[k]), min(left, column[k])
-        rows, cols = max(rows, row[k] + 1), max(cols, column[k] + 1)
-    # extend the window by one cell on each side
-    top, left, rows, cols = top - 1, left - 1, rows - top + 2, cols - left + 2
-    corner, weight = np.empty((2, len(x)), dtype=np.int64), np.empty((4, len(x)))
-    own = np.empty(len(x))
-    for k in range(len(x)):
-        # rounded to 1e-9 cells, so that rounding errors do not divide a fully covered cell among four cells
-        u = math.floor(1e9 * ((x[k] - low[0]) / edge[0] - 0.5 - left) + 0.5) * 1e-9
-        v = math.floor(1e9 * ((y[k] - low[1]) / edge[1] - 0.5 - top) + 0.5) * 1e-9
-        corner[0, k], corner[1, k] = math.floor(v), math.floor(u)
-        a, b = u - math.floor(u), v - math.floor(v)
-        p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
-        weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
-        # self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0]
-        interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
-        interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
-        own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
-    shape = ((rows + _BLOCK - 1) // _BLOCK * _BLOCK, (cols + _BLOCK - 1) // _BLOCK * _BLOCK)
-    return (top, left), shape, corner, weight, own
-
-
-def find_start(
-    last: tuple[IntArray, IntArray, FloatArray],
-    samples: tuple[IntArray, IntArray, FloatArray, IntArray],
-    wanted: FloatArray,
-    scratch: FloatArray,
-) -> FloatArray:
-    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
-
-    They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
-    pressures on the cells under a body give less than the share `_USABLE` of its load.
-
-    Args:
-        last: Row, column, and pressure times the area of a whole cell [N], of each cell of the last solution.
-        samples: Row, column, coverage and body of the m cells, see `GapSamples`.
-        wanted: Load of each body, shape (bodies,) [N].
-        scratch: Working memory of zeros, with the shape of the contact grid; zeros again afterwards.
-    """
-    row, column, coverage, body = samples
-    forces, sums, areas = np.zeros(len(row)), np.zeros(len(wanted)), np.zeros(len(wanted))
-    for k in range(len(last[0])):
-        scratch[last[0][k], last[1][k]] = last[2][k]
-    for k in range(len(row)):
-        forces[k] = scratch[row[k], column[k]] * coverage[k]
-        sums[body[k]] += forces[k]
-        areas[body[k]] += coverage[k]
-    for k in range(len(last[0])):
-        scratch[last[0][k], last[1][k]] = 0.0
-    for k in range(len(row)):
-        b = body[k]
-        if sums[b] > _USABLE * wanted[b]:
-            forces[k] *= wanted[b] / sums[b]
-        else:
-            forces[k] = wanted[b] * coverage[k] / areas[b]
-    return forces
 
 
 @called_by_kernels
@@ -205,10 +118,11 @@ def _fit_motion(
 
 @called_by_kernels
 def _scale_sums(forces: FloatArray, columns: FloatArray, target: FloatArray) -> None:
-    """Scale forces so that the constraints on sums of forces hold exactly; these have columns of ones and zeros.
+    """Scale the cell forces so that they add up exactly to the load of each body.
 
-    If the centre of pressure lies at the rim of the sampled cells, the corrections leave a small error of balance.  The
-    moments then keep that error, and the forces add up to the load.
+    The columns of the constraints on sums of forces consist of ones and zeros.  If the centre of pressure lies at the
+    rim of the cells under a body, the corrections leave a small error of the balance.  After scaling, only the moments
+    have this error.
     """
     for a in range(len(target)):
         is_sum, total = True, 0.0

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from fastmodel.pressure import conjugate_gradient_kernels
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load
-from fastmodel.pressure.conjugate_gradient_kernels import find_start, minimise_energy, place_cells
+from fastmodel.pressure.conjugate_gradient_kernels import minimise_energy
 from fastmodel.pressure.gap_sampling import sample_gap
+from fastmodel.pressure.preparation_kernels import find_start, place_cells
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.cover_data import cells
 from tests.support.posed_bodies import GRID, pose_body
