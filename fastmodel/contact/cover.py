@@ -1,8 +1,9 @@
-"""Contact methods that distribute the force of each body over cells: an elastic foundation, and the cover itself.
+"""Contact methods that distribute the force of each body over cells, by an elastic foundation or by the cover.
 
-Both put one rigid plate under the array for the dynamics.  Afterwards the force of each touching body, as MuJoCo gives
-it, is distributed over cells smaller than a texel: by an elastic foundation (`Foundation`), or by the compliance of the
-cover between cells (`CoverContact`), which also gives the forces on the texels at the cover's base.
+In MuJoCo each of the two contact methods has one rigid plate for each flat panel of the array.  After a simulation
+step, MuJoCo's force of each touching body is distributed over cells of the contact grid, which are smaller than a
+texel.  `Foundation` does so by an elastic foundation, and `CoverContact` by the compliance of the cover between cells;
+`CoverContact` also computes the forces on the texels at the base of the cover.
 """
 
 from __future__ import annotations
@@ -28,28 +29,31 @@ from fastmodel.pressure.winkler import FoundationSolver
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
-#: The reach of a body is the height over its lowest cell up to which the gap is sampled.  The first reach, over the
-#: cover's thickness; then the largest and the smallest reach, over the first one [-].
+#: The reach of a body is the height above its smallest gap up to which cells are sampled.  The three numbers are: the
+#: reach at first contact, over the cover's thickness (for `Foundation` over the pitch); and the largest and the
+#: smallest reach, over the reach at first contact [-].
 _FIRST, _MOST, _SMALLEST = 0.1, 20.0, 0.25
-#: Two factors on the height up to which a body lies below the undeformed surface.  The first gives the reach that a
-#: contact needs; it exceeds 1 because the cover may bulge beside the contact.  The second gives the reach for the next
-#: contact, which then suffices while the load rises [-].
+#: Two factors on the height up to which a body lies below the undeformed top of the cover; each gives a reach [-].  The
+#: first gives the reach that a contact requires; it exceeds 1 because the cover may bulge beside the contact.  The
+#: second gives the reach that is used for the next solution; it is larger, so that this reach suffices while the load
+#: rises.
 _NEEDED, _TAKEN = 1.2, 1.6
-#: Distance by which solids with sharp edges are enlarged, over the edge of a cell; see `fastmodel.pressure.gap` [-].
+#: Distance by which solids with sharp edges are enlarged, over the edge length of a cell; `fastmodel.pressure.gap`
+#: explains why [-].
 _EDGE = 0.125
-#: Change of loads, of positions over the edge of a cell, and of rotations, below which a contact counts as unchanged
-#: and the last reading is returned.  Bodies at rest in MuJoCo vary by about 1e-6 [-].
+#: Relative change of loads, change of positions over the edge length of a cell, and change of rotations, up to which a
+#: contact counts as unchanged, so that the last reading is returned [-].  Bodies at rest in MuJoCo vary by about 1e-6.
 _UNCHANGED = 1e-5
-#: Cells along each edge of a pitch if neither the method nor the parameters define them [-].
+#: Number of cells along each texel pitch if neither the contact method nor the parameters define it [-].
 _CELLS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class _PlateMethod:
-    """A contact method that puts one rigid plate under the array.
+    """Base of the contact methods with a rigid plate in place of the array.
 
     Attributes:
-        plate: The plate's geom.
+        plate: Settings of the plate.
     """
 
     plate: Plate = field(default_factory=Plate)
@@ -57,18 +61,19 @@ class _PlateMethod:
     costly: ClassVar[bool] = True
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
-        """Add the plate to a body of the spec."""
+        """Add the plate to a body of the spec; see `TexelContact.attach`."""
         self.plate.attach(body, array, pose, name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Foundation(_PlateMethod):
-    """One rigid plate; the force of each body distributed by an elastic foundation of cells.
+    """Contact method with a rigid plate, which distributes the force of each body by an elastic foundation of cells.
 
     Attributes:
-        plate: The plate's geom.
-        modulus: Pressure per depth; by default that of the cover under a square patch four thicknesses wide [Pa/m].
-        per_texel: Cells along each edge of a pitch; by default those of the cover data, or 4 without cover data [-].
+        plate: Settings of the plate.
+        modulus: Pressure on the foundation per displacement; by default that of the cover under a square patch four
+            thicknesses wide [Pa/m].
+        per_texel: Number of cells along each texel pitch; by default as in the cover data, or 4 without cover data [-].
     """
 
     modulus: float | None = None
@@ -77,7 +82,7 @@ class Foundation(_PlateMethod):
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
     ) -> ContactReader:
-        """Find the plate in the compiled model.
+        """Find the plate in the compiled model; see `TexelContact.bind`.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
@@ -97,12 +102,14 @@ class Foundation(_PlateMethod):
 
 @dataclass(frozen=True, kw_only=True)
 class CoverContact(_PlateMethod):
-    """One rigid plate; the force of each body distributed by the compliance of the cover, and passed on to its base.
+    """Contact method with a rigid plate, which distributes the force of each body by the compliance of the cover.
+
+    The method also computes the forces on the texels at the base of the cover.
 
     Attributes:
-        plate: The plate's geom.
-        tolerance: Change of the cell forces in one step at which the solver stops, over the load.  With 2e-3, texel
-            forces differ from those with 5e-4 by at most 0.02 % of the load [-].
+        plate: Settings of the plate.
+        tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below which
+            the solver stops [-].  Texel forces with 2e-3 differ from those with 5e-4 by at most 0.02 % of the load.
         steps: Most steps of the solver.
     """
 
@@ -132,12 +139,12 @@ class CoverContact(_PlateMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Surface:
-    """The cells of an array: one grid if the array is flat and regular, else panels on a common grid.
+    """The cells of an array: one contact grid if the array is flat and regular, else panels on a common contact grid.
 
     Attributes:
-        plate: The plate's settings.
-        grid: The grid.
-        layout: The panels; None for one grid.
+        plate: Settings of the plate.
+        grid: The contact grid, or the common contact grid of all panels.
+        layout: The flat panels of the array; None if the array is flat and regular.
     """
 
     plate: Plate
@@ -146,6 +153,14 @@ class _Surface:
 
     @classmethod
     def divide(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Surface:
+        """Divide an array and the margin of its plate into cells.
+
+        Args:
+            plate: Settings of the plate.
+            array: The texels.
+            per_texel: Number of cells along each texel pitch [-].
+            apart: Number of cells between panels that do not interact [-].
+        """
         if array.regular:
             return cls(plate=plate, grid=CellGrid.over(array, per_texel, plate.margin))
         layout = lay_out(array, divide_into_panels(array, plate.margin), per_texel, apart)
@@ -157,19 +172,24 @@ class _Surface:
         return self.layout is None or len(self.layout.panels) == 1
 
     def build_plate_reader(self, model: mujoco.MjModel, array: TexelArray, name: str) -> PlateReader:
+        """Build the reader that finds the bodies on the plate, or on the plates of all panels."""
         edge = _EDGE * float(np.sqrt(self.grid.edge[0] * self.grid.edge[1]))
         if self.layout is None:
             return PlateReader(self.plate, model, array, name, grid=self.grid, edge=edge)
         return PanelReader(self.plate, model, array, name, layout=self.layout, edge=edge)
 
     def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces | ScatteredBaseForces:
+        """Build the operator from forces on cells to forces on texels at the base of the cover."""
         if self.layout is not None and isinstance(self.grid, ScatteredGrid):
             return ScatteredBaseForces(cells, self.layout, self.grid, array)
         return BaseForces(cells, self.grid, array)
 
 
 class _PressureReader:
-    """Reads the plate's contacts and turns them into texel forces: sample the gap, solve for cell forces, sum them."""
+    """Reader that computes texel forces from the bodies on a plate.
+
+    The reader samples the gap under the bodies, solves for the forces on cells, and sums these forces over texels.
+    """
 
     def __init__(
         self,
@@ -180,14 +200,14 @@ class _PressureReader:
         *,
         first: float,
     ) -> None:
-        """Start at rest.
+        """Store the parts, and start in the state without contacts.
 
         Args:
-            plate: Finds the bodies that press.
-            solver: Finds the forces on cells.
-            surface: The cells.
-            base: Finds the forces at the base; None for a method without them.
-            first: Reach of the first contact, see `_FIRST` [m].
+            plate: Reader that finds the bodies on the plate.
+            solver: Solver that computes the forces on cells.
+            surface: The cells of the array.
+            base: Operator from forces on cells to forces at the base; None for a method that does not compute them.
+            first: Reach at the first contact of a body, see `_FIRST` [m].
         """
         self._plate, self._solver, self._base, self._grid = plate, solver, base, surface.grid
         self._coherent = surface.coherent
@@ -197,6 +217,7 @@ class _PressureReader:
         self._nothing = self.at_rest(np.zeros(self._grid.texels))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
         self._reach.clear()
         self._solved = None
         self._solver.reset()
@@ -207,7 +228,7 @@ class _PressureReader:
         )
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Call every kernel once, with a ball of one pitch in diameter that presses with 1 N on the middle cells."""
+        """Compile every kernel by solving the contact of a ball of one pitch in diameter under a load of 1 N."""
         self._plate.compile_kernels(data)
         size, low, edge = self._grid.arrays
         radius = np.full(3, 0.5 * float(edge.max()) * self._grid.per_texel)
@@ -219,6 +240,7 @@ class _PressureReader:
         self._solver.reset()
 
     def read(self, data: mujoco.MjData) -> Reading:
+        """Compute the contact forces of a step, or return the last ones if no load or pose has changed."""
         contact = self._plate.find_contact(data)
         if contact is None:
             return self._nothing
@@ -227,7 +249,7 @@ class _PressureReader:
         return self._solved[1]
 
     def _solve(self, contact: PlateContact) -> Reading:
-        """Solve for the cell forces, with a reach that suffices, and sum them over texels."""
+        """Compute the cell forces with a sufficient reach for each body, and sum the forces over texels."""
         reach = [self._reach.get(body, self._first) for body in contact.bodies]
         while True:
             samples = self._plate.sample_gap(contact, reach)
@@ -235,7 +257,7 @@ class _PressureReader:
             if not found:
                 return self._nothing
             if len(found) < len(reach):
-                # bodies that press on the plate beside all cells load no texel
+                # leave out bodies that press on the plate only beside all cells, because they load no texel
                 contact, reach = contact.select(found), [reach[k] for k in found]
                 continue
             solution = self._solver.solve(samples, contact.loads)

@@ -1,13 +1,14 @@
-"""The cells of an array of any layout: flat panels, each with its own cells, placed on one common grid of cells.
+"""Division of an array of any layout into flat panels, each with its own cells, placed on one common grid of cells.
 
-A panel is a flat part of the array; it gets one rigid plate.  The common grid represents the cover unrolled into a
-plane:
+A panel is a flat part of the array, represented in MuJoCo by one rigid plate.  The common grid represents the cover
+unrolled into a plane:
 
 - Texels that lie about one pitch from their neighbours in the image, as on a bent sheet, are placed as in the image.
   Cells of adjacent panels then interact as at their distance along the surface, whatever the angle between the panels.
 - Texels of any other layout in one plane form a single panel, whose cells are the common grid.
-- Texels of any other layout are one panel each.  The panels are placed too far apart on the common grid to interact.
-  Forces at the base still spread to all texels, by their offset in the plane of the loaded panel.
+- Of any other layout, each texel is a panel of its own.  The panels are placed so far apart on the common grid that
+  their cells do not interact.  A force on a cell still acts on other texels at the base, depending on their offset in
+  the plane of the loaded panel.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Largest distance of the texels of one panel from a flat, regular grid, over the pitch [-].
+#: Largest distance of texels of one panel from a plane or from a flat, regular grid, over the pitch [-].
 _FLAT = 1e-3
-#: Largest difference between the distance of neighbours on a bent sheet and the pitch, over the pitch; the distance is
-#: a chord and therefore shorter than the pitch [-].
+#: Largest difference between the pitch and the distance of neighbouring texels on a bent sheet, over the pitch [-].
+#: The distance is a chord of the bent surface and therefore shorter than the pitch.
 _BENT = 0.2
-#: Points along each edge of a cell by which its area is divided among texels.
+#: Number of points along each edge of a cell at which the nearest texel is found, to divide the cell among texels [-].
 _POINTS = 4
 
 
@@ -37,10 +38,10 @@ class Panel:
     """A flat part of an array.
 
     Attributes:
-        origin: Centre in the array's frame, shape (3,) [m].
-        axes: x, y and outward normal in the array's frame, as columns, shape (3, 3) [-].
-        half: Half edge lengths of its plate [m].
-        first: Row and column in the image of its first texel if the array is a bent sheet; else None.
+        origin: Centre of the panel in the array's frame, shape (3,) [m].
+        axes: x axis, y axis and outward normal of the panel in the array's frame, as columns, shape (3, 3) [-].
+        half: Half edge lengths of the panel's plate along its x and y axes [m].
+        first: Row and column in the tactile image of the panel's first texel if the array is a bent sheet; else None.
     """
 
     origin: FloatArray
@@ -55,11 +56,11 @@ class PanelCells:
 
     Attributes:
         panel: The panel.
-        grid: Its cells in its own frame.
-        row: Row of its first cell on the common grid.
-        column: Column of its first cell on the common grid.
-        rim: Cells along each edge of `grid` that lie beyond the panel.  No gap is sampled there, but a partly covered
-            cell at the panel's edge passes a share of its force to them [-].
+        grid: The cells of the panel, in the frame of the panel.
+        row: Row on the common grid of the panel's first cell.
+        column: Column on the common grid of the panel's first cell.
+        rim: Number of cells along each edge of `grid` that lie beyond the panel.  The gap is not sampled on these
+            cells, but a share of the force on a partly covered cell at the panel's edge acts on them [-].
     """
 
     panel: Panel
@@ -69,13 +70,13 @@ class PanelCells:
     rim: int = 0
 
     def holds(self, row: IntArray, column: IntArray) -> BoolArray:
-        """Whether cells of `grid` lie on the panel and not on its rim, same shape."""
+        """Return whether cells of `grid` lie on the panel and not on the rim, same shape as `row`."""
         inside = (row >= self.rim) & (row < self.grid.rows - self.rim)
         return np.asarray(inside & (column >= self.rim) & (column < self.grid.columns - self.rim))
 
     @property
     def radius(self) -> float:
-        """Distance of the farthest cell from the panel's centre [m]."""
+        """Distance from the panel's centre to the farthest corner of the panel's cells [m]."""
         return float(np.hypot(*np.abs(self.grid.low)))
 
 
@@ -84,7 +85,7 @@ class ScatteredGrid(CellGrid):
     """A common grid whose cells belong to texels in any arrangement.
 
     Attributes:
-        shares: Share of each cell's area that belongs to each texel, a sparse matrix of shape (n, rows * columns) [-].
+        shares: Share of each cell's area that belongs to each of n texels, sparse, shape (n, rows * columns) [-].
     """
 
     shares: sp.csr_array
@@ -95,14 +96,14 @@ class ScatteredGrid(CellGrid):
         return int(self.shares.shape[0])
 
     def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
-        """Sum forces on cells over texels; see `CellGrid.sum_on_texels`."""
+        """Sum forces on cells over the texels that the cells belong to; see `CellGrid.sum_on_texels`."""
         whole = np.bincount(row * self.columns + column, forces, self.rows * self.columns)
         return np.asarray(self.shares @ whole)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PanelLayout:
-    """The cells of all panels, and the common grid on which they are placed."""
+    """The flat panels of an array with their cells, and the common grid on which the cells are placed."""
 
     panels: tuple[PanelCells, ...]
     grid: CellGrid
@@ -113,8 +114,8 @@ def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
 
     Args:
         array: The texels.
-        margin: Pitches by which the plate of a flat array extends beyond its outermost texels.  Curved arrays have no
-            margin, because the plates of adjacent panels would overlap.
+        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels.  Curved arrays
+            have no margin, because the plates of adjacent panels would overlap [-].
     """
     axes = np.stack([*find_tangents(array), array.normals], axis=-1)
     if _is_bent_sheet(array, axes) and not array.planar:
@@ -131,13 +132,13 @@ def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
 
 
 def lay_out(array: TexelArray, panels: tuple[Panel, ...], per_texel: int, apart: int) -> PanelLayout:
-    """Divide every panel into cells and place them on a common grid.
+    """Divide every panel of an array into cells, and place the cells of all panels on a common grid.
 
     Args:
         array: The texels.
-        panels: Its panels.
-        per_texel: Cells along each edge of a pitch [-].
-        apart: Cells between panels that do not interact.
+        panels: The flat panels of the array.
+        per_texel: Number of cells along each texel pitch [-].
+        apart: Number of cells between panels that do not interact [-].
     """
     edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
     if panels[0].first is not None:
@@ -169,15 +170,15 @@ def lay_out(array: TexelArray, panels: tuple[Panel, ...], per_texel: int, apart:
 
 
 class ScatteredBaseForces:
-    """Forces at the base on texels in any arrangement; the counterpart of `BaseForces`."""
+    """The operator from forces on cells to forces at the base on texels in any layout; compare `BaseForces`."""
 
     def __init__(self, cells: CoverCells, layout: PanelLayout, grid: ScatteredGrid, array: TexelArray) -> None:
-        """Tabulate the influence of every cell on every texel.
+        """Tabulate the influence of every cell on every texel, that is, force on the texel per force on the cell.
 
         Args:
-            cells: The cover.
+            cells: Compliance and influence of the cover.
             layout: The panels and their cells.
-            grid: The common grid.
+            grid: The common grid of all cells.
             array: The texels.
         """
         self._grid = grid
@@ -187,7 +188,7 @@ class ScatteredBaseForces:
         self._uniform = sp.csr_array(sp.diags_array(1 / np.maximum(whole, 1e-12)) @ grid.shares).T
 
     def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
-        """Force on each texel under forces on a window of cells; see `BaseForces.from_window`."""
+        """Compute the texel forces under forces on a window of cells; see `BaseForces.from_window`."""
         row, column = (np.arange(size) + start for size, start in zip(forces.shape, origin, strict=True))
         inside = np.outer((row >= 0) & (row < self._grid.rows), (column >= 0) & (column < self._grid.columns))
         whole = np.zeros(self._grid.rows * self._grid.columns)
@@ -195,16 +196,21 @@ class ScatteredBaseForces:
         return np.asarray(self._matrix @ whole)
 
     def from_texels(self, contact_forces: FloatArray) -> FloatArray:
-        """Force on each texel under forces spread uniformly over each texel's cells, shape (n,) to (n,) [N]."""
+        """Compute the forces on n texels at the base under contact forces on the texels, shape (n,) [N].
+
+        Args:
+            contact_forces: Forces, each distributed uniformly over the cells of a texel, shape (n,) [N].
+        """
         return np.asarray(self._matrix @ (self._uniform @ contact_forces))
 
 
 def _is_flat(heights: FloatArray, array: TexelArray) -> bool:
+    """Return whether texels of given heights [m] lie in one plane, up to the tolerance `_FLAT`."""
     return bool(np.abs(heights).max() < _FLAT * min(array.pitch))
 
 
 def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
-    """Whether neighbours in the image lie about one pitch apart, along the mean of their axes."""
+    """Return whether neighbouring texels of the image lie about one pitch apart, along the mean of their axes."""
     turns = axes.reshape(array.rows, array.columns, 3, 3)
     places = array.centres.reshape(array.rows, array.columns, 3)
     for along, (here, there) in (
@@ -223,7 +229,11 @@ def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
 
 
 def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, int, int]]:
-    """Rectangles of coplanar texels in the image: first row and column, one past the last row and column."""
+    """Divide the image into rectangular blocks of coplanar texels.
+
+    Returns:
+        First row, first column, one past the last row, and one past the last column of each block.
+    """
     left = np.ones((array.rows, array.columns), dtype=bool)
     found = []
     for row, column in np.ndindex(array.rows, array.columns):
@@ -240,7 +250,7 @@ def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, in
 
 
 def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> bool:
-    """Whether a block of texels is a flat, regular grid."""
+    """Return whether a block of texels (see `_find_blocks`) is a flat, regular grid."""
     texels = _list_texels(array, block)
     grid = TexelArray.grid(block[2] - block[0], block[3] - block[1], array.pitch).centres
     local = (array.centres[texels] - array.centres[texels[0]]) @ axes[texels[0]]
@@ -249,11 +259,13 @@ def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int,
 
 
 def _list_texels(array: TexelArray, block: tuple[int, int, int, int]) -> IntArray:
+    """List the indices of the n texels of a block (see `_find_blocks`), shape (n,)."""
     row, column = np.mgrid[block[0] : block[2], block[1] : block[3]]
     return np.asarray((row * array.columns + column).ravel())
 
 
 def _build_panel(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> Panel:
+    """Build the panel of a block of coplanar texels (see `_find_blocks`)."""
     texels = _list_texels(array, block)
     rows, columns = block[2] - block[0], block[3] - block[1]
     half = (columns * array.pitch[0] / 2, rows * array.pitch[1] / 2)
@@ -261,14 +273,14 @@ def _build_panel(array: TexelArray, axes: FloatArray, block: tuple[int, int, int
 
 
 def _divide_panel(panel: Panel, edge: tuple[float, float], rim: int) -> CellGrid:
-    """Cells over a panel in its own frame, with a rim of some cells around it."""
+    """Divide a panel into cells in the frame of the panel, with a rim of `rim` cells around the panel."""
     columns, rows = (np.ceil(2 * np.array(panel.half) / edge - 1e-6).astype(int) + 2 * rim).tolist()
     low = -np.array(panel.half) - rim * np.array(edge)
     return CellGrid(per_texel=1, rows=rows, columns=columns, margin=0, edge=edge, low=low, texel_columns=columns)
 
 
 def _find_centres(part: PanelCells) -> FloatArray:
-    """Centres of a panel's cells in the array's frame, shape (rows, columns, 3) [m]."""
+    """Compute the centres of a panel's cells in the array's frame, shape (rows, columns, 3) [m]."""
     grid, axes = part.grid, part.panel.axes
     along, up = np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5
     x, y = np.meshgrid(grid.low[0] + along * grid.edge[0], grid.low[1] + up * grid.edge[1])
@@ -276,15 +288,15 @@ def _find_centres(part: PanelCells) -> FloatArray:
 
 
 def _number_cells(part: PanelCells, whole: CellGrid) -> IntArray:
-    """Numbers of a panel's cells on the common grid, row by row, shape (rows, columns)."""
+    """Number a panel's cells by their index on the common grid, counted row by row, shape (rows, columns)."""
     row, column = np.arange(part.grid.rows) + part.row, np.arange(part.grid.columns) + part.column
     return np.add.outer(row * whole.columns, column)
 
 
 def _share_cells(array: TexelArray, parts: list[PanelCells], whole: CellGrid) -> sp.csr_array:
-    """Share of each cell's area that belongs to each texel, shape (n, rows * columns) [-].
+    """Compute the share of each cell's area that belongs to each of n texels, shape (n, rows * columns) [-].
 
-    A point belongs to the nearest texel, if that is no more than half a pitch away along x and along y.
+    A point belongs to the nearest texel, if this texel's centre is at most half a pitch away along x and along y.
     """
     from scipy.spatial import cKDTree
 
@@ -309,9 +321,10 @@ def _share_cells(array: TexelArray, parts: list[PanelCells], whole: CellGrid) ->
 
 
 def _tabulate_influence(cells: CoverCells, layout: PanelLayout, grid: ScatteredGrid, array: TexelArray) -> sp.csr_array:
-    """Force on each texel per unit force on each cell, shape (n, rows * columns) [-].
+    """Tabulate the force on each of n texels per unit force on each cell, shape (n, rows * columns) [-].
 
-    The influence of the cover is interpolated by cubic splines at the offset of cell and texel in the panel's plane.
+    The influence of the cover is interpolated by cubic splines at the offset between cell and texel in the plane of the
+    cell's panel.
     """
     from scipy.interpolate import RectBivariateSpline
     from scipy.spatial import cKDTree

@@ -1,8 +1,8 @@
-"""Contacts on an array of several panels.
+"""Contacts of bodies with an array of several flat panels.
 
-MuJoCo divides the force of a rigid body among panels by contact points, as it does among rigid boxes: only the sum is
-meaningful.  Therefore the force of each body is summed over all panels as a vector, with its moment where the body is
-free to tilt.  One rigid motion of the body then determines the pressure on the cells of all panels together.
+MuJoCo divides the force of a rigid body among panels by number of contact points, so that only the sum has a physical
+meaning.  Therefore the force of each body is summed over all panels as a vector, together with its moment if the body
+is free to tilt.  One rigid motion of the body then determines the pressure on the cells of all panels together.
 """
 
 from __future__ import annotations
@@ -21,26 +21,28 @@ from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: Cosine of the angle between a body's force and a panel's normal below which the panel takes up no pressure; also the
-#: share of a force that must lie along a body's free directions for them to be used [-].
+#: Cosine of the angle between a body's force and a panel's normal, up to which the body exerts no pressure on the
+#: panel. Also the smallest share of a body's force along the directions in which its joints leave the body free; below
+#: this share the direction of the force is used instead [-].
 _STEEP = 0.2
-#: Root mean square over a body's cells below which a column of its constraints is dropped, after projection: it is then
-#: linearly dependent on the others [-].
+#: Root mean square over a body's cells, up to which a column of the body's constraints, after subtraction of its
+#: component along the first column, counts as linearly dependent on the other columns and is omitted [-].
 _DEPENDENT = 0.02
-#: Singular value above which a direction counts as new: it is 0 within the span of the others and 1 across it [-].
+#: Singular value above which a direction counts as independent of the first direction [-].  The singular value is 0 for
+#: a direction along the first direction and 1 for a direction across it.
 _NEW = 0.5
-#: Rows of the table of cells that `PanelReader` builds for each panel: row, column, coverage, x, y, gap (`_GAP`), place
-#: (3) and normal (3).
+#: Number of rows of the table of cells that `PanelReader` builds for each panel, and index of the row with the gap.
+#: The rows are: row, column, coverage, x, y, gap, position (3 rows) and normal (3 rows).
 _FIELDS, _GAP = 12, 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PanelSamples(GapSamples):
-    """Cells of several panels; row, column, x and y are those on the common grid.
+    """The m cells of several panels under bodies; row, column, x and y refer to the common grid of the panels.
 
     Attributes:
-        place: Centroid of the covered part in the array's frame, shape (m, 3) [m].
-        normal: Outward normal there, shape (m, 3) [-].
+        place: Centroid of the covered part of each cell in the array's frame, shape (m, 3) [m].
+        normal: Outward normal of each cell's panel in the array's frame, shape (m, 3) [-].
     """
 
     place: FloatArray
@@ -49,15 +51,17 @@ class PanelSamples(GapSamples):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wrench(Load):
-    """The force and moment with which one body presses on all panels.
+    """The force vector and moment with which one body presses on all panels.
 
     Attributes:
-        force: Component along the first of `directions` [N].
-        moment: About the array's origin, shape (3,) [N m].
+        force: Component of the body's force along the first of `directions` [N].
+        moment: Moment of the body's contact forces about the array's origin, shape (3,) [N m].
         tilts: Whether the body is free to move in any way other than along the first direction.
-        vector: Force of the body, as a vector against the array, shape (3,) [N].
-        directions: Unit vectors along which the body is free to move, the first along its force, shape (k, 3) [-].
-        rotates: Whether it is free to rotate as well.
+        vector: Force of the body, with its sign such that a pressing force has a positive component along a panel's
+            normal, shape (3,) [N].
+        directions: k unit vectors along which the body is free to move, the first along the component of the force in
+            these directions, shape (k, 3) [-].
+        rotates: Whether the body is also free to rotate.
     """
 
     vector: FloatArray
@@ -68,13 +72,13 @@ class Wrench(Load):
     def along_free_directions(
         cls, vector: FloatArray, moment: FloatArray, slides: FloatArray, *, rotates: bool
     ) -> Wrench:
-        """Find the directions in which a body is free to move.
+        """Make a wrench from force and moment, and find the directions in which the body is free to move.
 
         Args:
             vector: Force of the body, shape (3,) [N].
-            moment: Its moment about the array's origin, shape (3,) [N m].
-            slides: Axes of the body's slide joints, shape (k, 3) [-].
-            rotates: Whether the body is free to rotate; it then counts as free to move in all directions.
+            moment: Moment of the contact forces about the array's origin, shape (3,) [N m].
+            slides: Axes of the k slide joints between body and array, shape (k, 3) [-].
+            rotates: Whether the body is free to rotate; the body then counts as free to move in all directions.
         """
         if rotates:
             span = np.eye(3)
@@ -99,27 +103,27 @@ class Wrench(Load):
         )
 
     def equals(self, other: Load, tolerance: float, length: float) -> bool:
-        """Whether another wrench is the same up to a tolerance; see `Load.equals`."""
+        """Return whether another wrench is equal up to a tolerance; see `Load.equals`."""
         if not isinstance(other, Wrench) or not super().equals(other, tolerance, length):
             return False
         return bool(np.abs(self.vector - other.vector).max() <= tolerance * self.force)
 
     def without_moments(self) -> Wrench:
-        """The same wrench with only the force along the first direction prescribed."""
+        """Return the same wrench with only the force along the first direction prescribed."""
         return dataclasses.replace(self, tilts=False, rotates=False, directions=self.directions[:1])
 
     def build_constraints(self, samples: GapSamples, own: IntArray | slice) -> tuple[FloatArray, FloatArray]:
-        """Constraints on the force along every direction and, if the body rotates, on two moments.
+        """Build the constraints on the force along every direction and, if the body rotates, on two moments.
 
-        The moments are those about the axes across the first direction.  Columns that are linearly dependent on others
-        are dropped, such as those of all lateral forces on a flat array.
+        The moments are those about the axes perpendicular to the first direction.  Linearly dependent columns are
+        omitted, such as those of lateral forces on a flat array.
 
         Args:
             samples: Cells under all bodies.
-            own: Which of them are this body's, shape (m,).
+            own: Indices of the m cells under this body, shape (m,).
 
         Returns:
-            Columns, shape (m, k), and target, shape (k,).
+            Columns of the k constraints columns.T @ forces = target, shape (m, k), and target, shape (k,).
         """
         if not isinstance(samples, PanelSamples):
             raise TypeError("the constraints of a wrench need samples of panels")
@@ -144,12 +148,12 @@ class Wrench(Load):
 
 
 class PanelReader(PlateReader):
-    """Finds the bodies that press on the panels, and samples the gap under them."""
+    """Reader that finds the bodies that press on several panels, and samples the gap under these bodies."""
 
     def __init__(
         self, plate: Plate, model: mujoco.MjModel, array: TexelArray, name: str, *, layout: PanelLayout, edge: float
     ) -> None:
-        """Find the plates in the compiled model; see `PlateReader`, with panels in place of the grid."""
+        """Find the plates of all panels in the compiled model; see `PlateReader`.  `layout` replaces the grid."""
         super().__init__(plate, model, array, name, grid=layout.grid, edge=edge)
         self._panels, self._thickness = layout.panels, plate.height
         self._panel_of_geom = np.full(self._model.ngeom + 1, -1)
@@ -157,6 +161,7 @@ class PanelReader(PlateReader):
         self._normals = np.array([part.panel.axes[:, 2] for part in self._panels])
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
+        """Find the bodies that press on the panels, by id, and their loads; see `PlateReader.find_contact`."""
         contact = data.contact
         panels = self._panel_of_geom[contact.geom]
         touches = ((panels >= 0).any(axis=1) & (contact.efc_address >= 0)).nonzero()[0]
@@ -172,7 +177,7 @@ class PanelReader(PlateReader):
         directions = contact.frame[touches].reshape(-1, 3, 3) @ axes
         pressure = local[:, :1] * directions[:, 0]
         friction = np.einsum("ki,kij->kj", local[:, 1:3], directions[:, 1:])
-        # friction counts by its component along the panel's normal only: the rest is no pressure
+        # only the component of friction along the panel's normal is used, because the other components are not pressure
         forces = pressure + (friction * normal).sum(axis=1, keepdims=True) * normal
         forces[second] *= -1
         place = (contact.pos[touches] - origin) @ axes
@@ -185,7 +190,10 @@ class PanelReader(PlateReader):
     def _sum_wrench(
         self, data: mujoco.MjData, body: int, axes: FloatArray, place: FloatArray, forces: FloatArray
     ) -> Load | None:
-        """Load of one body; None if it presses on no panel; its force is nan if a force is not finite."""
+        """Sum the contact forces of one body to its load; return None if the body presses on no panel.
+
+        If a contact force is not finite, the force of the load is nan.
+        """
         vector, moment = forces.sum(axis=0), np.cross(place, forces).sum(axis=0)
         if not np.isfinite(vector).all():
             return Load(force=float("nan"), moment=vector, tilts=False)
@@ -196,7 +204,7 @@ class PanelReader(PlateReader):
         return Wrench.along_free_directions(vector, moment, slides, rotates=rotates)
 
     def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
-        """Sample the gap under every body, from every panel that its force may press on."""
+        """Sample the gap under every body, on the cells of every panel on which the body's force may press."""
         found: list[FloatArray] = []
         for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
             first = load.directions[0] if isinstance(load, Wrench) else np.array([0.0, 0.0, 1.0])
@@ -222,7 +230,7 @@ class PanelReader(PlateReader):
         )
 
     def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> FloatArray:
-        """One panel's cells under a body, shape (`_FIELDS`, m)."""
+        """Sample the gap between a body and one panel; return a table of the m cells, shape (`_FIELDS`, m)."""
         axes, grid = part.panel.axes, part.grid
         local = PosedBody(
             shape=pose.shape,
@@ -244,12 +252,13 @@ class PanelReader(PlateReader):
                 np.tile(axes[:, 2:], samples.count),
             ]
         )
-        # a surface that lies deeper than the plate's thickness is behind the panel and does not press on it
+        # where a body lies deeper than the thickness of the plate, the body is behind the panel and does not press on
+        # it
         return table[:, (samples.gap > -self._thickness) & part.holds(samples.row, samples.column)]
 
 
 def _is_near(part: PanelCells, pose: PosedBody, reach: float) -> bool:
-    """Whether the bounding sphere of any of a body's solids comes near a panel's cells."""
+    """Return whether the bounding sphere of any solid of a body lies within `reach` [m] of a panel's cells."""
     shape = pose.shape
     centre = pose.position + np.einsum("pij,pj->pi", pose.rotation, shape.centres)
     distance = np.linalg.norm(centre - part.panel.origin, axis=1) - np.linalg.norm(shape.halves, axis=1)

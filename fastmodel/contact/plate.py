@@ -1,7 +1,7 @@
-"""One rigid plate under the array: it carries the contact forces of MuJoCo, and its reader finds the bodies that press.
+"""A rigid plate in place of the texels of an array, and a reader that finds the bodies that press on the plate.
 
-The plate gives the total force of each body exactly at little cost, but not the distribution of that force over the
-face.  The distribution follows from the shapes of the bodies, see `fastmodel.pressure`.
+MuJoCo's contacts with the plate give the total force of each body exactly and at little cost, but not the distribution
+of this force over the texels.  The distribution is computed from the shapes of the bodies, see `fastmodel.pressure`.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class Plate:
-    """The plate's geom.
+    """Settings of the rigid plate that replaces the texels of an array in MuJoCo.
 
     Attributes:
-        height: Height of the plate, inward from the cover's top [m].
-        margin: Pitches by which plate and cover extend beyond the outermost texels on each side; force there counts as
-            outside [-].
-        contact_bit: The plate's own collision bit, 0..30 [-].
-        solref: Time constant and damping ratio of its contacts, see `fit_contact`; MuJoCo's, shared with the touching
-            geom, when not given [s, -].
-        solimp: Impedance of its contacts, as MuJoCo takes it, given with `solref` [-, -, m, -, -].
+        height: Thickness of the plate, inwards from the cover's top [m].
+        margin: Number of pitches by which plate and cover extend beyond the outermost texels on each side.  Force on
+            the margin counts as `outside`, the force that no texel measures [-].
+        contact_bit: Index of the plate's own collision bit, 0..30 [-].
+        solref: Time constant and damping ratio of the plate's contacts, see `fit_contact` [s, -].  By default MuJoCo
+            combines its default values with those of the touching geom.
+        solimp: MuJoCo's five impedance parameters of the plate's contacts, given together with `solref`: impedance at
+            zero depth and at full width, width, midpoint, power [-, -, m, -, -].
     """
 
     height: float = 2e-3
@@ -65,12 +66,12 @@ class Plate:
         """Add the plate to a body of a spec: one box geom for each flat panel of the array.
 
         Args:
-            body: The body of a `mujoco.MjSpec`.
+            body: The body of a `mujoco.MjSpec` that carries the array.
             array: The array, in its own frame.
-            pose: The array's frame in the body's.
-            name: The sensor's name, from which the geoms are named.
+            pose: Pose of the array's frame in the frame of the body.
+            name: Name of the sensor, which is the prefix of the names of the geoms.
         """
-        # with priority, the touching geom does not change the softness of the contact
+        # with a higher priority, MuJoCo uses the softness of the plate alone and not that of the touching geom
         soft = {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
         for panel, geom in zip(*self.divide(array, name), strict=True):
             middle = panel.origin - 0.5 * self.height * panel.axes[:, 2]
@@ -83,7 +84,7 @@ class Plate:
             )
 
     def divide(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:
-        """Divide an array into flat panels: the panels, and the names of their geoms, numbered if there are several."""
+        """Divide an array into flat panels; return them and the names of their geoms, numbered if there are several."""
         panels = divide_into_panels(array, self.margin)
         numbers = [""] if len(panels) == 1 else range(len(panels))
         return panels, [f"{name}/plate{number}" for number in numbers]
@@ -91,12 +92,12 @@ class Plate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlateContact:
-    """The bodies that press on the plate.
+    """The bodies that press on the plate, with their loads and poses.
 
     Attributes:
-        bodies: Their ids.
-        loads: Their loads.
-        poses: Their shapes and poses in the array's frame.
+        bodies: Id of each body.
+        loads: Force and moments of each body.
+        poses: Shape of each body and its pose in the array's frame.
     """
 
     bodies: tuple[int, ...]
@@ -104,12 +105,13 @@ class PlateContact:
     poses: tuple[PosedBody, ...]
 
     def equals(self, other: PlateContact, tolerance: float, length: float) -> bool:
-        """Whether bodies, loads and poses are the same up to a tolerance.
+        """Return whether bodies, loads and poses of another contact are equal up to a tolerance.
 
         Args:
             other: The other contact.
-            tolerance: Largest difference of forces, over the force; of positions, over `length`; of rotations [-].
-            length: The length [m].
+            tolerance: Largest accepted difference of forces over the force, of positions over `length`, and of entries
+                of rotations [-].
+            length: Length by which differences of positions and of lever arms are divided [m].
         """
         return (
             self.bodies == other.bodies
@@ -118,7 +120,7 @@ class PlateContact:
         )
 
     def select(self, kept: Sequence[int]) -> PlateContact:
-        """The contact of some of the bodies, given by their place in the list."""
+        """Return the contact of some of the bodies only, given by their indices in `bodies`."""
         return PlateContact(
             bodies=tuple(self.bodies[k] for k in kept),
             loads=tuple(self.loads[k] for k in kept),
@@ -127,7 +129,7 @@ class PlateContact:
 
 
 class PlateReader:
-    """Finds the bodies that press on the plate, and samples the gap under them."""
+    """Reader that finds the bodies that press on the plate, and samples the gap under these bodies."""
 
     def __init__(
         self, plate: Plate, model: mujoco.MjModel, array: TexelArray, name: str, *, grid: CellGrid, edge: float
@@ -135,11 +137,11 @@ class PlateReader:
         """Find the plate in the compiled model.
 
         Args:
-            plate: Its settings.
+            plate: Settings of the plate.
             model: The compiled model.
             array: The array that was attached.
-            name: The sensor's name.
-            grid: The cells.
+            name: Name of the sensor, as given to `Plate.attach`.
+            grid: The contact grid of the array.
             edge: Distance by which solids with sharp edges are enlarged [m].
 
         Raises:
@@ -152,21 +154,21 @@ class PlateReader:
         self._turn = panels[0].axes.T
         self._middle = panels[0].origin - 0.5 * plate.height * panels[0].axes[:, 2]
         self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
-        # bodies that no joint separates move and press as one
+        # bodies without a joint between them move together and count as one body
         self._body_of_geom = model.body_weldid[model.geom_bodyid].astype(np.int64)
         self._shapes: dict[int, tuple[IntArray, BodyShape]] = {}
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
         self._sum_forces, self._transform_poses = compile_kernel(sum_forces), compile_kernel(transform_poses)
 
     def find_contact(self, data: mujoco.MjData) -> PlateContact | None:
-        """Find the bodies that press on the plate now; None if there are none.
+        """Find the bodies that press on the plate in a simulation state; return None if no body presses.
 
         Raises:
             StateError: If a contact force is not finite.
         """
         if not data.nefc:
             return None
-        # dot: for arrays this small, @ costs twice as much
+        # dot instead of @, because @ takes twice as long for arrays this small
         axes = data.geom_xmat[self._geom].reshape(3, 3).dot(self._turn)
         origin = data.geom_xpos[self._geom] - axes.dot(self._middle)
         pressing = self._find_loads(data, axes, origin)
@@ -185,30 +187,30 @@ class PlateReader:
 
         Args:
             contact: The bodies.
-            reach: For each body, height over its lowest cell up to which cells are kept [m].
+            reach: For each body, gap above the body's smallest gap up to which cells are kept [m].
         """
         return sample_gap(self._grid, contact.poses, reach)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Call the kernels once, on a state without contacts."""
+        """Compile the kernels by calling each of them on a state without contacts."""
         axes, origin = np.eye(3), np.zeros(3)
         for contacts in imitate_contacts(data, pyramidal=self._pyramidal):
             self._sum_forces(contacts, self._geom, self._body_of_geom, axes, origin)
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
-        """Bodies that press, and their loads; the force is nan if a force or moment is not finite."""
+        """Find the bodies that press, by id, and their loads; the force is nan if a force or moment is not finite."""
         contacts = read_contacts(data, pyramidal=self._pyramidal)
         bodies, sums = self._sum_forces(contacts, self._geom, self._body_of_geom, axes, origin)
         pressing = []
         for body, (force, x, y) in zip(bodies.tolist(), sums.tolist(), strict=True):
-            if not force <= 0:  # true for nan as well, which `find_contact` reports
+            if not force <= 0:  # also true for nan, which `find_contact` reports
                 tilts = self._joints.let_tilt(data, body, axes[:, 2])
                 pressing.append((body, Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts)))
         return pressing
 
     def _find_pose(self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray) -> PosedBody:
-        """A body's solids in the array's frame."""
+        """Compute the poses of a body's solids in the array's frame."""
         if body not in self._shapes:
             self._shapes[body] = self._find_shape(body)
         geoms, shape = self._shapes[body]
@@ -216,7 +218,7 @@ class PlateReader:
         return PosedBody(shape=shape, rotation=rotation, position=position)
 
     def _find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
-        """Geoms of a body that can touch the plate, and their solids."""
+        """Find the ids of the geoms of a body that can collide with the plate, and describe their shapes."""
         model, plate = self._model, self._geom
         types, affinities = model.geom_contype, model.geom_conaffinity
         collides = ((types & affinities[plate]) | (affinities & types[plate])) != 0
@@ -229,14 +231,17 @@ class PlateReader:
 def transform_poses(
     geoms: IntArray, xmat: FloatArray, xpos: FloatArray, axes: FloatArray, origin: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Kernel: axes (p, 3, 3) [-] and origins (p, 3) [m] of some geoms (p,) in the array's frame.
+    """Kernel: transform the poses of p geoms from the world to the array's frame.
 
     Args:
-        geoms: Their ids.
+        geoms: Ids of the p geoms, shape (p,).
         xmat: Axes of all geoms in the world, shape (geoms, 9) [-].
         xpos: Origins of all geoms in the world, shape (geoms, 3) [m].
         axes: Axes of the array in the world, as columns, shape (3, 3) [-].
         origin: Origin of the array in the world, shape (3,) [m].
+
+    Returns:
+        Axes of the p geoms in the array's frame, as columns, shape (p, 3, 3) [-], and their origins, shape (p, 3) [m].
     """
     rotation, position = np.zeros((len(geoms), 3, 3)), np.zeros((len(geoms), 3))
     for p in range(len(geoms)):
