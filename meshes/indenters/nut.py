@@ -10,8 +10,8 @@ from meshes.indenters.indenter import Primitive, quantity_field, require_positiv
 from meshes.indenters.polygonal_punch import PolygonalPunch
 from meshes.indenters.polygons import Polygon, make_hexagon
 
-#: Height of the nut over its width across flats, about that of standard nuts; only the lower face touches the cover
-#: [-].
+#: Height of the nut over its width across flats.  The value has no effect on results, because only the lower face
+#: touches the cover [-].
 _HEIGHT = 0.8
 
 
