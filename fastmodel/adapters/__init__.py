@@ -1,1 +1,1 @@
-"""Adapters: Gymnasium environments, the Gazebo plugin block, and batches of worlds."""
+"""Adapters of the fast model to Gymnasium environments, to Gazebo plugin blocks, and to batches of simulations."""

@@ -1,7 +1,7 @@
-"""Many worlds at once: copies of one model, each with its own state and sensors, stepped in threads.
+"""Many worlds of one model, each a simulation with its own state and sensors, stepped in threads.
 
-The worlds share only the model, which stepping does not change.  So a world's results are bit for bit those of the same
-world alone.
+The worlds share only the model, which stepping does not change.  So the results of each world are bit for bit equal to
+those of the same world simulated alone.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from fastmodel.errors import FastModelError, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 
-#: Function that is called before every physics step, with the number of the world and its state.
+#: Function that is called before every physics step, with the index of the world and its state.
 Control = Callable[[int, mujoco.MjData], None]
 
 
 class Batch:
-    """Worlds of one model with the same sensors.
+    """Several simulations (worlds) of one model with the same sensors.
 
     Attributes:
-        data: The state of each world; write to it to set a state.
+        data: The state of each world; change an entry to set the state of a world.
         sensors: The sensors of each world, `[world][sensor]`.
     """
 
     def __init__(
         self, model: mujoco.MjModel, sensors: Sequence[Sensor], worlds: int, *, threads: int | None = None
     ) -> None:
-        """Make the worlds.
+        """Make a state and bound copies of the sensors for each world.
 
         Args:
             model: The compiled model.
-            sensors: The sensors that were attached to its spec; each world gets its own copy.
+            sensors: The sensors that were attached to the spec of the model; each world gets its own copies.
             worlds: Number of worlds [-].
             threads: Number of worlds that run at the same time, by default the number of cores [-].
 
         Raises:
             ArgumentTypeError: If an argument has a wrong type.
-            FastModelError: If a number is not a positive whole number.
+            FastModelError: If `worlds` or `threads` is not a positive whole number.
             LifeCycleError: If the model was not compiled from the spec with these sensors.
         """
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
@@ -59,17 +59,18 @@ class Batch:
         self.sensors = [[sensor.twin().bind(model) for sensor in sensors] for _ in range(worlds)]
 
     def step(self, steps: int = 1, control: Control | None = None) -> list[list[list[Frame]]]:
-        """Step every world.
+        """Make some physics steps in every world.
 
         Args:
             steps: Number of physics steps [-].
-            control: Called before every step with the number of the world and its state, from the world's thread.
+            control: Function that is called before every step, in the thread of the world, with the index of the world
+                and its state.
 
         Returns:
-            The new frames, `[world][sensor][frame]`.
+            The frames that the sensors made in these steps, `[world][sensor][frame]`.
 
         Raises:
-            LifeCycleError: If a world was stepped without its sensors.
+            LifeCycleError: If the physics of a world was stepped without its sensors before.
             StateError: If a contact force is not finite.
         """
         worlds = range(len(self.data))
@@ -79,7 +80,7 @@ class Batch:
             return list(pool.map(lambda world: self._run(world, steps, control), worlds))
 
     def images(self, sensor: int = 0) -> npt.NDArray[np.uint8]:
-        """The latest image of one sensor in every world, shape (worlds, rows, columns) [-].
+        """Return the latest image of one sensor in every world, shape (worlds, rows, columns) [-].
 
         Args:
             sensor: Index of the sensor [-].
@@ -87,7 +88,7 @@ class Batch:
         return np.stack([sensors[sensor].frame().image for sensors in self.sensors])
 
     def _run(self, world: int, steps: int, control: Control | None) -> list[list[Frame]]:
-        """Step one world; returns the new frames, `[sensor][frame]`."""
+        """Make some physics steps in one world, and return the new frames, `[sensor][frame]`."""
         data, sensors = self.data[world], self.sensors[world]
         frames: list[list[Frame]] = [[] for _ in sensors]
         for _ in range(steps):

@@ -1,10 +1,10 @@
-"""The Gazebo plugin block of the 2015 report, in its own spelling, written and read.
+"""Write and read the `<plugin>` element for Gazebo of the 2015 report, with the spelling of the report.
 
-The report gives the names of the parameters and their values for the WTS 0614-34, but no definitions.  Here `rangeMin`
-and `rangeMax` are the forces at which the counts leave zero and reach saturation [N], and `satMin` and `satMax` the
-counts there [-].  `tactile_rate` is in frames per second, `cutFrequency` in Hz (0 together with `orderFilter` 0 for no
-filter), sigmas are in pitches and ksizes in texels.  The block holds no positions, noise or gains per texel, and no
-other spread than a Gaussian.
+The report gives the names of the elements and their values for the WTS 0614-34, but no definitions.  Here `rangeMin`
+and `rangeMax` are the forces at which the counts leave zero and reach saturation [N], and `satMin` and `satMax`
+the counts at these two forces [-].  `tactile_rate` is in frames per second, `cutFrequency` in Hz (0 together with
+`orderFilter` 0 for no filter), sigmas are in pitches and ksizes in texels.  The block holds no positions, noise or
+gains per texel, and no other spread than a Gaussian.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ ELEMENTS: Mapping[str, type] = MappingProxyType(
         "ksizey": int,
     }
 )
-#: Names of the types in messages.
+#: Names of the types of elements in error messages.
 _TYPE_NAMES = {int: "a whole number", float: "a number", str: "a name"}
-#: Smallest number of bits of the converter of a block that was read [-]: that of the WTS 0614-34.
+#: Smallest number of bits of the converter that `read_block` assumes [-]: that of the WTS 0614-34.
 _BITS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
 class PluginBlock:
-    """The content of a plugin block.
+    """The content of a `<plugin>` element of the 2015 report.
 
     Attributes:
         parameters: The parameters of the sensor.
-        data_topic: Topic of the forces and counts.
-        image_topic: Topic of the image.
+        data_topic: Name of the topic on which the plugin publishes forces and counts.
+        image_topic: Name of the topic on which the plugin publishes the image.
     """
 
     parameters: Parameters
@@ -97,15 +97,15 @@ def write_block(
 def read_block(
     text: str, *, pitch: float | tuple[float, float], texel_size: float | tuple[float, float] | None = None
 ) -> PluginBlock:
-    """Read the `<plugin>` element of a world file, a model file, or on its own.
+    """Read the `<plugin>` element of the 2015 report from the text of a world file, a model file, or the element alone.
 
     Args:
         text: The XML.
-        pitch: Distance between texel centres, which the block does not hold [m].
+        pitch: Distance between texel centres, which the element does not contain [m].
         texel_size: Edges of the sensitive rectangle of a texel, by default the pitch [m].
 
     Raises:
-        ParametersError: If there is no such block, or if values are bad; the message lists all of them.
+        ParametersError: If there is no such element, or if values are bad; the message lists all bad values.
     """
     values = _parse_values(text)
     try:
@@ -136,10 +136,10 @@ def read_block(
 
 
 def _check_block_holds(parameters: Parameters) -> Gaussian:
-    """The spread of parameters that the block can hold.
+    """Check that a `<plugin>` element can represent the parameters, and return their Gaussian point spread.
 
     Raises:
-        ParametersError: If the block cannot hold the parameters.
+        ParametersError: If the element cannot represent the parameters; the message lists all reasons.
     """
     spread, array = parameters.spread, parameters.array
     faults = [
@@ -158,9 +158,9 @@ def _check_block_holds(parameters: Parameters) -> Gaussian:
 
 
 def _describe(parameters: Parameters, spread: Gaussian) -> dict[str, int | float | str]:
-    """The numbers of the block, by element.
+    """Compute the values of the `<plugin>` element's children, by their names.
 
-    The threshold of the firmware is part of the offset, because the block has no element for it.
+    The threshold of the firmware is subtracted from the offset, because there is no element for the threshold.
     """
     electronics, low_pass, array = parameters.electronics, parameters.filter, parameters.array
     offset = electronics.offset - electronics.threshold
@@ -184,14 +184,15 @@ def _describe(parameters: Parameters, spread: Gaussian) -> dict[str, int | float
 
 
 def _build_filter(cutoff_hz: float, order: int) -> Butterworth | None:
+    """Build the low-pass filter; return None if cut-off and order are zero."""
     return None if cutoff_hz == 0 and order == 0 else Butterworth(cutoff_hz=cutoff_hz, order=order)
 
 
 def _parse_values(text: str) -> dict[str, Any]:
-    """The values of the block by element.
+    """Parse the values of the `<plugin>` element's children, by their names.
 
     Raises:
-        ParametersError: If there is no block or a value has a wrong type; the message lists all of them.
+        ParametersError: If there is no such element or values have wrong types; the message lists all of these.
     """
     try:
         root = ET.fromstring(text)  # noqa: S314 -- a file of the user's own; expat refuses entity bombs since 2.4.1

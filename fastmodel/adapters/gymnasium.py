@@ -1,9 +1,9 @@
 """Tactile images as part of a Gymnasium observation.
 
-The environment runs the physics, and the wrapper steps the sensors after every physics step.  So contact forces,
-filter and frames have the same clocks for any number of physics steps per environment step.  The observation holds the
-latest frame.  If the environment is faster than the sensor, the same image is observed several times; if it is slower,
-`info["frames"]` holds the frames in between.
+The environment runs the physics, and the wrapper steps the sensors after every physics step.  So sampling of
+contact forces, filter and frames do not depend on the number of physics steps per environment step.  The observation
+contains the image of the latest frame.  If environment steps are more frequent than frames, the same image is observed
+several times.  If frames are more frequent, `info["frames"]` contains all frames since the previous environment step.
 
     spec = mujoco.MjSpec.from_file("hand.xml")
     sensor = fastmodel.attach(spec, "fingertip", parameters)
@@ -35,30 +35,31 @@ except ImportError as error:
         "gymnasium is not installed; run: python -m pip install 'softcover[gym]'", name="gymnasium"
     ) from error
 
-#: Function that gets an environment and a callback, and makes the environment call back after every physics step.
+#: Function of an environment and a callback, which makes the environment call the callback after every physics step.
 Listen = Callable[[Any, Callable[[mujoco.MjData], None]], None]
 
 
 class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
-    """Adds the latest tactile image of one or several sensors to every observation.
+    """Wrapper of an environment that adds the latest tactile image of one or several sensors to every observation.
 
-    The observation is a dict.  If the environment's observation is a dict already, its keys stay; otherwise it is under
-    the key `observation`.  Each image has shape (rows, columns), uint8, row 0 at the smallest y.  `info["frames"]`
-    holds the m new frames of the step by sensor, oldest first: their true `times`, shape (m,) [s], `counts`, shape
-    (m, n) [-], and `images`, shape (m, rows, columns) [-].
+    The observation is a dict.  If the observation of the wrapped environment is a dict, its entries are kept; otherwise
+    that observation is stored under the key `observation`.  Each image has shape (rows, columns), uint8, row 0 at the
+    smallest y.  `info["frames"]` contains the m frames of the step, by sensor and oldest first: simulation `times` of
+    their samples, shape (m,) [s], `counts`, shape (m, n) [-], and `images`, shape (m, rows, columns) [-].
 
     Args:
         env: The environment.
         sensors: A sensor, observed as `tactile`, or several sensors by name.  They are bound to the environment's
             model, and bound again if `reset` compiles another model.
         simulation: Function from the environment to its model and data; by default `env.unwrapped.model` and `.data`.
-        listen: Function that makes the environment call back after every physics step.  By default a `MujocoEnv` is
-            made to call back, and any other environment must make one physics step per environment step.
+        listen: Function that makes the environment call a callback after every physics step.  By default this is done
+            for a `MujocoEnv`, and any other environment must make one physics step per environment step.
 
     Raises:
-        FastModelError: If the environment shows no model and data, a name is taken, or there is no sensor.
+        FastModelError: If the environment has no attributes `model` and `data`, the observation has the name of a
+            sensor already, or there is no sensor.
         LifeCycleError: From the constructor, if the model was compiled without a sensor; from `step`, if the
-            environment made several physics steps without calling back.
+            environment made several physics steps without calling the callback.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
             (listen or _listen_to_mujoco_env)(env, self._step_sensors)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
-        """Reset the environment and the sensors; physics steps during the reset do not count."""
+        """Reset the environment and the sensors; the sensors ignore physics steps during the reset."""
         self._resetting = True
         try:
             observation, info = self.env.reset(seed=seed, options=options)
@@ -94,7 +95,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         return self._observe(observation), {**info, "frames": self._take_frames()}
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:  # noqa: ANN401 -- as gymnasium's
-        """Step the environment, and observe the images after the step."""
+        """Step the environment, and add the images after the step to the observation."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         if not self._calls_back:
             self._step_sensors_once()
@@ -109,7 +110,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
             self._model = model
 
     def _step_sensors(self, data: mujoco.MjData) -> None:
-        """Take in one physics step."""
+        """Update the sensors after one physics step, and store new frames."""
         if self._resetting:
             return
         for name, sensor in self._sensors.items():
@@ -117,7 +118,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
                 self._frames[name].append(sensor.frame())
 
     def _step_sensors_once(self) -> None:
-        """Take in the only physics step of an environment step."""
+        """Update the sensors after the only physics step of an environment step."""
         _, data = self._simulation(self.env)
         try:
             self._step_sensors(data)
@@ -128,20 +129,20 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
             ) from error
 
     def _take_frames(self) -> dict[str, dict[str, np.ndarray]]:
-        """The frames since the last call as arrays, by sensor."""
+        """Return the frames since the previous call as arrays, by sensor, and discard the stored frames."""
         stacked = {name: _stack_frames(frames, self._sensors[name].frame()) for name, frames in self._frames.items()}
         for frames in self._frames.values():
             frames.clear()
         return stacked
 
     def _observe(self, observation: Any) -> dict[str, Any]:  # noqa: ANN401 -- whatever the environment observes
-        """The environment's observation with the latest image of each sensor."""
+        """Add the latest image of each sensor to an observation of the environment."""
         own = dict(observation) if isinstance(self.env.observation_space, spaces.Dict) else {"observation": observation}
         # Frames are read-only, but users may write to an observation.
         return own | {name: sensor.frame().image.copy() for name, sensor in self._sensors.items()}
 
     def _extend_space(self, space: spaces.Space[Any]) -> spaces.Dict:
-        """The environment's observation space with one image per sensor."""
+        """Add one image per sensor to the observation space of the environment."""
         own = dict(space.spaces) if isinstance(space, spaces.Dict) else {"observation": space}
         if not self._sensors:
             raise FastModelError("there is no sensor to observe; give one, or several by name")
@@ -155,11 +156,11 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
 
 
 def _stack_frames(frames: Sequence[Frame], latest: Frame) -> dict[str, np.ndarray]:
-    """Frames as arrays, which Gymnasium can compare and batch.
+    """Stack the values of frames to arrays, which Gymnasium can compare and batch.
 
     Args:
         frames: The frames.
-        latest: The latest frame, which gives the shapes if there are no frames.
+        latest: The latest frame, whose shapes are used if there are no frames.
     """
     return {
         "times": np.array([frame.time for frame in frames]),
@@ -169,6 +170,7 @@ def _stack_frames(frames: Sequence[Frame], latest: Frame) -> dict[str, np.ndarra
 
 
 def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Return the attributes `model` and `data` of the innermost environment."""
     inner = env.unwrapped
     try:
         return inner.model, inner.data  # type: ignore[attr-defined]
@@ -180,7 +182,7 @@ def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujo
 
 
 def _listen_to_mujoco_env(env: Any, callback: Callable[[mujoco.MjData], None]) -> None:  # noqa: ANN401 -- MujocoEnv
-    """Make a `MujocoEnv` call back after every physics step."""
+    """Make a `MujocoEnv` call the callback after every physics step."""
     inner = env.unwrapped
     step_several = inner._step_mujoco_simulation  # noqa: SLF001 -- the only function in which a MujocoEnv steps
 

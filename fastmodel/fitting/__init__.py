@@ -1,1 +1,1 @@
-"""Fits of the fast model's parameters to results of the reference."""
+"""Fits of the fast model's parameters to results of the finite-element reference."""

@@ -1,9 +1,11 @@
-"""Fits to the reference's curve of force over depth: the foundation's modulus, and the plate's contact parameters.
+"""Fits of an elastic foundation and of MuJoCo's contact parameters to a curve of force over depth.
 
-Both are approximations of the cover.  The springs of an elastic foundation are independent, so that contacts of
-different size need different moduli.  MuJoCo's contacts have no stiffness of their own, because their softness is
-scaled with the mass: a free body that rests on n points sinks by (1 - d) g t^2 / n, with impedance d, time constant t
-and gravity g, whatever its mass.  So the depth can be matched at one load, but not the curve.
+The curve comes from the finite-element reference; the depth is the approach of an indenter since its first touch of the
+cover.  Neither the foundation nor MuJoCo's contacts can represent the cover exactly.  The springs of an elastic
+foundation are independent, so that contacts of different size require different moduli.  The stiffness of MuJoCo's
+contacts is scaled with the mass of the bodies: a free body that rests on n contact points sinks by (1 - d) g t^2 / n,
+with impedance d, time constant t and gravity g, independent of its mass.  So the depth can be matched at one load, but
+not at all loads of the curve.
 """
 
 from __future__ import annotations
@@ -23,15 +25,16 @@ from meshes import Indenter, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
 
-#: Name of the estimator that gives the modulus.
+#: Name of the estimator of `FoundationFit.modulus`: the unweighted least-squares fit of the forces.
 ESTIMATOR = "least-squares-force"
-#: Number of points along each edge of the square in which the displaced volume is summed [-].
+#: Number of points along each edge of the rectangle on which the displaced volume is summed [-].
 _POINTS = 200
-#: Smallest time constant of a contact, in physics steps [-]: MuJoCo raises time constants below two steps.
+#: Smallest time constant of a contact, over the timestep [-]: MuJoCo increases time constants below two timesteps.
 _LEAST_STEPS = 2.5
-#: Impedance of the contact [-].  It is larger if the smallest time constant already sinks too deep.
+#: Impedance of the plate's contacts, unless the depth with the smallest time constant is too large; then the impedance
+#: is increased [-].
 _IMPEDANCE = 0.95
-#: Time to come to rest: in time constants [-], and at least [s].
+#: Simulated time in which the ball comes to rest: number of time constants of the contact [-], and smallest time [s].
 _REST, _LEAST_REST = 60.0, 0.5
 
 
@@ -40,9 +43,9 @@ class FoundationFit:
     """The elastic foundation that fits a curve of force over depth best.
 
     Attributes:
-        modulus: Pressure per depth [Pa/m].
+        modulus: Modulus of the foundation, pressure per displacement [Pa/m].
         uncertainty: Standard error of the modulus, from the residuals of the forces [Pa/m].
-        residual: Root mean square of the residuals over that of the forces [-].
+        residual: Root mean square of the residuals over the root mean square of the forces [-].
         estimator: Name of the estimator that gave `modulus`.
         estimates: Modulus of every estimator, by name [Pa/m].
     """
@@ -56,16 +59,16 @@ class FoundationFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactFit:
-    """MuJoCo contact parameters with which a free body rests at the reference's depth.
+    """MuJoCo contact parameters with which a free ball rests at the depth of the finite-element reference.
 
     Attributes:
-        solref: Time constant and damping ratio [s, -].
-        solimp: Impedance at first touch and at depth, width, midpoint and power [-, -, m, -, -].
-        load: Weight at which the depth is matched [N].
-        mass: Mass of this weight [kg].
+        solref: Time constant and damping ratio of the contacts [s, -].
+        solimp: Impedance of the contacts at zero depth and at full width, width, midpoint, power [-, -, m, -, -].
+        load: Weight of the ball at which the depth is matched [N].
+        mass: Mass of a ball of this weight [kg].
         depth: Depth of the reference at this load [m].
-        sinks: Depth of bodies of all the reference's loads with these parameters, shape (k,) [m].
-        misses: Relative difference of these depths from the reference's, shape (k,) [-].
+        sinks: Depth of a ball in MuJoCo with these parameters at each of the k loads, shape (k,) [m].
+        misses: Difference of `sinks` from the depths of the reference, over the latter, shape (k,) [-].
     """
 
     solref: tuple[float, float]
@@ -77,24 +80,25 @@ class ContactFit:
     misses: FloatArray
 
     def plate(self, plate: Plate | None = None) -> Plate:
-        """Make a plate with these parameters, for `CoverContact` or `Foundation`.
+        """Make plate settings with these contact parameters, for `CoverContact` or `Foundation`.
 
         Args:
-            plate: Plate whose other settings are kept; the default plate if None.
+            plate: Plate from which all other settings are taken; the default plate if None.
         """
         return dataclasses.replace(plate or Plate(), solref=self.solref, solimp=self.solimp)
 
 
 def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike) -> FoundationFit:
-    """Fit the modulus of an elastic foundation: force = modulus * displaced volume.
+    """Fit the modulus of an elastic foundation to k forces and depths: force = modulus * displaced volume.
 
-    Estimators: `least-squares-force`, the unweighted fit to all forces; `lightest` and `heaviest`, the moduli of the
-    first and of the last point alone.  They differ on a real cover, where small contacts need larger moduli.
+    The displaced volume is that of the indenter below the undeformed top of the cover.  There are three estimators:
+    `least-squares-force` is the unweighted fit to all forces; `lightest` and `heaviest` use the first and the last
+    force alone.  They differ on a real cover, because small contacts require larger moduli.
 
     Args:
-        indenter: The shape.
-        load: Forces, rising, shape (k,) [N].
-        depth: Approaches since first touch, shape (k,) [m].
+        indenter: Shape of the indenter.
+        load: Forces on the indenter, rising, shape (k,) [N].
+        depth: Approaches of the indenter since its first touch of the cover, shape (k,) [m].
 
     Raises:
         ShapeError: If there are fewer than two points or shapes differ.
@@ -120,15 +124,15 @@ def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike
 def fit_contact(
     load: npt.ArrayLike, depth: npt.ArrayLike, *, matched: float | None = None, timestep: float = 1e-3
 ) -> ContactFit:
-    """Find contact parameters of the plate with which a free ball rests at the reference's depth.
+    """Find contact parameters of the plate with which a free ball rests at the depth of the finite-element reference.
 
-    The depths are simulated with a ball on the plate.  A face that rests on n points sinks 1 / n as deep, and a body on
-    a slide a third as deep.
+    The depths are simulated with a ball on the plate, which has one contact point.  With the same parameters, a face
+    that rests on n contact points sinks 1 / n as deep as the ball, and a body on a slide joint a third as deep.
 
     Args:
-        load: Forces, rising, shape (k,) [N].
-        depth: Approaches of the reference, shape (k,) [m].
-        matched: Load at which the depth is matched, by default the middle one [N].
+        load: Forces of the reference, rising, shape (k,) [N].
+        depth: Approaches of the reference at these forces, shape (k,) [m].
+        matched: Load at which the depth is matched, by default the middle one of the loads [N].
         timestep: Timestep of the simulation in which the parameters will be used [s].
 
     Raises:
@@ -144,7 +148,7 @@ def fit_contact(
     constant = max(least, float(np.sqrt(aim / ((1 - _IMPEDANCE) * STANDARD_GRAVITY))))
     impedance = 1 - aim / (STANDARD_GRAVITY * constant**2)
     found = _simulate_depth(mass, constant, impedance, timestep)
-    # The law is exact for one contact point, up to the limits that MuJoCo sets to the constants: correct for them.
+    # The formula for the depth is exact for one contact point, except that MuJoCo limits the contact parameters.
     impedance = 1 - (1 - impedance) * aim / found
     sinks = np.array([_simulate_depth(each / STANDARD_GRAVITY, constant, impedance, timestep) for each in force])
     return ContactFit(
@@ -159,7 +163,7 @@ def fit_contact(
 
 
 def _check_curve(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Forces [N] and depths [m] as arrays, both of shape (k,)."""
+    """Check k forces [N] and depths [m], and return them as arrays of shape (k,)."""
     force, deep = np.array(load, dtype=np.float64), np.array(depth, dtype=np.float64)
     if force.ndim != 1 or force.shape != deep.shape or len(force) < 2:  # noqa: PLR2004 -- a scatter takes two
         raise ShapeError(f"load and depth take two or more points of one shape, not {force.shape} and {deep.shape}")
@@ -170,15 +174,17 @@ def _check_curve(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray,
 
 
 def _measure_volume(indenter: Indenter, depth: float) -> float:
-    """Volume of the indenter below the undeformed top, the integral of max(0, depth - gap) [m3].
+    """Compute the volume of an indenter below the undeformed top of the cover [m3].
+
+    The volume is the integral of max(0, depth - gap), with the gap above the indenter's lowest point.
 
     Args:
-        indenter: The shape.
-        depth: Depth of its lowest point [m].
+        indenter: Shape of the indenter.
+        depth: Depth of the indenter's lowest point below the top of the cover [m].
     """
     half_x, half_y = indenter.footprint
     middle = (np.arange(_POINTS) + 0.5) / _POINTS * 2 - 1
-    # The integral covers only the part of the footprint that lies below the top, which is small for a shallow ball.
+    # The volume is summed only over the part of the footprint below the top, which is small for a ball at small depth.
     gap = indenter.gap(*np.meshgrid(middle * half_x, middle * half_y))
     rows, columns = np.nonzero(gap < depth)
     if not len(rows):
@@ -191,7 +197,7 @@ def _measure_volume(indenter: Indenter, depth: float) -> float:
 
 
 def _simulate_depth(mass: float, constant: float, impedance: float, timestep: float) -> float:
-    """Depth at which a free ball rests in the plate [m].
+    """Simulate a free ball on the plate, and return the depth at which the ball rests [m].
 
     Args:
         mass: Mass of the ball [kg].

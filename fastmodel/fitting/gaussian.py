@@ -1,10 +1,11 @@
-"""Fit of the Gaussian point spread function to a reference response.
+"""Fit of the Gaussian point spread function to texel forces that the finite-element reference computed.
 
-The parameters are the unweighted least-squares fit of the *kernel itself* (sampled at texel centres, cut at ksize,
-unit sum) to the response to uniform pressure on one texel, because a rigid texel passes its force on as a pressure over
-its area.  A sigma has no meaning without its estimator: for a thin, nearly incompressible cover, whose response has a
-narrow core and a long weak tail, sigmas of different estimators differ by up to a factor of two.  The results therefore
-list other estimators by name.  Their values are not used.
+The parameters are the unweighted least-squares fit of the *kernel itself* (sampled at texel centres, cut at ksize, unit
+sum) to the response of the texels to uniform pressure on one texel.  Uniform pressure is used because the contact force
+on a rigid texel acts on the cover as a pressure over the area of the texel.  A sigma has no meaning without its
+estimator: for a thin, nearly incompressible cover, whose response has a narrow core and a long weak tail, sigmas of
+different estimators differ by up to a factor of two.  The results therefore list other estimators by name.  Their
+values are not used.
 """
 
 from __future__ import annotations
@@ -21,31 +22,33 @@ from fastmodel.fitting.width_estimators import Pair, estimate_from_image, estima
 from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Name of the estimator that gives the parameters.
+#: Name of the estimator of `Fit.gaussian`: the unweighted least-squares fit to the response to uniform pressure.
 ESTIMATOR = "least-squares-uniform"
-#: Range in which sigma is searched [pitches].
+#: Smallest and largest sigma in the search [pitches].
 SIGMA_RANGE = (0.05, 100.0)
-#: Factors on a fitted sigma at which the kernel size is evaluated, to find jumps of ksize nearby [-].
+#: Factors on a fitted sigma; the kernel sizes of these sigmas are tried too, in case ksize changes near the sigma [-].
 _NEARBY = (0.99, 1.0, 1.01)
-#: Range of the response at the loaded texel, and of the sigma that follows from it, for the start of the search
-#: [-, pitches].
+#: Ranges to which the response at the loaded texel [-], and the sigma that follows from this response [pitches], are
+#: clipped to obtain a sigma from which the search starts.
 _START_PEAK, _START_SIGMA = (1e-4, 0.9), (0.3, 50.0)
-#: Half width of a kernel without a cut, in sigmas [-]: a Gaussian is below 1e-31 there.
+#: Half width, in sigmas, of a kernel that counts as not cut [-]: at this distance a Gaussian is below 1e-31 of its
+#: peak.
 _UNCUT_REACH = 12
-#: Tolerance of the least-squares solver on step, cost and gradient [-]: as small as rounding allows.
+#: Tolerances of the least-squares solver for step, cost and gradient [-], as small as rounding allows.
 _TOLERANCE = 1e-15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """A fitted Gaussian, its misfit, and the values of other estimators.
+    """A fitted Gaussian point spread function, its misfit, and the widths by other estimators.
 
     Attributes:
-        gaussian: The point spread function.
-        residual: Half the summed absolute difference between response and kernel, over the load [-].
-        outside_kernel: Share of the load that the reference puts outside the kernel's texels [-].
+        gaussian: The fitted point spread function.
+        residual: Half the sum of absolute differences between response and kernel over the texels, over the load [-].
+        outside_kernel: Share of the load that does not act on texels within the kernel, in the response [-].
         estimator: Name of the estimator that gave `gaussian`.
-        estimates: (sigma_x, sigma_y) of every estimator, by name [pitches]; nan if the response has no such width.
+        estimates: (sigma_x, sigma_y) of every estimator, by name [pitches]; nan if an estimator is not defined for the
+            response.
     """
 
     gaussian: Gaussian
@@ -66,7 +69,7 @@ def fit_gaussian(
     pressure_per_force: npt.ArrayLike | None = None,
     pitch: tuple[float, float] | None = None,
 ) -> Fit:
-    """Fit the Gaussian to the texel response to uniform pressure over one texel.
+    """Fit the Gaussian point spread function to the texel forces under uniform pressure on one texel.
 
     For sigmas below about 0.26 pitches the kernel is one texel wide, and the response does not determine sigma.
 
@@ -75,9 +78,9 @@ def fit_gaussian(
         loaded: Row and column of the loaded texel [-].
         load: Force on that texel [N].
         active: Mask of the texels that measure, shape (rows, columns), by default all [-].
-        point_response: Texel forces under the same force on the point over the texel's centre, for the estimators
-            that use it, shape (rows, columns) [N].
-        radius: Radii, rising from 0, for the radial estimators, shape (m,) [m].
+        point_response: Texel forces under a point force of the same size above the centre of the loaded texel, for the
+            estimators that require them, shape (rows, columns) [N].
+        radius: Distances from a point force, rising from 0, for the radial estimators, shape (m,) [m].
         pressure_per_force: Pressure at the base at these radii per unit point force, shape (m,) [1/m2].
         pitch: Texel pitch along x and y, required with `radius` [m].
 
@@ -110,7 +113,7 @@ def fit_gaussian(
 def _check_response(
     response: npt.ArrayLike, loaded: tuple[int, int], load: float, active: npt.ArrayLike | None
 ) -> tuple[FloatArray, BoolArray]:
-    """The response per unit load [-] and the mask, both of shape (rows, columns)."""
+    """Check a response, and return the response per unit load [-] and the mask, both of shape (rows, columns)."""
     image = np.array(response, dtype=np.float64)
     if image.ndim != 2:  # noqa: PLR2004 -- an image
         raise ShapeError(f"a response is an image of shape (rows, columns), not {image.shape}")
@@ -127,11 +130,11 @@ def _check_response(
 
 
 def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: BoolArray) -> Gaussian:
-    """Least-squares fit of sigma, with ksize determined by sigma (see `Gaussian.from_sigma`).
+    """Fit sigma by least squares, with ksize determined by sigma (see `Gaussian.from_sigma`).
 
-    The objective jumps at sigmas where ksize changes.  So sigma is fitted at fixed ksize, and this is repeated with the
-    ksize of the fitted sigma until a ksize comes up again.  Near a jump this may end on the worse side, or alternate.
-    So kernels of nearby sigmas are tried as well, and the best of all is returned.
+    The sum of squares is discontinuous at sigmas where ksize changes.  So sigma is fitted at fixed ksize, and the fit
+    is repeated with the ksize of the fitted sigma until a ksize occurs again.  Near a discontinuity this may end on the
+    worse side of it.  So the kernel sizes of nearby sigmas are tried as well, and the best of all fits is returned.
     """
     candidates = [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, None))]
     tried: set[tuple[int, int]] = set()
@@ -155,7 +158,7 @@ def _fit_sigmas(
     mask: BoolArray,
     ksizes: tuple[int, int] | None,
 ) -> Pair:
-    """Sigmas of the unit-sum Gaussian nearest to the image [pitches].
+    """Fit sigma_x and sigma_y of a Gaussian with unit sum to a response by least squares [pitches].
 
     Args:
         image: Response per unit load, shape (rows, columns) [-].
@@ -191,7 +194,10 @@ def _fit_sigmas(
 
 
 def _sample_axis(offsets: IntArray, sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
-    """One axis of the kernel, g, and its derivative by log(sigma), g (d^2 - mean of d^2) / sigma^2 [-]."""
+    """Evaluate the factor g of the kernel along one axis, and its derivative with respect to log(sigma) [-].
+
+    The derivative at offset d is g (d^2 - mean of d^2) / sigma^2, with the mean over the kernel.
+    """
     g = sample_gaussian(offsets, sigma, ksize)
     lattice = np.arange(-(ksize // 2), ksize // 2 + 1)
     mean_square = float(np.sum(lattice**2 * sample_gaussian(lattice, sigma, ksize)))
@@ -199,19 +205,19 @@ def _sample_axis(offsets: IntArray, sigma: float, ksize: int) -> tuple[FloatArra
 
 
 def _guess_sigma(image: FloatArray, loaded: tuple[int, int]) -> Pair:
-    """Sigma of a Gaussian with the image's peak, 1 / sqrt(2 pi peak), for both axes [pitches]."""
+    """Estimate sigma, for both axes, as that of a Gaussian with the image's peak, 1 / sqrt(2 pi peak) [pitches]."""
     peak = float(np.clip(image[loaded], *_START_PEAK))
     sigma = float(np.clip(1 / np.sqrt(2 * np.pi * peak), *_START_SIGMA))
     return (sigma, sigma)
 
 
 def _find_uncut_size(sigma: float) -> int:
-    """Width of a kernel that is wide enough to contain the whole Gaussian [texels]."""
+    """Find the odd width of a kernel that contains the whole Gaussian up to rounding [texels]."""
     return 2 * int(np.ceil(_UNCUT_REACH * sigma)) + 1
 
 
 def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int, int]) -> FloatArray:
-    """The kernel about the loaded texel, cut at the edges of the image, shape (rows, columns) [-]."""
+    """Sample the kernel around the loaded texel, cut at the edges of the image, shape (rows, columns) [-]."""
     gx, _ = _sample_axis(np.arange(shape[1]) - loaded[1], gaussian.sigma_x, gaussian.ksize_x)
     gy, _ = _sample_axis(np.arange(shape[0]) - loaded[0], gaussian.sigma_y, gaussian.ksize_y)
     return np.outer(gy, gx)
@@ -220,7 +226,7 @@ def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int,
 def _estimate_radially(
     radius: npt.ArrayLike | None, pressure: npt.ArrayLike | None, pitch: tuple[float, float] | None
 ) -> dict[str, Pair]:
-    """The radial estimators' (sigma_x, sigma_y) by name [pitches]; arguments as for `fit_gaussian`."""
+    """Compute (sigma_x, sigma_y) of the radial estimators, by name [pitches]; arguments as for `fit_gaussian`."""
     if radius is None or pressure is None or pitch is None:
         raise FastModelError("the radial estimators need radius, pressure_per_force and pitch together")
     r, p = np.asarray(radius, dtype=np.float64), np.asarray(pressure, dtype=np.float64)

@@ -1,6 +1,7 @@
-"""Other definitions of the width of a point spread function.
+"""Estimators of the width of a point spread function other than the fit in `gaussian`.
 
-They are for comparison with published widths, which often do not name their definition.  None sets a parameter.
+Their values are reported for comparison with published widths, which are often given without their definition.  They do
+not influence the parameters of the fast model.
 """
 
 from __future__ import annotations
@@ -9,21 +10,22 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 
-#: (sigma_x, sigma_y).
+#: Widths along x and y, (sigma_x, sigma_y).
 Pair = tuple[float, float]
 
 
 def estimate_from_image(image: FloatArray, loaded: tuple[int, int], load_name: str) -> dict[str, Pair]:
-    """Widths from a texel image of unit load, by name [pitches].
+    """Estimate widths from the texel forces F per unit load on one texel, by name of the estimator [pitches].
 
-    - `variance-*`: sqrt(sum F d^2 / sum F) over the array; nan if negative texels make it imaginary.
-    - `peak-*`: 1 / sqrt(2 pi F_max), the width of a continuous Gaussian with this peak.
-    - `neighbour-*`: 1 / sqrt(2 ln(F_0 / F_1)), from the loaded texel and the mean of its two neighbours.
+    - `variance-*`: sqrt(sum F d^2 / sum F) over the array, with distance d from the loaded texel; nan if negative texel
+      forces make the root imaginary.
+    - `peak-*`: 1 / sqrt(2 pi F_0), the width of a continuous Gaussian with the force F_0 on the loaded texel as peak.
+    - `neighbour-*`: 1 / sqrt(2 ln(F_0 / F_1)), with the mean F_1 of the forces on the two neighbours along the axis.
 
     Args:
         image: Texel forces per unit load, shape (rows, columns) [-].
         loaded: Row and column of the loaded texel [-].
-        load_name: Ending of the names, "uniform" or "point".
+        load_name: Kind of the load, "uniform" or "point", with which the names of the estimators end.
     """
     row, column = loaded
     peak = _take_root(1 / (2 * np.pi * image[loaded])) if image[loaded] > 0 else float("nan")
@@ -41,18 +43,18 @@ def estimate_from_image(image: FloatArray, loaded: tuple[int, int], load_name: s
 
 
 def estimate_from_profile(radius: FloatArray, pressure: FloatArray) -> dict[str, float]:
-    """Widths from the radial profile of the pressure at the base under a unit point load, by name [m].
+    """Estimate widths from the pressure p(r) at the base under a unit point load, by name of the estimator [m].
 
-    - `radial-profile`: least-squares fit of exp(-r^2 / 2 s^2) / (2 pi s^2), weighted by dr.
-    - `radial-profile-area`: the same, weighted by area (r dr).
+    - `radial-profile`: least-squares fit of exp(-r^2 / 2 s^2) / (2 pi s^2) to p(r), with equal weight per radius (dr).
+    - `radial-profile-area`: the same fit with equal weight per area (r dr).
     - `radial-peak`: 1 / sqrt(2 pi p(0)).
     - `radial-half-height`: radius at which p is half its peak, over sqrt(2 ln 2).
     - `radial-half-force`: radius of the circle that carries half the force, over sqrt(2 ln 2).
-    - `radial-variance`: sqrt(pi int p r^3 dr); for one bonded layer h sqrt(nu / (1 - nu)).
+    - `radial-variance`: sqrt(pi int p r^3 dr); for one bonded layer of thickness h this is h sqrt(nu / (1 - nu)).
 
     Args:
-        radius: Radii, rising, shape (m,) [m].
-        pressure: Pressure per force at these radii, shape (m,) [1/m2].
+        radius: Distances r from the load, rising, shape (m,) [m].
+        pressure: Pressure p per force at these distances, shape (m,) [1/m2].
     """
     half = float(np.sqrt(2 * np.log(2)))
     rings = 2 * np.pi * radius * pressure
@@ -68,7 +70,7 @@ def estimate_from_profile(radius: FloatArray, pressure: FloatArray) -> dict[str,
 
 
 def _fit_profile(radius: FloatArray, pressure: FloatArray, weight: FloatArray) -> float:
-    """Standard deviation s of the Gaussian that fits a radial profile best under given weights [m]."""
+    """Fit the standard deviation s of a Gaussian to a radial profile of pressure with given weights [m]."""
     from scipy.optimize import minimize_scalar
 
     def misfit(log_sigma: float) -> float:
@@ -82,7 +84,10 @@ def _fit_profile(radius: FloatArray, pressure: FloatArray, weight: FloatArray) -
 
 
 def _find_crossing(radius: FloatArray, rising: FloatArray) -> float:
-    """Radius at which a curve that starts below zero first crosses zero, linear between samples [m]; nan if never."""
+    """Find the first radius at which a curve that starts below zero crosses zero [m]; nan if there is none.
+
+    The curve is interpolated linearly between samples.
+    """
     above = np.flatnonzero(rising >= 0)
     if len(above) == 0 or above[0] == 0:
         return float("nan")
@@ -92,7 +97,10 @@ def _find_crossing(radius: FloatArray, rising: FloatArray) -> float:
 
 
 def _measure_deviation(profile: FloatArray, loaded: int) -> float:
-    """Root of the second moment of a profile about the loaded texel [pitches]; nan if it has no positive sum."""
+    """Compute the root of the normalised second moment of a profile about the loaded texel [pitches].
+
+    The result is nan if the sum of the profile is not positive or its second moment is negative.
+    """
     offsets = np.arange(len(profile)) - loaded
     if profile.sum() <= 0:
         return float("nan")
@@ -100,7 +108,10 @@ def _measure_deviation(profile: FloatArray, loaded: int) -> float:
 
 
 def _compare_neighbours(line: FloatArray, loaded: int) -> float:
-    """Width from the loaded texel and its neighbours on a line [pitches]; nan if they do not decrease."""
+    """Estimate a width from the forces on the loaded texel and on its neighbours on a line of texels [pitches].
+
+    The result is nan unless the mean force on the neighbours lies between zero and the force on the loaded texel.
+    """
     beside = [line[k] for k in (loaded - 1, loaded + 1) if 0 <= k < len(line)]
     mean = float(np.mean(beside)) if beside else 0.0
     if not 0 < mean < line[loaded]:
@@ -109,5 +120,5 @@ def _compare_neighbours(line: FloatArray, loaded: int) -> float:
 
 
 def _take_root(value: float | np.floating) -> float:
-    """Square root; nan of negative numbers."""
+    """Return the square root of a number, or nan if the number is negative."""
     return float(np.sqrt(value)) if value >= 0 else float("nan")
