@@ -1,8 +1,9 @@
 """Reference solutions by finite elements: a soft cover, bonded to a rigid texel array, under a rigid indenter.
 
-The force on a texel is the normal force on its part of the rigid base.  `point_spread` returns the texel forces due to
-a unit load at any point of the cover.  `press` presses a rigid indenter into the cover and solves the contact.
-`closed_form` holds exact solutions for verification.  Every result has an estimate of its own error.
+A texel is one pressure-sensitive element of the array; the force on a texel is the normal force on its part of the
+rigid base.  `point_spread` returns the texel forces due to a unit load at any point of the cover.  `press` presses a
+rigid indenter into the cover and solves the contact.  `closed_form` holds exact solutions for verification.  Every
+result contains an estimate of its discretisation error.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from fem_reference.indentation.press import Indentation, press, press_path
     from fem_reference.linear_response.point_spread import PointSpread, point_spread
 
-#: The module that defines each public name.  It is imported when the name is used, so that `fem_reference.result_store`
-#: can be used where scikit-fem is not installed.
+#: The module that defines each public name of this package.  A module is imported when one of its names is first used,
+#: so that `fem_reference.result_store` can be used where scikit-fem is not installed.
 _MODULES = {
     "ConvergenceError": "fem_reference.errors",
     "Squeezed": "fem_reference.finite_strain.bonded_disk",

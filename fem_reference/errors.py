@@ -1,5 +1,5 @@
-"""Errors that every solver of the package may raise."""
+"""Exceptions that several solvers of `fem_reference` raise."""
 
 
 class ConvergenceError(RuntimeError):
-    """A solver stopped before it reached its tolerance."""
+    """An iterative solver stopped before it reached its tolerance."""

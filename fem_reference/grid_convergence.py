@@ -1,4 +1,4 @@
-"""Discretisation error from a sequence of grids (Roache 1994; ASME V&V 20-2009, section 2-4)."""
+"""Estimate the discretisation error from results on three grids (Roache 1994; ASME V&V 20-2009, section 2-4)."""
 
 from __future__ import annotations
 
@@ -10,29 +10,31 @@ from scipy.optimize import brentq
 
 from meshes.array_types import FloatArray
 
-#: Safety factors where the grids converge as expected, and where they do not (Roache 1994) [-].
+#: Safety factors on the estimated error, for results that converge monotonically with an order in the accepted range,
+#: and for all others; values of Roache (1994) [-].
 _SAFETY, _UNSURE = 1.25, 3.0
-#: Relative deviation of a ratio of differences that rounding may cause [-].
+#: Relative deviation that rounding may cause in the ratio of the differences between successive grids [-].
 _ROUNDING = 1e-9
 
 
 def grid_convergence(
     values: Sequence[float], sizes: Sequence[float], *, least: float = 1.0, most: float = 4.0
 ) -> float:
-    """Estimate the error of the finest of three values.
+    """Estimate the discretisation error of the result on the finest of three grids.
 
     The observed order of convergence is limited to the range from `least` to `most`.  The safety factor is 1.25 if the
-    values converge monotonically with an order in this range, and 3 otherwise.  If the two finest grids agree better
-    than order `most` can explain, the difference predicted from the coarse pair and `most` replaces theirs.
+    values converge monotonically with an order in this range, and 3 otherwise.  If the difference between the two
+    finest grids is smaller than order `most` can explain, it is replaced by the difference that the two coarsest grids
+    and order `most` predict.
 
     Args:
-        values: Results, coarsest grid first, shape (3,).
+        values: The same quantity computed on each grid, coarsest grid first, shape (3,).
         sizes: Element sizes of the grids in the same order, descending.
-        least: Smallest order that is accepted [-].
-        most: Largest order that is accepted [-].
+        least: Smallest order of convergence that is accepted [-].
+        most: Largest order of convergence that is accepted [-].
 
     Returns:
-        Estimated absolute error of the last value, in its unit.
+        Estimated absolute error of the last of `values`, in the unit of `values`.
 
     Raises:
         ValueError: If there are not three grids of descending size.
@@ -46,7 +48,7 @@ def grid_convergence(
     ratio = coarse / fine if fine else np.inf
 
     def predict_ratio(order: float) -> float:
-        """First difference over the second of a sequence of the given order, also for uneven ratios of the sizes."""
+        """Predict the coarse over the fine difference of values that converge with `order`, for any element sizes."""
         h = np.array(sizes) ** order
         return float((h[0] - h[1]) / (h[1] - h[2]))
 
@@ -61,13 +63,16 @@ def grid_convergence(
 
 
 def extrapolate(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> FloatArray:
-    """Extrapolate a first-order sequence to its limit from the two finest values (Richardson).
+    """Extrapolate results that converge with order 1 to element size 0, from the two finest grids (Richardson).
 
-    If a third, coarser value shows that the sequence is not monotonic, the finest value is returned.
+    Where a third, coarser result shows that the sequence is not monotonic, the result on the finest grid is returned.
 
     Args:
-        values: Results, finest grid last, two or three of the same shape.
+        values: The same quantity computed on two or three grids, finest grid last; numbers or arrays of one shape.
         sizes: Element sizes of the grids in the same order, descending.
+
+    Returns:
+        The extrapolated values, shape of one item of `values`.
     """
     known = np.asarray(values, dtype=float)
     change = np.asarray(known[-1] - known[-2])

@@ -1,10 +1,11 @@
-"""Store of results on disk; the key of a result is a hash of its whole input and of the code that computes it.
+"""Store finite-element results on disk, each under a key: a hash of the whole input and of the code that computes it.
 
-An entry is one file, `KEY.entry`.  It consists of a line with the sha256 and the length of all that follows, a line of
-JSON (the manifest) with kind, inputs and origin of the result, and the arrays as npz.  An entry is written under
-another name and renamed when it is complete.  It is checked when it is read, and computed again if the check fails.
-If two processes compute the same result, both write it and the second file replaces the first.  If the store cannot be
-written, results are computed each time and a warning is logged.
+A stored result is called an entry and is one file, `KEY.entry`.  The file consists of a header line with the sha256 and
+the length of all that follows, a line of JSON (the manifest) with kind, inputs and origin of the result, and the arrays
+as npz.  An entry is written under a temporary name and renamed when the file is complete.  Every entry is checked
+against its sha256 when it is read, and computed again if the check fails.  If two processes compute the same result,
+both write the entry and the second file replaces the first.  If the folder cannot be written, results are computed each
+time and a warning is logged.
 """
 
 from __future__ import annotations
@@ -34,19 +35,20 @@ from meshes.npz import pack_npz
 
 _LOG = logging.getLogger(__name__)
 
-#: First line of an entry, and its length.
+#: Pattern of the header, which is the first line of an entry's file, and the length of the header [bytes].
 _HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n")
 _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
-#: Ending of an entry's file name.
+#: Ending of the file name of an entry.
 _SUFFIX = ".entry"
-#: Libraries whose versions are part of every key, because results depend on them.
+#: Libraries whose versions are part of every key, because the results depend on the versions.
 _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
+#: The arrays of a result by name.
 Arrays = dict[str, npt.NDArray[Any]]
 
 
 class DamagedEntryError(ValueError):
-    """The content of an entry differs from what was written."""
+    """The content of a stored file differs from the content that was written."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,14 +56,14 @@ class Entry:
     """Description of a stored result, read without its arrays.
 
     Attributes:
-        key: Hash of the input and the code.
-        path: The file.
-        kind: Kind of the result.
-        code: Version of the code that computed it.
-        created: When it was written, in seconds since 1970 [s].
+        key: Hash of the input and of the code; also the file name without its ending.
+        path: File of the entry.
+        kind: Kind of the result, a name that the computing function gives, such as "contact".
+        code: Hash of the sources that computed the result (`code_version`).
+        created: Time at which the entry was written, in seconds since 1970 [s].
         size: Size of the file [bytes].
         inputs: Inputs of the computation, as `describe` writes them.
-        problem: Why it cannot be used; empty if no fault is known.
+        problem: Reason why the entry cannot be used; empty if no fault is known.
     """
 
     key: str
@@ -75,7 +77,7 @@ class Entry:
 
 
 def folder() -> Path:
-    """Folder of the entries: `SOFTCOVER_STORE`, or `softcover` in the user's cache folder."""
+    """Return the folder of the result store: `SOFTCOVER_STORE`, or `softcover` in the user's cache folder."""
     named = os.environ.get("SOFTCOVER_STORE")
     if named:
         return Path(named)
@@ -89,12 +91,15 @@ def folder() -> Path:
 
 
 def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[str, Any]]) -> Arrays:
-    """Return the stored result of `compute`, or compute and store it.
+    """Return a result from the store; if it is not stored, compute and store it.
 
     Args:
-        kind: Kind of the result; part of the key.
+        kind: Kind of the result, a name that is part of the key.
         inputs: Everything that the result depends on besides the code: dataclasses, arrays, numbers, strings.
-        compute: Computes the result: arrays and numbers by name.
+        compute: Function that computes the result and returns its arrays and numbers by name.
+
+    Returns:
+        The arrays of the result by name; numbers become arrays of shape ().
 
     Raises:
         TypeError: If an input cannot be part of a key.
@@ -117,13 +122,13 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
 
 
 def make_key(kind: str, described: Any) -> str:  # noqa: ANN401 -- JSON
-    """Compute the key of a result: sha256 of its kind, the version of the code, and its described inputs."""
+    """Compute the key of a stored result: sha256 of its kind, of the code version and of the inputs from `describe`."""
     text = json.dumps([kind, code_version(), described], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def read(key: str) -> Arrays | None:
-    """Read the arrays of an entry; None if there is no such entry or it fails its check."""
+    """Read the arrays of the entry with this key; return None if the entry is absent, unreadable or damaged."""
     path = _path(key)
     try:
         return _read_checked(path)[1]
@@ -137,15 +142,15 @@ def read(key: str) -> Arrays | None:
 
 
 def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None:
-    """Write an entry; if the process is killed, the entry is either complete or absent.
+    """Write a result to the store; if the process is killed, the file is either complete or absent.
 
     Args:
-        key: Name of the entry.
-        arrays: The result.
+        key: Key of the result, from `make_key`.
+        arrays: Arrays and numbers of the result by name.
         about: Contents of the manifest besides key, time, Python version and machine.
 
     Raises:
-        OSError: If the folder cannot be written.
+        OSError: If the folder of the store cannot be written.
         ValueError: If an array holds Python objects.
     """
     blob = pack_npz(arrays)
@@ -159,42 +164,42 @@ def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None
 
 
 def entries() -> list[Entry]:
-    """List all entries, newest first; only their manifests are read."""
+    """List all entries of the result store, newest first; their manifests are read and their arrays are not."""
     return _list_entries(_describe_entry)
 
 
 def verify() -> list[Entry]:
-    """List all entries, newest first, after reading and checking each; `problem` describes a fault."""
+    """Read and check all entries of the result store and list them, newest first; `problem` describes a fault."""
     return _list_entries(_verify_entry)
 
 
 def remove(entry: Entry) -> None:
-    """Remove one entry.
+    """Remove one entry from the result store.
 
     Raises:
-        OSError: If it cannot be removed.
+        OSError: If the file cannot be removed.
     """
     entry.path.unlink(missing_ok=True)
 
 
 def count_partial_files() -> int:
-    """Number of temporary files in the store: those of killed writers, and those of entries being written."""
+    """Count the temporary files in the result store, left by killed processes or being written at the moment."""
     return len(temporary_files(folder()))
 
 
 def sweep_leftovers() -> int:
-    """Remove the temporary files of killed writers; return their number."""
+    """Remove the temporary files that killed processes left in the result store, and return their number."""
     return sweep(folder())
 
 
 @cache
 def code_version() -> str:
-    """Hash of the sources when this process first asked for it; see `hash_sources`."""
+    """Return the hash of the sources (`hash_sources`) at the first call of this function in the process."""
     return hash_sources()
 
 
 def hash_sources() -> str:
-    """Compute a hash of the sources of `meshes` and `fem_reference` and of the versions of their libraries."""
+    """Hash the sources of `meshes` and `fem_reference` and the versions of numpy, scipy and scikit-fem."""
     here = Path(__file__).parent
     digest = hashlib.sha256()
     for source in sorted([*here.rglob("*.py"), *(here.parent / "meshes").rglob("*.py")]):
@@ -206,10 +211,10 @@ def hash_sources() -> str:
 
 
 def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
-    """Convert inputs to JSON; equal inputs give equal JSON and different inputs different JSON.
+    """Convert the inputs of a computation to JSON; equal inputs give equal JSON, different inputs different JSON.
 
     Raises:
-        TypeError: If a value is of a type whose content cannot be described.
+        TypeError: If the type of a value is not a dataclass, array, mapping, sequence, number, string or None.
     """
     if is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
@@ -229,12 +234,13 @@ def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
 
 
 def _path(key: str) -> Path:
+    """Return the file of the entry with this key."""
     return folder() / f"{key}{_SUFFIX}"
 
 
 @cache
 def _sweep_at_start(place: Path) -> None:
-    """Remove the temporary files of killed writers, once per process and folder, to free their space."""
+    """Remove the temporary files that killed processes left in a folder, once per process and folder."""
     removed = sweep(place)
     if removed:
         _LOG.info("removed %d unfinished files from %s", removed, place)
@@ -242,10 +248,12 @@ def _sweep_at_start(place: Path) -> None:
 
 @cache
 def _warn_once(place: Path, reason: str) -> None:
+    """Log that results are not stored, once per process, folder and reason."""
     _LOG.warning("the result store %s is not written (%s): results are not kept", place, reason)
 
 
 def _version(library: str) -> str:
+    """Return the version of an installed library, or "absent"."""
     try:
         return metadata.version(library)
     except metadata.PackageNotFoundError:
@@ -253,11 +261,11 @@ def _version(library: str) -> str:
 
 
 def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
-    """Read and check an entry; return its manifest and arrays.
+    """Read the file of an entry, compare it with its header, and return its manifest and arrays.
 
     Raises:
-        DamagedEntryError: If the content differs from what was written.
-        OSError: If it cannot be read.
+        DamagedEntryError: If the content differs from the content that was written.
+        OSError: If the file cannot be read.
     """
     content = path.read_bytes()
     header, body = _HEADER.match(content), content[_HEADER_LENGTH:]
@@ -276,12 +284,13 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
 
 
 def _list_entries(look: Callable[[Path], Entry | None]) -> list[Entry]:
+    """Apply `look` to every file of the result store and return the entries found, newest first."""
     found = (look(path) for path in folder().glob(f"*{_SUFFIX}"))
     return sorted((entry for entry in found if entry is not None), key=lambda entry: (-entry.created, entry.key))
 
 
 def _describe_entry(path: Path) -> Entry | None:
-    """Describe an entry from its first two lines; None if another process has removed it."""
+    """Describe an entry from its header and manifest; return None if another process has removed the file."""
     try:
         with path.open("rb") as file:
             if not _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
@@ -295,7 +304,7 @@ def _describe_entry(path: Path) -> Entry | None:
 
 
 def _verify_entry(path: Path) -> Entry | None:
-    """Describe an entry after reading and checking all of it."""
+    """Read and check the whole file of an entry and describe it; `problem` of the result describes a fault."""
     found = _describe_entry(path)
     if found is None or found.problem:
         return found
@@ -307,6 +316,7 @@ def _verify_entry(path: Path) -> Entry | None:
 
 
 def _build_entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> Entry | None:
+    """Build the description of an entry from its manifest; return None if the file no longer exists."""
     try:
         status = path.stat()
     except OSError:

@@ -1,12 +1,13 @@
-"""Direct solution of sparse symmetric systems, indefinite ones included.
+"""Solve sparse symmetric linear systems, definite or indefinite, by direct factorisation.
 
-Three backends give the same solution.  `pardiso` (pypardiso, an extra) is the fastest on large systems.  `metis` is
-SuperLU with a nested-dissection order of the nodes, where unknowns with the same neighbours are ordered as one.
-`plain` is SuperLU with its own order, for machines without pymetis.
+Three backends give the same solution.  `pardiso` (pypardiso, an optional dependency) is the fastest on large systems.
+`metis` is SuperLU with the unknowns ordered by nested dissection of METIS; unknowns with the same neighbours in the
+matrix are ordered as one node.  `plain` is SuperLU with its default order, for machines without pymetis.
 
-Mixed displacement-pressure matrices are quasi-definite for Poisson ratios below 0.5.  Measured up to 0.5 and with
-moduli of the layers up to 1000 : 1, they needed no pivots off the diagonal, while SuperLU's default threshold tripled
-the fill.  Every solution is refined iteratively until its residual is at the level of rounding.
+Mixed displacement-pressure matrices are quasi-definite for Poisson ratios below 0.5.  In tests with Poisson ratios up
+to 0.5 and ratios of the layers' moduli up to 1000, pivots on the diagonal were sufficient, and the default pivoting
+threshold of SuperLU tripled the fill.  Every solution is refined iteratively until its residual is at the level of
+rounding.
 
 The environment variable `SOFTCOVER_SOLVER` names a backend for the whole process.
 """
@@ -28,23 +29,27 @@ import scipy.sparse.linalg as spla
 
 from meshes.array_types import FloatArray, IntArray
 
+#: Names of the solver backends.
 BACKENDS = ("pardiso", "metis", "plain")
-#: Entries in the upper triangle from which pardiso is chosen.  Smaller systems (2000 unknowns in 2-D, 600 in 3-D) are
-#: solved before it is loaded.
+#: Number of non-zero entries in the upper triangle of a matrix from which pardiso is chosen [-].  Loading pardiso takes
+#: longer than solving a smaller system (2000 unknowns in 2-D, 600 in 3-D) with SuperLU.
 _SMALL = 40_000
-#: Diagonal pivots smaller than this part of their column's largest entry are replaced by an off-diagonal one [-].
+#: Pivoting threshold of SuperLU: a diagonal pivot is replaced by an off-diagonal one if it is smaller than this
+#: fraction of the largest entry of its column [-].
 _PIVOT = 1e-8
-#: Residual, relative to the load, below which refinement stops, and the most refinements [-].
+#: Iterative refinement of a solution: residual over the largest entry of the right-hand side below which refinement
+#: stops, near double precision, and largest number of refinements [-].
 _ROUNDING, _REFINEMENTS = 1e-13, 2
-#: Residual, relative to the load, above which the system counts as singular [-].
+#: Residual after refinement, over the largest entry of the right-hand side, above which the matrix counts as
+#: singular [-].
 _WRONG = 1e-6
 
 
 class SymmetricFactors:
-    """Factors of a symmetric matrix, given by its upper triangle.
+    """Direct factorisation of a sparse symmetric matrix, which is given by its upper triangle.
 
     Args:
-        backend: One of `BACKENDS`; the environment's or the fastest that is installed when not given.
+        backend: One of `BACKENDS`.  If None, `SOFTCOVER_SOLVER`, or else the fastest installed backend, is used.
     """
 
     def __init__(self, *, backend: str | None = None) -> None:
@@ -53,11 +58,11 @@ class SymmetricFactors:
         self._engine: _Engine
 
     def factorise(self, upper: sp.csr_matrix) -> SymmetricFactors:
-        """Factorise a matrix; if its pattern is that of the last one, ordering and symbolic analysis are reused.
+        """Factorise a matrix; ordering and symbolic analysis are reused if its sparsity pattern has not changed.
 
         Args:
-            upper: Upper triangle, column indices ascending, every diagonal entry stored even where it is 0, shape
-                (n, n).
+            upper: Upper triangle of the matrix of n unknowns, column indices ascending, every diagonal entry stored
+                even where it is 0, shape (n, n).
 
         Returns:
             This object.
@@ -75,7 +80,17 @@ class SymmetricFactors:
         return self
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve for one or many right-hand sides, shape (n,) or (n, m), refined to rounding."""
+        """Solve the factorised system with iterative refinement.
+
+        Args:
+            right: One right-hand side of n unknowns or m right-hand sides, shape (n,) or (n, m).
+
+        Returns:
+            The solution, shape of `right`.
+
+        Raises:
+            numpy.linalg.LinAlgError: If the residual shows that the matrix is singular.
+        """
         columns = right.reshape(len(right), -1)
         out = self._engine.solve(columns)
         size = np.abs(columns).max(initial=0.0)
@@ -91,15 +106,16 @@ class SymmetricFactors:
         return out.reshape(right.shape)
 
     def _multiply(self, x: FloatArray) -> FloatArray:
+        """Multiply the whole symmetric matrix, given by its upper triangle, with the columns of x, shape (n, m)."""
         return np.asarray(self._upper @ x + self._upper.T @ x - self._diagonal[:, None] * x)
 
 
 class ConstrainedSystem:
-    """A symmetric system with prescribed unknowns, for one matrix after another.
+    """Symmetric linear system in which some unknowns have prescribed values; its matrix may be replaced.
 
     Args:
-        fixed: Indices of prescribed unknowns.
-        backend: One of `BACKENDS`; the environment's or the fastest that is installed when not given.
+        fixed: Indices of the f prescribed unknowns, shape (f,).
+        backend: One of `BACKENDS`.  If None, `SOFTCOVER_SOLVER`, or else the fastest installed backend, is used.
     """
 
     def __init__(self, fixed: IntArray, *, backend: str | None = None) -> None:
@@ -107,9 +123,12 @@ class ConstrainedSystem:
         self._factors = SymmetricFactors(backend=backend)
 
     def factorise(self, matrix: sp.csr_matrix) -> ConstrainedSystem:
-        """Factorise a symmetric matrix, shape (n, n), for the methods below; return this object.
+        """Factorise a symmetric matrix for `solve` and `reaction`, and return this object.
 
-        If the matrix has the pattern of the last one, ordering and symbolic analysis are reused.
+        Ordering and symbolic analysis are reused if the sparsity pattern of the matrix has not changed.
+
+        Args:
+            matrix: Whole matrix, prescribed unknowns included, shape (n, n).
         """
         self._matrix = matrix
         self._free = np.setdiff1d(np.arange(matrix.shape[0]), self._fixed)
@@ -117,11 +136,14 @@ class ConstrainedSystem:
         return self
 
     def solve(self, load: FloatArray, prescribed: FloatArray | float = 0.0) -> FloatArray:
-        """Solve for all unknowns, prescribed ones included.
+        """Solve the system for the unknowns that are not prescribed.
 
         Args:
-            load: Right-hand side, shape (n,) or (n, m).
-            prescribed: Values of the fixed unknowns, in ascending order of their index, shape (f,) or (f, m).
+            load: One right-hand side of n unknowns or m right-hand sides, shape (n,) or (n, m).
+            prescribed: Values of the f prescribed unknowns in ascending order of their index, shape (f,) or (f, m).
+
+        Returns:
+            Values of all unknowns, prescribed ones included, shape of `load`.
         """
         out = np.zeros_like(load)
         values = np.asarray(prescribed, dtype=float)
@@ -131,7 +153,7 @@ class ConstrainedSystem:
         return out
 
     def reaction(self, solution: FloatArray, load: FloatArray) -> FloatArray:
-        """Compute the reactions of the prescribed unknowns, shape of `load`; zero elsewhere."""
+        """Compute reactions at prescribed unknowns, matrix times `solution` less `load`; zero at all other unknowns."""
         out = np.zeros_like(load)
         rows = self._fixed
         out[rows] = self._matrix[rows] @ solution - load[rows]
@@ -139,33 +161,33 @@ class ConstrainedSystem:
 
 
 class _Engine(Protocol):
-    """Interface of a backend: factorises matrices of one pattern."""
+    """Interface of a solver backend, which factorises symmetric matrices of one sparsity pattern."""
 
     def factorise(self, upper: sp.csr_matrix) -> None:
-        """Factorise the matrix with this upper triangle."""
+        """Factorise the symmetric matrix with this upper triangle, shape (n, n)."""
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve for columns, shape (n, m)."""
+        """Solve for the m right-hand sides in the columns of `right`, shape (n, m)."""
 
 
 class _Pardiso:
-    """MKL's LDL^T for symmetric indefinite matrices (matrix type -2).
+    """LDL^T factorisation of symmetric indefinite matrices by MKL's pardiso (matrix type -2).
 
-    pypardiso has one solver for the whole process, which keeps its factors.  Here each system has its own handle, and
-    its memory is released with it.
+    pypardiso provides one solver object for the whole process, which holds one factorisation.  Here each system has a
+    copy with its own handle; the memory of the factors is released when this object is deleted.
     """
 
     def __init__(self, upper: sp.csr_matrix) -> None:
         import pypardiso
 
-        # A new PyPardisoSolver searches the disk for MKL (0.2 s); a copy with its own handle does not.
+        # Creating a PyPardisoSolver searches the disk for MKL (0.2 s); copying the existing solver avoids the search.
         self._solver = copy.copy(pypardiso.ps)
         self._solver.pt = np.zeros_like(pypardiso.ps.pt)
         self._solver.iparm = np.zeros_like(pypardiso.ps.iparm)
         self._solver.set_matrix_type(-2)
-        # 1: no defaults; 2: nested dissection; 8: no refinement, which `SymmetricFactors` does; 10: perturb pivots
-        # below 1e-8; 11, 13: neither scaling nor matching, which need the values before the analysis; 21: Bunch-Kaufman
-        # pivots
+        # Parameters of pardiso by index: 1: no defaults; 2: nested dissection; 8: no iterative refinement, because
+        # `SymmetricFactors` refines; 10: perturb pivots below 1e-8; 11, 13: neither scaling nor matching, because these
+        # need the values of the matrix before the symbolic analysis; 21: Bunch-Kaufman pivots.
         for index, value in ((1, 1), (2, 2), (8, 0), (10, 8), (11, 0), (13, 0), (21, 1)):
             self._solver.set_iparm(index, value)
         weakref.finalize(self, self._solver.free_memory, everything=True).atexit = False
@@ -190,7 +212,7 @@ class _Pardiso:
 
 
 class _SuperLU:
-    """SuperLU on the whole matrix, in METIS's order of the nodes or in its own."""
+    """LU factorisation of the whole matrix by SuperLU, with the unknowns ordered by METIS or by SuperLU."""
 
     def __init__(self, upper: sp.csr_matrix, order: str) -> None:
         count = upper.nnz
@@ -223,6 +245,7 @@ class _SuperLU:
 
 
 def _choose_backend(backend: str | None, entries: int) -> str:
+    """Choose the backend: the given name, else `SOFTCOVER_SOLVER`, else by the number of entries of the matrix."""
     wanted = backend or os.environ.get("SOFTCOVER_SOLVER")
     if wanted:
         if wanted not in BACKENDS:
@@ -235,10 +258,10 @@ def _choose_backend(backend: str | None, entries: int) -> str:
 
 @cache
 def _can_load_pardiso() -> bool:
-    """Whether pypardiso is installed and finds MKL."""
+    """Return whether pypardiso is installed and finds the MKL library."""
     library = next(Path(sys.prefix).glob("lib/libmkl_rt*"), None)
     if library is not None:
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))  # spares its own search of the environment, 0.5 s
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))  # avoids pypardiso's search of 0.5 s
     try:
         import pypardiso  # noqa: F401
     except (ImportError, OSError):
@@ -247,7 +270,7 @@ def _can_load_pardiso() -> bool:
 
 
 def _select_upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    """Return the upper triangle of a matrix; all diagonal entries are stored, also zeros (incompressible materials)."""
+    """Return the upper triangle of a matrix; every diagonal entry is stored, also zeros (incompressible materials)."""
     entries = matrix.tocoo()
     keep = entries.row <= entries.col
     every = np.arange(matrix.shape[0], dtype=entries.row.dtype)
@@ -257,16 +280,24 @@ def _select_upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
 
 
 def _have_same_pattern(one: sp.csr_matrix, other: sp.csr_matrix) -> bool:
+    """Return whether two sparse matrices have their stored entries at the same places."""
     return np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
 
 
 def _order_nodes(matrix: sp.csr_matrix) -> IntArray:
-    """Nested dissection by METIS of groups of unknowns with the same neighbours (Karypis and Kumar 1998)."""
+    """Order the unknowns of a matrix by METIS's nested dissection (Karypis and Kumar 1998).
+
+    Unknowns with the same neighbours in the matrix form one node of the graph that METIS orders.
+
+    Returns:
+        Indices of the unknowns in their new order, shape (n,).
+    """
     import pymetis
 
     n = matrix.shape[0]
     label = np.random.default_rng(0).integers(0, 2**63, n, dtype=np.uint64)
-    mark = np.add.reduceat(label[matrix.indices], matrix.indptr[:-1])  # equal rows have equal sums, modulo 2^64
+    # Each column has a random label; rows of equal pattern have equal sums of labels, modulo 2^64.
+    mark = np.add.reduceat(label[matrix.indices], matrix.indptr[:-1])
     group = np.unique(mark, return_inverse=True)[1]
     gather = sp.csr_matrix((np.ones(n), (group, np.arange(n))), shape=(group.max() + 1, n))
     linked = sp.csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)

@@ -1,8 +1,9 @@
-"""Closed forms of linear layers, their contacts, and bonded disks, to verify the finite elements.
+"""Exact solutions of linear elastic layers, contacts on layers, and bonded disks, to verify the finite elements.
 
-`pressed_shape` is a boundary-element solution on the exact compliance, for shapes that have no closed form.
+`pressed_shape` is a boundary-element solution on the exact compliance of the layers, for shapes of indenters without an
+exact solution.
 
-No module here shares code with the finite elements.
+No module of this package uses code of the finite elements.
 """
 
 from fem_reference.closed_form.boundary import PressedCells, pressed_shape

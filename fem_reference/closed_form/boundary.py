@@ -1,10 +1,12 @@
-"""Rigid frictionless shapes on a wide cover by boundary elements on its exact compliance.
+"""Solve the contact of a rigid frictionless indenter with a wide cover by boundary elements.
 
-The method serves shapes that have no closed form, and uses no finite elements.  The pressure is constant on rectangles
-that shrink toward the edge of the shape, so that few of them resolve the singular pressure there.  Displacements are
-compared at their centres, and the contact area is found by an active set.  The half-space part of the compliance is
-integrated exactly (Love 1929; Johnson, Contact Mechanics, 1985, eq. 3.25); the rest is smooth and integrated by four
-Gauss points.  Shapes must be symmetric about x = 0 and y = 0; a quarter is solved.
+A wide cover is so large that its edges have no effect.  The method uses the exact compliance of the cover and no finite
+elements; it verifies contacts of shapes without an exact solution.  The contact pressure is constant on each of many
+rectangular cells, which shrink toward the edge of the contact, so that few cells resolve the singular pressure at the
+edge.  Displacement and gap are compared at the centres of the cells, and an active-set method finds the contact area.
+The compliance is split into the compliance of a half space, integrated exactly (Love 1929; Johnson, Contact Mechanics,
+1985, eq. 3.25), and a smooth remainder, integrated with four Gauss points per cell.  Shapes must be symmetric about
+x = 0 and y = 0; one quarter is solved.
 """
 
 from __future__ import annotations
@@ -19,29 +21,31 @@ from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes,
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 
-#: Most exchanges of the active set.
+#: Largest number of iterations of the active-set method [-].
 _EXCHANGES = 60
-#: Overlap below which a cell counts as free of overlap, relative to the wanted displacement [-].
+#: Overlap of cover and indenter at a cell, over the displacement that contact requires, below which the cell counts as
+#: free of overlap; far above rounding errors [-].
 _ROUNDING = 1e-9
-#: Points of the compliance's table per thickness of the thinnest layer, and Gauss points along a texel's edge.
+#: Points of the table of the compliance per thickness of the thinnest layer, and Gauss points along each side of a
+#: texel in the integral of its force [-].
 _TABLE, _POINTS = 16, 8
-#: Position of the two Gauss points of an edge, from its middle, over its length [-].
+#: Distance of the two Gauss points on a side of a cell from the middle of the side, over the length of the side [-].
 _GAUSS = 0.5 / np.sqrt(3)
-#: The grid is laid out again on the area that touches, with this margin, if the contact reaches less than that part of
-#: its half width [-].
+#: Second solution on a smaller grid: half width of the new grid over that of the contact, and half width of the contact
+#: over that of the first grid below which the second solution is needed [-].
 _MARGIN, _FILLED = 1.1, 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressedCells:
-    """A solved contact in the shape's frame.
+    """Solved contact of a rigid indenter with a cover, as forces at points in the frame of the indenter.
 
     Attributes:
         cover: The cover that was pressed.
-        depth: Approach from first touch [m].
-        x: Centres of the touching cells, shape (m,) [m].
-        y: Shape (m,) [m].
-        force: Force on each, shape (m,) [N].
+        depth: Approach of the indenter from first touch [m].
+        x: x coordinates of the centres of the m cells in contact, shape (m,) [m].
+        y: y coordinates of these centres, shape (m,) [m].
+        force: Contact force on each of these cells, shape (m,) [N].
     """
 
     cover: Cover
@@ -52,11 +56,17 @@ class PressedCells:
 
     @property
     def total_force(self) -> float:
-        """Force on the shape [N]."""
+        """Normal force on the indenter [N]."""
         return float(self.force.sum())
 
     def texel_forces(self, array: TexelArray) -> FloatArray:
-        """Integrate the exact point response over each texel, for a shape at the array's origin, shape (n,) [N]."""
+        """Compute the forces on the n texels of an array, for the indenter above the origin of the array.
+
+        The exact base pressure under a point load (`point_response`) is integrated over each texel.
+
+        Returns:
+            Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
+        """
         half = np.array(array.texel_size) / 2
         points, weights = np.polynomial.legendre.leggauss(_POINTS)
         reach = float(np.hypot(*(np.abs(array.centres[:, :2]).max(axis=0) + half))) + float(
@@ -72,19 +82,22 @@ class PressedCells:
 
 
 def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 24) -> PressedCells:
-    """Press a shape that is symmetric about x = 0 and y = 0 into a laterally wide cover.
+    """Press a rigid indenter that is symmetric about x = 0 and y = 0 into a laterally wide cover.
 
     Args:
-        cover: Layers; linear elastic at zero load.
-        indenter: The shape.
-        depth: Approach from first touch [m].
-        cells: Cells along each side of the quarter [-].
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        indenter: Indenter with its shape.
+        depth: Approach of the indenter from first touch [m].
+        cells: Number of boundary elements along each side of the solved quarter [-].
+
+    Returns:
+        The contact forces on the cells in contact.
 
     Raises:
-        RuntimeError: If the active set does not settle.
+        RuntimeError: If the active-set method does not converge.
     """
     half = np.array(indenter.footprint)
-    for _ in range(2):  # the second grid covers the area that touches
+    for _ in range(2):  # the second grid covers the contact of the first solution
         x, y = (_grade_toward_edge(extent, cells) for extent in half)
         centres = np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, indexing="ij")
         sizes = np.meshgrid(np.diff(x), np.diff(y), indexing="ij")
@@ -107,12 +120,24 @@ def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int 
 
 
 def _grade_toward_edge(extent: float, cells: int) -> FloatArray:
-    """Nodes from the middle to the edge, spaced for a pressure with a square-root singularity at the edge [m]."""
+    """Place nodes from 0 to `extent`, spaced for a pressure with a square-root singularity at `extent` [m]."""
     return extent * np.sin(np.linspace(0, np.pi / 2, cells + 1))
 
 
 def _assemble(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high: FloatArray) -> FloatArray:
-    """Displacement at each centre per pressure on each cell and its three mirror images, shape (m, m) [m/Pa]."""
+    """Assemble the compliance matrix of the m cells of a quarter of the contact.
+
+    Args:
+        cover: Cover under the indenter.
+        u: x coordinates of the centres of the cells, shape (m,) [m].
+        v: y coordinates of the centres, shape (m,) [m].
+        wide: Sizes of the cells along x, shape (m,) [m].
+        high: Sizes of the cells along y, shape (m,) [m].
+
+    Returns:
+        Displacement at each centre (rows) per pressure on each cell and its three mirror images (columns), shape (m, m)
+        [m/Pa].
+    """
     top = cover.layers[-1].material
     half_space = (1 - top.poisson_ratio) / (2 * np.pi * top.shear_modulus)
     regular = _tabulate_regular(cover, 2.1 * float(np.hypot(u.max(), v.max())))
@@ -128,7 +153,7 @@ def _assemble(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high
 
 
 def _tabulate_regular(cover: Cover, reach: float) -> CubicSpline:
-    """Tabulate the compliance less that of a half space of the top layer, over the distance [m/N]."""
+    """Tabulate the cover's compliance less that of a half space, over the distance from a point load [m/N]."""
     k, weight = hankel_nodes(cover, reach)
     excess = (transfer(cover, k).compliance - half_space_compliance(cover.layers[-1], k)) * k * weight / (2 * np.pi)
     thinnest = min(layer.thickness for layer in cover.layers)
@@ -138,7 +163,7 @@ def _tabulate_regular(cover: Cover, reach: float) -> CubicSpline:
 
 
 def _integrate_distance(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Integral of 1 / distance over rectangles of half sides a and b around the origin, at (x, y) [m]."""
+    """Integrate 1 / distance from (x, y) over rectangles with half sides a and b around the origin [m]."""
     out = np.zeros_like(x)
     for s in (1, -1):
         for t in (1, -1):
@@ -149,7 +174,16 @@ def _integrate_distance(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArr
 
 
 def _solve_active_set(matrix: FloatArray, gap: FloatArray, depth: float) -> FloatArray:
-    """Find the pressures for which no cell is under tension and none overlaps the shape, shape (m,) [Pa]."""
+    """Find the contact pressures without tension and without overlap of cover and indenter.
+
+    Args:
+        matrix: Compliance matrix of the m cells, from `_assemble`, shape (m, m) [m/Pa].
+        gap: Gap at the centres of the cells, infinite beside the indenter, shape (m,) [m].
+        depth: Approach of the indenter from first touch [m].
+
+    Returns:
+        Pressure on each cell, 0 where cover and indenter do not touch, shape (m,) [Pa].
+    """
     allowed = np.isfinite(gap)
     wanted = np.where(allowed, depth - gap, 0.0)
     touching = allowed & (wanted > 0)

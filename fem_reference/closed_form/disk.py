@@ -1,12 +1,14 @@
-"""Apparent modulus of a rubber disk bonded between two rigid plates, small strain, incompressible.
+"""Compute the apparent modulus of an incompressible disk bonded between two rigid plates, at small strain.
 
-Half the disk is solved, with lengths in half heights; the plate at z = 1 moves by -1.  The squeeze film u_z = f(z),
-u_r = -r f' / 2 with f = -(3 z - z^3) / 2 satisfies the field equations and the conditions on both plates.  It leaves
-tractions on the free edge.  These are removed by fields that vanish on the plates, u_z = k I0(k r) phi(z),
-u_r = -I1(k r) phi'(z) with phi = sin k z - tan k z cos k z and sin 2 k = 2 k (Papkovich-Fadle functions: Spence 1983,
-IMA J. Appl. Math. 30).  Minimum energy over their real and imaginary parts gives an upper bound of the modulus.  Where
-plate and free edge meet, displacements are proportional to distance^s with cos(pi s / 2) = s (Williams 1952).  The
-error of the bound is therefore proportional to terms^(-2 s), and the bound is extrapolated.
+The apparent modulus is the mean compressive stress over the compressive strain of the disk.  By symmetry the upper half
+of the disk is solved.  Lengths are in units of half the height; the plate at z = 1 moves by -1.  The squeeze film
+u_z = f(z), u_r = -r f' / 2 with f = -(3 z - z^3) / 2 satisfies the field equations and the conditions on the plates,
+and leaves tractions on the free edge of the disk.  Fields that vanish on the plates remove these tractions:
+u_z = k I0(k r) phi(z), u_r = -I1(k r) phi'(z) with phi = sin k z - tan k z cos k z and sin 2 k = 2 k (Papkovich-Fadle
+functions: Spence 1983, IMA J. Appl. Math. 30).  The coefficients of the fields' real and imaginary parts follow from
+minimum energy, which gives an upper bound of the modulus.  Where plate and free edge meet, displacements are
+proportional to distance^s with cos(pi s / 2) = s (Williams 1952).  The error of the bound is therefore proportional to
+terms^(-2 s), and the bound is extrapolated.
 """
 
 from __future__ import annotations
@@ -22,25 +24,28 @@ from meshes.array_types import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
 
-#: Newton steps for the roots of sin 2 k = 2 k; they converge to rounding in far fewer.
+#: Number of Newton steps for the roots of sin 2 k = 2 k; far fewer steps reach the level of rounding [-].
 _NEWTON_STEPS = 30
 
 
 def gent_lindley(shape_factor: float) -> float:
-    """Apparent over Young's modulus by the usual estimate, 1 + 2 S^2 (Gent and Lindley 1959) [-].
+    """Estimate the apparent modulus of a bonded disk over its Young's modulus, 1 + 2 S^2 (Gent and Lindley 1959) [-].
 
     Args:
-        shape_factor: Loaded over free area, radius / 2 height [-].
+        shape_factor: Shape factor S, loaded area over free area, radius / (2 height) [-].
     """
     return 1 + 2 * shape_factor**2
 
 
 def bonded_disk(shape_factor: float, *, terms: int = 40) -> float:
-    """Apparent over Young's modulus of an incompressible disk between bonded plates, to about 1e-4 [-].
+    """Compute the apparent modulus of an incompressible disk bonded to two rigid plates, over its Young's modulus.
 
     Args:
-        shape_factor: Loaded over free area, radius / 2 height [-].
-        terms: Pairs of series terms; the limit is extrapolated from these and half as many [-].
+        shape_factor: Loaded area over free area of the disk, radius / (2 height) [-].
+        terms: Number of pairs of series terms; the limit is extrapolated from this number and half of it [-].
+
+    Returns:
+        Apparent modulus over Young's modulus, with an error of about 1e-4 [-].
 
     Raises:
         ValueError: If the shape factor is not positive.
@@ -54,7 +59,14 @@ def bonded_disk(shape_factor: float, *, terms: int = 40) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Edge:
-    """Displacements and tractions along r and z on the free edge, shape (points, fields)."""
+    """Displacements and tractions of several fields at points of the disk's free edge.
+
+    Attributes:
+        u_r: Displacements along r, shape (points, fields) [half heights].
+        u_z: Displacements along z, shape (points, fields) [half heights].
+        t_r: Tractions along r, shape (points, fields) [shear moduli].
+        t_z: Tractions along z, shape (points, fields) [shear moduli].
+    """
 
     u_r: FloatArray
     u_z: FloatArray
@@ -62,12 +74,20 @@ class _Edge:
     t_z: FloatArray
 
     def work(self, other: _Edge, weight: FloatArray) -> FloatArray:
-        """Compute the work of these tractions on other displacements, shape (fields, fields of other)."""
+        """Compute the work of these tractions on the displacements of `other`, shape (fields, fields of `other`).
+
+        `weight` holds the weights of the integral over the edge, shape (points,).
+        """
         return (self.t_r * weight[:, None]).T @ other.u_r + (self.t_z * weight[:, None]).T @ other.u_z
 
 
 def _bound_modulus(radius: float, terms: int) -> float:
-    """Upper bound of the apparent modulus over Young's modulus: twice the least energy over the area of the disk."""
+    """Compute an upper bound of the apparent modulus over Young's modulus: twice the least energy over the disk's area.
+
+    Args:
+        radius: Radius of the disk over half its height [-].
+        terms: Number of pairs of series terms [-].
+    """
     points, weights = np.polynomial.legendre.leggauss(4 * terms + 40)
     angle = np.pi / 4 * (points + 1)
     z, weight = np.sin(angle), 2 * np.pi * radius * weights * np.pi / 4 * np.cos(angle)
@@ -78,7 +98,7 @@ def _bound_modulus(radius: float, terms: int) -> float:
 
 
 def _evaluate_squeeze_film(radius: float, z: FloatArray) -> _Edge:
-    """Evaluate the squeeze film on the free edge, for shear modulus 1; the pressure on the axis is f'."""
+    """Evaluate the squeeze film at heights z of the free edge, for shear modulus 1."""
     slope, curve = -(3 - 3 * z**2) / 2, 3 * z
     t_r = -2 * slope + 3 * radius**2 / 4
     columns = [-radius * slope / 2, -(3 * z - z**3) / 2, t_r, -radius * curve / 2]
@@ -87,7 +107,11 @@ def _evaluate_squeeze_film(radius: float, z: FloatArray) -> _Edge:
 
 
 def _evaluate_edge_fields(radius: float, z: FloatArray, terms: int) -> _Edge:
-    """Evaluate the fields that vanish on the plates on the free edge, real and imaginary parts, scaled to unit size."""
+    """Evaluate the Papkovich-Fadle fields, which vanish on the plates, at heights z of the free edge.
+
+    Returns:
+        Real parts, then imaginary parts of the fields, each scaled to a root mean square displacement of 1.
+    """
     k = _find_wave_numbers(terms)
     s, c, t = np.sin(np.outer(z, k)), np.cos(np.outer(z, k)), np.tan(k)
     zk = np.outer(z, k)
@@ -109,7 +133,7 @@ def _evaluate_edge_fields(radius: float, z: FloatArray, terms: int) -> _Edge:
 
 
 def _find_wave_numbers(terms: int) -> ComplexArray:
-    """Roots of sin 2 k = 2 k in the first quadrant, by Newton's method from their asymptotes."""
+    """Find the first roots of sin 2 k = 2 k in the first quadrant, by Newton's method from their asymptotes."""
     turn = (2 * np.arange(1, terms + 1) + 0.5) * np.pi
     k = (turn + 1j * np.log(2 * turn)) / 2
     for _ in range(_NEWTON_STEPS):

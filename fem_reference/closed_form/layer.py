@@ -1,12 +1,12 @@
-"""Exact response of bonded elastic layers on a rigid base to a normal load, wave number by wave number.
+"""Compute the exact response of bonded elastic layers on a rigid base to normal pressure, for each wave number.
 
 For a surface pressure cos(k x) each layer has Papkovich-Neuber potentials Phi and Psi proportional to exp(+-k z);
-boundary and interface conditions give one small linear system per wave number.  Every exponential is written as a decay
-from one face of its layer, so that none overflows.  Axisymmetric loads follow by a Hankel transform, because the
-response of an isotropic layer does not depend on the horizontal direction.
+boundary and interface conditions give one small linear system per wave number.  Every exponential is written so that it
+decays from one face of the layer, to avoid overflow.  The response to axisymmetric loads follows by a Hankel transform,
+because the response of an isotropic layer does not depend on the horizontal direction.
 
-2 mu u = 4 (1 - nu) Psi e_z - grad(Phi + z Psi), both potentials harmonic (Barber, Elasticity, chapter 15, with
-x and y components of the vector potential zero).
+The displacement u follows from 2 mu u = 4 (1 - nu) Psi e_z - grad(Phi + z Psi), where Phi and Psi are harmonic (Barber,
+Elasticity, chapter 15, with zero x and y components of the vector potential).
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from scipy.special import j0
 from meshes import Cover, Layer
 from meshes.array_types import FloatArray
 
-#: Product of wave number and thickness below which a parabola to the exact limit at k = 0 replaces the linear systems,
-#: which lose digits there [-].
+#: Product of wave number k and cover thickness below which the response is interpolated by a parabola in k that ends at
+#: the exact limit for k = 0, because the linear systems are ill-conditioned at small k [-].
 _SMALL = 2e-3
-#: Product of wave number and thickness above which the base pressure is zero: exp(-60) = 1e-26 [-].
+#: Product of wave number and cover thickness at which the integrals over the wave number end, because the base pressure
+#: is negligible beyond: exp(-60) = 1e-26 [-].
 _LARGE = 60.0
-#: Least number of panels of a Hankel transform, and Gauss points in each.
+#: Smallest number of panels of a Hankel transform, and number of Gauss points in each panel [-].
 _PANELS, _PANEL_POINTS = 64.0, 10
-#: Distances whose Bessel functions are computed at once; bounds the memory.
+#: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
 _BLOCK = 512
 
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """Response to a unit surface pressure cos(k x).
+    """Response of a cover to the surface pressure cos(k x) at m wave numbers k.
 
     Attributes:
-        compliance: Downward displacement of the top per pressure, shape (m,) [m/Pa].
+        compliance: Downward displacement of the top per pressure on the top, shape (m,) [m/Pa].
         base: Pressure on the base per pressure on the top, shape (m,) [-].
     """
 
@@ -49,7 +50,7 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
     """Compute the exact transfer functions of a laterally wide cover under frictionless normal pressure.
 
     Args:
-        cover: Layers; linear elastic at zero load.
+        cover: Cover; its layers have their linear elastic properties at zero load.
         wave_number: Wave numbers k >= 0, shape (m,) [1/m].
 
     Raises:
@@ -61,7 +62,7 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
     small = k * cover.thickness < _SMALL
     solved = _solve(cover, np.where(small, _SMALL / cover.thickness, k))
     limit_compliance, limit_base = _compute_uniform_limit(cover)
-    # Below `_SMALL`, interpolate in k^2 from the uniform limit: compliance and base pressure are even functions of k.
+    # Below `_SMALL`, interpolate linearly in k^2 from the limit k = 0, because the response is an even function of k.
     fraction = np.where(small, (k * cover.thickness / _SMALL) ** 2, 1.0)
     return Transfer(
         compliance=limit_compliance + fraction * (solved.compliance - limit_compliance),
@@ -70,23 +71,26 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
 
 
 def half_space_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
-    """Compliance of a half space, (1 - nu) / (mu k), shape (m,) [m/Pa] (Johnson 1985, eq. 2.61).
+    """Compute the compliance of a half space under pressure cos(k x), (1 - nu) / (mu k) (Johnson 1985, eq. 2.61).
 
-    It is the limit of every cover for short waves, with the material of its top layer.
+    The compliance of a cover tends to that of a half space of its top layer's material as k increases.
 
     Args:
-        layer: Gives the material; its thickness is not used.
+        layer: Layer whose material fills the half space; its thickness is not used.
         wave_number: Wave numbers k > 0, shape (m,) [1/m].
+
+    Returns:
+        Downward displacement of the surface per pressure, shape (m,) [m/Pa].
     """
     material = layer.material
     return (1 - material.poisson_ratio) / (material.shear_modulus * wave_number)
 
 
 def one_layer_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
-    """Top compliance of one bonded layer for k > 0, shape (m,) [m/Pa].
+    """Compute the compliance of the top of one layer bonded to a rigid base, for wave numbers k > 0, shape (m,) [m/Pa].
 
     (1 - nu) / (mu k) * (2 q sinh 2x - 4x) / (2 q cosh 2x + 1 + q^2 + 4 x^2), q = 3 - 4 nu, x = k h
-    (Vorovich, Aleksandrov and Babeshko 1974); computed with decaying exponentials.
+    (Vorovich, Aleksandrov and Babeshko 1974); written with decaying exponentials to avoid overflow.
     """
     q = 3 - 4 * layer.material.poisson_ratio
     x = wave_number * layer.thickness
@@ -97,13 +101,16 @@ def one_layer_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
 
 
 def point_response(cover: Cover, radius: npt.ArrayLike) -> FloatArray:
-    """Base pressure per unit point load on the top, at each distance from the load, shape of `radius` [1/m2].
+    """Compute the pressure on the base per unit point load on the top of a wide cover.
 
-    (1 / 2 pi) int base(k) J0(k r) k dk by Gauss-Legendre panels shorter than half a period.
+    (1 / 2 pi) int base(k) J0(k r) k dk is integrated by Gauss-Legendre panels shorter than half a period of J0(k r).
 
     Args:
-        cover: Layers; linear elastic at zero load.
-        radius: Distances along the base, any shape [m].
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        radius: Horizontal distances r from the load, any shape [m].
+
+    Returns:
+        Pressure per force at each distance, shape of `radius` [1/m2].
     """
     r = np.asarray(radius, dtype=float)
     k, weight = hankel_nodes(cover, float(r.max(initial=0.0)))
@@ -117,23 +124,26 @@ def point_response(cover: Cover, radius: npt.ArrayLike) -> FloatArray:
 
 
 def point_response_spline(cover: Cover, reach: float, points: int = 1601) -> CubicSpline:
-    """Tabulate `point_response` as a cubic spline, for many evaluations.
+    """Tabulate the base pressure per unit point load (`point_response`) as a cubic spline of the distance.
 
     Args:
-        cover: Layers; linear elastic at zero load.
-        reach: Largest distance [m].
-        points: Points of the table, evenly spaced from 0 to `reach` [-].
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        reach: Largest distance from the load [m].
+        points: Number of points of the table, evenly spaced from 0 to `reach` [-].
     """
     radius = np.linspace(0.0, reach, points)
     return CubicSpline(radius, point_response(cover, radius), bc_type="clamped")
 
 
 def hankel_nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Legendre nodes and weights in k that resolve J0(k r) up to r = `reach`, shape (m,) each [1/m].
+    """Compute nodes and weights of a Hankel transform in the wave number k, fine enough for J0(k r) up to r = `reach`.
 
     Args:
-        cover: Gives the largest wave number that matters.
-        reach: Largest distance [m].
+        cover: Cover; its thickness determines the largest wave number.
+        reach: Largest distance r from the load [m].
+
+    Returns:
+        Gauss-Legendre nodes and weights, shape (m,) each [1/m].
     """
     top = _LARGE / cover.thickness
     panels = int(np.ceil(max(_PANELS, top * reach / np.pi)))
@@ -144,13 +154,16 @@ def hankel_nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
 
 
 def variance(layer: Layer) -> float:
-    """Variance of the base pressure of one bonded layer along one axis, h^2 nu / (1 - nu) [m2]."""
+    """Compute the variance, along one axis, of the base pressure under a point load on one bonded layer [m2].
+
+    For a layer of thickness h the variance is h^2 nu / (1 - nu).
+    """
     nu = layer.material.poisson_ratio
     return layer.thickness**2 * nu / (1 - nu)
 
 
 def _compute_uniform_limit(cover: Cover) -> tuple[float, float]:
-    """Compliance [m/Pa] and base pressure [-] under uniform pressure: layers are compressed without lateral strain."""
+    """Compute compliance [m/Pa] and base pressure [-] for k = 0: uniform pressure, layers without lateral strain."""
     total = 0.0
     for layer in cover.layers:
         nu, mu = layer.material.poisson_ratio, layer.material.shear_modulus
@@ -159,21 +172,22 @@ def _compute_uniform_limit(cover: Cover) -> tuple[float, float]:
 
 
 def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> FloatArray:
-    """Evaluate the fields of the four unknowns of a layer at height z.
+    """Evaluate displacements and stresses that belong to the four unknown coefficients of a layer's potentials.
 
     Args:
         layer: The layer.
         k: Wave numbers, shape (m,) [1/m].
         z: Height above the bottom of the layer [m].
-        scale: Unit of stress [Pa].
+        scale: Stress by which all stresses are divided [Pa].
 
     Returns:
-        Rows u, w, normal stress / k and shear stress / k, columns for the unknowns, shape (m, 4, 4).
+        Matrix for each wave number: rows are horizontal and vertical displacement, normal stress / k and shear
+        stress / k, columns are the unknowns, shape (m, 4, 4).
     """
     nu, h = layer.material.poisson_ratio, layer.thickness
     compliance = scale / (2 * layer.material.shear_modulus)
     rows = np.empty((k.size, 4, 4))
-    for column, sign, s in ((0, -1.0, z), (2, 1.0, z - h)):  # decay from the bottom, decay from the top
+    for column, sign, s in ((0, -1.0, z), (2, 1.0, z - h)):  # decay from bottom, from top
         e = np.exp(sign * k * s)
         ks = k * s
         one = np.ones_like(k)
@@ -193,7 +207,7 @@ def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> Float
 
 
 def _solve(cover: Cover, k: FloatArray) -> Transfer:
-    """Assemble and solve the linear system of every wave number, of 4 unknowns per layer."""
+    """Assemble and solve, for every wave number, the linear system of 4 unknown coefficients per layer."""
     layers = cover.layers
     scale = 2 * layers[-1].material.shear_modulus
     n = len(layers)

@@ -1,1 +1,1 @@
-"""Finite elements: Taylor-Hood elements, their fast form on tensor meshes, and the grading of meshes."""
+"""Finite elements: Taylor-Hood elements, their fast assembly on tensor-product meshes, and the grading of meshes."""

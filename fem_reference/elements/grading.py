@@ -1,9 +1,9 @@
-"""Element edges along a line: every mesh of the package takes its spacing from this module.
+"""Compute the element edges of every mesh of the package, one direction at a time.
 
-Meshes here are tensor products, so a mesh is graded one direction at a time.  A direction is filled in one of two ways:
-by steps that grow from a fine one (`growing_steps` and the functions on it), or by a wanted element size at every place
-(`fill_by_spacing`).  `layer_heights` cuts the layers of a cover.  Lengths may have any unit, the same for all
-arguments of a call.
+The meshes are tensor products, so the element edges along x, y and z (or r and z) are independent.  Element sizes
+follow from steps that grow from a small first step (`growing_steps` and the functions that use it), or from an element
+size prescribed at every position (`fill_by_spacing`).  `layer_heights` divides the layers of a cover into elements.
+Lengths may have any unit, the same for all arguments of a call.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 
-#: Ratio of neighbouring elements below a surface with small elements, and around the edge of a contact in three
-#: dimensions [-].
+#: Ratio of the sizes of neighbouring elements, below a surface with small elements, and on both sides of the edge of a
+#: contact in three-dimensional meshes [-].
 _SURFACE_GROWTH, _CONTACT_GROWTH = 1.4, 1.5
 
 
 def growing_steps(first: float, length: float, grow: Callable[[float], float], *, spare: float = 0.0) -> FloatArray:
-    """Step along a length, each step computed from the one before.
+    """Fill a length with steps, each computed from the previous step.
 
     Args:
-        first: The first step [length].
-        length: Steps are taken while more than `spare` of the next step is left of it [length].
-        grow: Next step from the last one.
-        spare: Part of a step that may be left uncovered; with 0 the steps reach `length` or pass it [-].
+        first: Size of the first step [length].
+        length: Length to fill; steps are added while the unfilled rest exceeds `spare` times the next step [length].
+        grow: Function that computes the next step from the previous step.
+        spare: Fraction of a step that may be left unfilled; with 0 the steps reach or exceed `length` [-].
 
     Returns:
-        The steps, shape (n,) [length].
+        Sizes of the n steps, shape (n,) [length].
     """
     steps, covered, step = [], 0.0, first
     while length - covered > spare * step:
@@ -40,13 +40,16 @@ def growing_steps(first: float, length: float, grow: Callable[[float], float], *
 
 
 def grade_outward(size: float, even: float, reach: float, growth: float) -> FloatArray:
-    """Nodes with even steps of about `size` from 0 to `even`, then with growing steps that end at `reach` exactly.
+    """Place nodes with equal steps of about `size` from 0 to `even` and with growing steps from `even` to `reach`.
 
     Args:
         size: Element size near 0 [length].
-        even: End of the even part [length].
-        reach: Last node [length].
+        even: End of the part with equal steps [length].
+        reach: Position of the last node [length].
         growth: Ratio of neighbouring steps beyond `even` [-].
+
+    Returns:
+        Positions of the nodes, ascending [length].
     """
     start = np.linspace(0, even, round(even / size) + 1)
     count = int(np.ceil(np.log1p((reach - even) * (growth - 1) / size) / np.log(growth)))
@@ -55,14 +58,17 @@ def grade_outward(size: float, even: float, reach: float, growth: float) -> Floa
 
 
 def grade_around_edge(fine: float, coarse: float, edge: float, reach: float, growth: float) -> FloatArray:
-    """Nodes from 0 to `reach` whose steps shrink to `fine` on both sides of `edge`.
+    """Place nodes from 0 to `reach` with steps that shrink to `fine` on both sides of `edge`.
 
     Args:
-        fine: Step at the edge [length].
-        coarse: Largest step inside; outside, the step from which on growth slows down [length].
-        edge: A node, where the steps are smallest [length].
-        reach: Last node [length].
-        growth: Ratio of neighbouring steps far outside; its square elsewhere [-].
+        fine: Step size at `edge` [length].
+        coarse: Largest step between 0 and `edge`; beyond `edge`, the step size from which growth slows down [length].
+        edge: Position of the node with the smallest steps, such as the edge of a contact [length].
+        reach: Position of the last node [length].
+        growth: Ratio of neighbouring steps larger than `coarse`; smaller steps grow by the square of the ratio [-].
+
+    Returns:
+        Positions of the nodes, ascending [length].
     """
     inner = growing_steps(fine, edge, lambda step: min(step * growth**2, coarse), spare=1.5)
     outer = growing_steps(fine, reach - edge, lambda step: step * (growth**2 if step < coarse else growth))
@@ -72,16 +78,16 @@ def grade_around_edge(fine: float, coarse: float, edge: float, reach: float, gro
 
 
 def grade_contact(half: float, reach: float, *, fine: float, most: float) -> FloatArray:
-    """Nodes from the middle of a contact outwards: coarse inside, fine at its edge, growing outside.
+    """Place nodes from the middle of a contact outwards, with the smallest steps at the edge of the contact.
 
     Args:
         half: Half width of the contact [length].
-        reach: Least distance of the last node from the edge of the contact [length].
-        fine: Step at the edge [length].
-        most: Largest step inside [length].
+        reach: Smallest distance of the last node from the edge of the contact [length].
+        fine: Step size at the edge of the contact [length].
+        most: Largest step inside the contact [length].
 
     Returns:
-        Nodes from 0 on; `half` is one of them.
+        Positions of the nodes, ascending from 0; `half` is the position of a node [length].
     """
     inner = growing_steps(fine, half, lambda step: min(_CONTACT_GROWTH * step, most), spare=0.6)
     inside = half - np.cumsum(inner) * half / inner.sum()
@@ -91,18 +97,18 @@ def grade_contact(half: float, reach: float, *, fine: float, most: float) -> Flo
 
 
 def fill_by_spacing(places: FloatArray, spacing: FloatArray, *, least: int = 1, round_up: bool = False) -> FloatArray:
-    """Nodes between two ends whose distances follow a wanted element size.
+    """Place nodes so that the element sizes follow a prescribed function of the position.
 
-    The number of elements is the integral of 1 / `spacing`, rounded; the nodes cut that integral into equal parts.
+    The number of elements is the integral of 1 / `spacing`, rounded; the nodes divide this integral into equal parts.
 
     Args:
-        places: Samples from one end to the other, ascending, shape (n,) [length].
-        spacing: Wanted element size at the samples, shape (n,) [length].
-        least: Least number of elements [-].
-        round_up: Round the number of elements up, so that no element is larger than wanted.
+        places: n positions from the first to the last node, ascending, shape (n,) [length].
+        spacing: Prescribed element size at these positions, shape (n,) [length].
+        least: Smallest number of elements [-].
+        round_up: Whether to round the number of elements up, so that no element is larger than prescribed.
 
     Returns:
-        Nodes, both ends included.
+        Positions of the nodes, first and last of `places` included [length].
     """
     density = 1 / spacing
     elements = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(places))])
@@ -120,18 +126,20 @@ def layer_heights(
     crowd_base: float = 1.0,
     crowd_surface: float = 1.0,
 ) -> tuple[FloatArray, IntArray]:
-    """Cut each layer of a cover into elements, of equal height unless an option below changes that.
+    """Divide each layer of a cover into elements along z, of equal height unless an option changes the heights.
 
     Args:
-        thicknesses: Of the layers, bottom first [length].
+        thicknesses: Thickness of each layer, bottom layer first [length].
         counts: Number of elements in each layer.
-        surface_size: Where given and smaller, the elements of the uppermost layer shrink to it towards the surface;
-            the number of elements then follows from their sizes [length].
-        crowd_base: Power p of the heights (i / n)^p in the lowest layer; above 1 elements are small at the base [-].
-        crowd_surface: The same for the depth below the surface in the uppermost layer [-].
+        surface_size: Element height at the surface.  If it is smaller than the equal height, the elements of the top
+            layer shrink to it towards the surface, and their number follows from their heights [length].
+        crowd_base: Exponent p of the element edges (i / n)^p in the bottom layer of n elements; with p > 1 the elements
+            are smaller at the base [-].
+        crowd_surface: Exponent of the depths below the surface in the top layer, in the same way [-].
 
     Returns:
-        Element edges from 0 up, shape (e + 1,) [length], and the layer of each element, shape (e,).
+        Element edges from 0 upwards, shape (e + 1,) [length], and index of the layer of each of the e elements, shape
+        (e,).
     """
     heights, layers, bottom, last = [np.zeros(1)], [], 0.0, len(thicknesses) - 1
     for number, (thickness, count) in enumerate(zip(thicknesses, counts, strict=True)):
@@ -150,7 +158,11 @@ def layer_heights(
 
 
 def _shrink_to_surface(fine: float, coarse: float, thickness: float) -> FloatArray:
-    """Heights over the thickness of a layer whose elements shrink from `coarse` to `fine` upwards, in (0, 1]."""
+    """Place element edges in a layer whose elements shrink from `coarse` to `fine` upwards.
+
+    Returns:
+        Heights of the edges over the thickness of the layer, in (0, 1] [-].
+    """
     steps = growing_steps(fine, thickness, lambda step: min(_SURFACE_GROWTH * step, coarse))
     heights = np.cumsum(steps[::-1]) / steps.sum()
     heights[-1] = 1.0

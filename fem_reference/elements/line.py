@@ -1,8 +1,8 @@
 """Lagrange elements and Gauss quadrature along one direction.
 
-Meshes of tensor products have integrals that are products of integrals along lines; `tensor_product` builds its
-matrices from those here.  The forces that the base carries lie on one line (around an axis) or on a product of two
-lines; `recover_pressure` turns them into a pressure.
+On a tensor-product mesh every element integral is a product of integrals along lines; `tensor_product` builds its
+matrices from the line matrices of this module.  The base nodes lie on one line (axisymmetric meshes) or on a grid of
+two lines; `recover_pressure` computes the base pressure from the nodal forces at these nodes.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class Line:
 
     Attributes:
         edges: Element edges, ascending, shape (e + 1,) [m].
-        order: Polynomial order [-].
-        jumps: Elements before which functions may jump: the node between is doubled.
+        order: Polynomial order of the shape functions [-].
+        jumps: Indices of elements at whose lower edge functions may jump; the node at this edge is doubled.
     """
 
     edges: FloatArray
@@ -33,24 +33,32 @@ class Line:
 
     @cached_property
     def index(self) -> IntArray:
-        """Nodes of each element, shape (e, order + 1)."""
+        """Indices of the nodes of each of the e elements, shape (e, order + 1)."""
         element = np.arange(len(self.edges) - 1)
         extra = np.isin(element, self.jumps).cumsum()
         return np.asarray((element * self.order + extra)[:, None] + np.arange(self.order + 1), dtype=np.int64)
 
     @property
     def count(self) -> int:
-        """Number of nodes [-]."""
+        """Number of nodes on the line [-]."""
         return int(self.index[-1, -1]) + 1
 
     @cached_property
     def reference(self) -> FloatArray:
-        """Nodes of the element on -1..1: ends and extrema of the Legendre polynomial, shape (order + 1,)."""
+        """Nodes of the reference element -1..1: its ends and the Legendre polynomial's extrema, shape (order + 1,)."""
         inner = np.polynomial.legendre.Legendre.basis(self.order).deriv().roots()
         return np.concatenate([[-1.0], np.asarray(inner.real, dtype=float), [1.0]])
 
     def shape(self, points: FloatArray, derivative: int = 0) -> FloatArray:
-        """Shape functions, or their first derivatives, on -1..1, shape (points, order + 1)."""
+        """Evaluate the shape functions of the reference element -1..1, or their first derivatives.
+
+        Args:
+            points: Positions on the reference element, shape (points,) [-].
+            derivative: 1 for the first derivatives, 0 for the functions.
+
+        Returns:
+            Values, shape (points, order + 1) [-].
+        """
         coefficients = np.linalg.inv(np.vander(self.reference, increasing=True))
         powers = np.vander(points, self.order + 1, increasing=True)
         if derivative:
@@ -58,7 +66,7 @@ class Line:
         return np.asarray(powers @ coefficients)
 
     def at(self, places: FloatArray) -> FloatArray:
-        """Values of every node's function at places, shape (k, count)."""
+        """Evaluate the shape functions of all nodes at k positions on the line, shape (k, count)."""
         element = np.clip(np.searchsorted(self.edges, places, side="right") - 1, 0, len(self.edges) - 2)
         start, length = self.edges[element], np.diff(self.edges)[element]
         out = np.zeros((len(places), self.count))
@@ -66,7 +74,7 @@ class Line:
         return out
 
     def integral(self, low: float, high: float) -> FloatArray:
-        """Integral of every node's function from `low` to `high`, shape (count,) [m]."""
+        """Integrate the shape functions of all nodes from `low` to `high`, shape (count,) [m]."""
         start, end = np.clip(low, self.edges[:-1], self.edges[1:]), np.clip(high, self.edges[:-1], self.edges[1:])
         points, weights = np.polynomial.legendre.leggauss(self.order + 1)
         x = start[:, None] + np.maximum(end - start, 0)[:, None] * (points + 1) / 2
@@ -86,14 +94,17 @@ def line_matrix(
     *,
     axisymmetric: bool = False,
 ) -> sp.csr_matrix:
-    """Integrals of test times trial functions along a line, every neighbour stored.
+    """Integrate the products of test and trial functions along a line.
 
     Args:
-        test: Functions of the rows.
-        trial: Functions of the columns, on the same edges.
-        derivatives: 1 where the function is differentiated.
-        weight: Factor of each element, shape (e,), or of all.
-        axisymmetric: Integrate over rings: the line is a radius, and the integrand is multiplied by 2 pi r.
+        test: Elements whose shape functions belong to the rows.
+        trial: Elements whose shape functions belong to the columns, with the same element edges.
+        derivatives: 1 to differentiate the test or the trial functions, 0 not to.
+        weight: Factor on the integrals over each of the e elements, shape (e,), or one factor for all elements.
+        axisymmetric: Whether the line is a radius, so that the integrand is multiplied by 2 pi r.
+
+    Returns:
+        Matrix of the integrals; zeros between functions of one element are stored, shape (test nodes, trial nodes).
     """
     points, weights = np.polynomial.legendre.leggauss(max(test.order, trial.order) + 1)
     left, right = test.shape(points, derivatives[0]), trial.shape(points, derivatives[1])
@@ -107,15 +118,15 @@ def line_matrix(
 
 
 def recover_pressure(lines: Sequence[Line], forces: FloatArray, *, axisymmetric: bool = False) -> FloatArray:
-    """Find the continuous pressure whose consistent nodal forces are given.
+    """Compute the continuous pressure on the base whose consistent nodal forces are given.
 
-    The mass matrix of faces on a tensor mesh is the product of one line mass per direction, so forces are divided by
-    one small matrix after the other.
+    The mass matrix of the base faces on a tensor-product mesh is the Kronecker product of one line mass matrix per
+    direction, so the line mass matrices are inverted one after the other.
 
     Args:
-        lines: Elements along each direction of the faces.
-        forces: Nodal forces, one axis for each line [N].
-        axisymmetric: The one line is a radius, and forces are those of whole rings.
+        lines: Elements along each direction of the base.
+        forces: Nodal forces on the base, one array axis for each line [N].
+        axisymmetric: Whether the only line is a radius and the forces are those of whole rings.
 
     Returns:
         Nodal pressures, shape of `forces` [Pa].
@@ -128,11 +139,11 @@ def recover_pressure(lines: Sequence[Line], forces: FloatArray, *, axisymmetric:
 
 
 def gauss_points(edges: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss points and weights of integrals from the first edge to the last.
+    """Compute Gauss points and weights on each interval between neighbouring edges.
 
     Args:
-        edges: Ends of the panels, ascending, shape (e + 1,) [m].
-        count: Points in each panel [-].
+        edges: Ends of the e intervals, ascending, shape (e + 1,) [m].
+        count: Number of points in each interval [-].
 
     Returns:
         Points and weights, shape (e * count,) each [m].

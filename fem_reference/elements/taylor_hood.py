@@ -1,8 +1,9 @@
 """Mixed displacement-pressure elements (Taylor-Hood): quadratic displacement, linear pressure.
 
-scikit-fem gives meshes, shape functions, mappings and quadrature.  The tensors are contracted here by array operations
-on all elements at once, which is much faster than scikit-fem's assembly of vector-valued forms.  The pressure is
-continuous inside a region and may jump between regions, because the mean stress jumps where two materials meet.
+scikit-fem provides meshes, shape functions, mappings and quadrature.  This module assembles element matrices by array
+operations on all elements at once, which is much faster than scikit-fem's assembly of vector-valued forms.  A region is
+the part of the mesh with one material.  The pressure unknown is the mean stress; it is continuous inside a region and
+may jump between regions, because the mean stress jumps where two materials meet.
 
 The displacement gradient at a point is stored as a vector of components: (rr, rz, zr, zz, tt) for axisymmetric meshes
 with coordinates (r, z), and the nine entries of the 3 x 3 matrix, row by row, in three dimensions.
@@ -21,7 +22,7 @@ import skfem
 from fem_reference.materials.invariants import EVERY_PLACE
 from meshes.array_types import FloatArray, IntArray
 
-#: Displacement and pressure elements on each kind of mesh.
+#: scikit-fem's elements for displacement and pressure on each kind of mesh.
 _ELEMENTS = {
     skfem.MeshTri1: (skfem.ElementTriP2, skfem.ElementTriP1),
     skfem.MeshQuad1: (skfem.ElementQuad2, skfem.ElementQuad1),
@@ -30,26 +31,30 @@ _ELEMENTS = {
 }
 #: Row and column of each component of an axisymmetric displacement gradient: rr, rz, zr, zz, tt.
 _AXISYMMETRIC = ((0, 0), (0, 1), (1, 0), (1, 1), (2, 2))
-#: All elements.
+#: Slice that selects all elements of a mesh.
 _ALL = slice(None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MixedElements:
-    """Data for assembly, as arrays over elements e, quadrature points q, local nodes a and pressure unknowns b.
+    """Taylor-Hood elements of a mesh, as arrays for assembly.
+
+    Shapes are written with e elements, q quadrature points per element, a displacement nodes per element, b pressure
+    unknowns per element and g stored components of the displacement gradient.
 
     Attributes:
         dimension: Displacement components per node, 2 or 3 [-].
-        nodes: Displacement nodes, shape (n, dimension) [m].
-        cells: Displacement nodes of each element, shape (e, a).
-        pressure_cells: Pressure unknowns of each element, shape (e, b).
-        region: Index of each element's material, shape (e,).
+        nodes: Positions of the n displacement nodes, shape (n, dimension) [m].
+        cells: Indices of the displacement nodes of each element, shape (e, a).
+        pressure_cells: Indices of the pressure unknowns of each element, shape (e, b).
+        region: Index of the material of each element, shape (e,).
         slope: Derivatives of the displacement shape functions, shape (e, q, a, dimension) [1/m].
-        hoop: Shape functions over the radius when axisymmetric, shape (e, q, a) [1/m]; None otherwise.
-        pressure_shape: Pressure shape functions, shape (e, q, b) [-].
-        weight: Quadrature weight times volume, 2 pi r included when axisymmetric, shape (e, q) [m3].
-        basis: scikit-fem basis of the scalar displacement space.
-        places: Row and column in the 3 x 3 displacement gradient of each stored component g.
+        hoop: Displacement shape functions over the radius in axisymmetric meshes, shape (e, q, a) [1/m]; else None.
+        pressure_shape: Values of the pressure shape functions, shape (e, q, b) [-].
+        weight: Volume that belongs to each quadrature point, with the factor 2 pi r in axisymmetric meshes, shape
+            (e, q) [m3].
+        basis: scikit-fem basis of one displacement component.
+        places: Row and column of each stored component in the 3 x 3 displacement gradient.
     """
 
     dimension: int
@@ -66,26 +71,26 @@ class MixedElements:
 
     @property
     def displacements(self) -> int:
-        """Number of displacement unknowns; unknown `dimension * node + component` [-]."""
+        """Number of displacement unknowns, which are numbered `dimension * node + component` [-]."""
         return self.nodes.size
 
     @property
     def pressures(self) -> int:
-        """Number of pressure unknowns; they follow the displacements [-]."""
+        """Number of pressure unknowns, which are numbered after the displacement unknowns [-]."""
         return int(self.pressure_cells.max()) + 1
 
     @cached_property
     def unknowns(self) -> IntArray:
-        """Displacement unknowns of each element, shape (e, a * dimension)."""
+        """Indices of the displacement unknowns of each element, shape (e, a * dimension)."""
         each = self.dimension * self.cells[:, :, None] + np.arange(self.dimension)
         return each.reshape(len(self.cells), -1)
 
     def compute_gradient(self, displacement: FloatArray, part: slice = _ALL) -> FloatArray:
-        """Compute the components of grad u at all quadrature points, shape (e, q, g) [-].
+        """Compute the stored components of the displacement gradient at the quadrature points, shape (e, q, g) [-].
 
         Args:
-            displacement: Nodal displacements, which pressures may follow, shape (n,) [m].
-            part: Elements to compute, here and in the methods below.
+            displacement: Displacement unknowns, which pressure unknowns may follow, shape (unknowns,) [m].
+            part: Elements for which to compute the gradient.
         """
         u = displacement[self.unknowns[part]].reshape(-1, self.cells.shape[1], self.dimension)
         e, q, _, _ = self.slope[part].shape
@@ -95,14 +100,14 @@ class MixedElements:
         return np.concatenate([flat, np.matmul(self.hoop[part], u[..., :1])], axis=2)
 
     def integrate_force(self, stress: FloatArray, part: slice = _ALL) -> FloatArray:
-        """Integrate a stress to nodal forces, the transpose of the gradient.
+        """Integrate a stress field to nodal forces of each element (the transpose of `compute_gradient`).
 
         Args:
-            stress: Components times quadrature weights, shape (e, q, g) [N m].
+            stress: Stress components times quadrature weights, shape (e, q, g) [N m].
             part: Elements that the stress belongs to.
 
         Returns:
-            Forces on the local unknowns, shape (e, a * dimension) [N].
+            Force on each displacement unknown of each element, shape (e, a * dimension) [N].
         """
         e, q, _ = stress.shape
         d = self.dimension
@@ -114,14 +119,14 @@ class MixedElements:
         return np.asarray(out.reshape(e, -1))
 
     def integrate_coupling(self, stress: FloatArray, part: slice = _ALL) -> FloatArray:
-        """Integrate a stress times each pressure shape function to nodal forces.
+        """Integrate a stress per unit pressure, times each pressure shape function, to nodal forces of each element.
 
         Args:
-            stress: Components times quadrature weights, shape (e, q, g).
+            stress: Stress components per pressure times quadrature weights, shape (e, q, g) [m3].
             part: Elements that the stress belongs to.
 
         Returns:
-            Shape (e, a * dimension, b).
+            Force on each displacement unknown per pressure unknown, shape (e, a * dimension, b) [m2].
         """
         d = self.dimension
         square = stress[..., : d * d].reshape(*stress.shape[:2], d, d)
@@ -132,15 +137,15 @@ class MixedElements:
         return np.asarray(np.matmul(along.transpose(0, 2, 1), self.pressure_shape[part]))
 
     def integrate_stiffness(self, moduli: FloatArray, part: slice = _ALL) -> FloatArray:
-        """Integrate moduli to element stiffnesses.
+        """Integrate tangent moduli to the stiffness matrix of each element.
 
         Args:
-            moduli: Derivatives of stress by displacement gradient, symmetric, times quadrature weights, shape
-                (e, q, g, g) [N m].
+            moduli: Derivatives of stress with respect to displacement gradient, symmetric, times quadrature weights,
+                shape (e, q, g, g) [N m].
             part: Elements that the moduli belong to.
 
         Returns:
-            Stiffness between the local unknowns, shape (e, a * dimension, a * dimension) [N/m].
+            Stiffness between the displacement unknowns of each element, shape (e, a * dimension, a * dimension) [N/m].
         """
         slope = self.slope[part]
         if self.hoop is not None:
@@ -161,15 +166,15 @@ class MixedElements:
 
 
 def mesh_layers(across: Sequence[FloatArray], heights: FloatArray, layer: IntArray) -> tuple[skfem.Mesh, IntArray]:
-    """Tensor mesh of a layered block.
+    """Build the tensor-product mesh of a layered cover.
 
     Args:
         across: Element edges along the radius, or along x and along y [m].
         heights: Element edges along z [m].
-        layer: Layer of each element along z.
+        layer: Index of the layer of each element along z.
 
     Returns:
-        Quadrilaterals or hexahedra, and the layer of each.
+        Mesh of quadrilaterals or hexahedra, and index of the layer of each element of the mesh.
     """
     kind = skfem.MeshQuad if len(across) == 1 else skfem.MeshHex
     mesh = kind.init_tensor(*across, heights)
@@ -184,13 +189,13 @@ def prepare_elements(
 
     Args:
         mesh: Linear triangles, quadrilaterals, tetrahedra or hexahedra [m].
-        region: Material index of each element, shape (e,); all 0 when not given.
-        axisymmetric: Read the coordinates of a two-dimensional mesh as (r, z).
-        order: Polynomial order that quadrature integrates exactly [-].
+        region: Index of the material of each of the e elements, shape (e,); None for one material.
+        axisymmetric: Whether the mesh lies in the r-z plane of an axisymmetric body.
+        order: Largest polynomial order that the quadrature integrates exactly [-].
 
     Raises:
         ValueError: If no elements are defined for the kind of mesh, a two-dimensional mesh is not axisymmetric, or a
-            three-dimensional one is.
+            three-dimensional mesh is axisymmetric.
     """
     if type(mesh) not in _ELEMENTS:
         raise ValueError(f"no mixed element for {type(mesh).__name__}; use {[m.__name__ for m in _ELEMENTS]}")
@@ -219,18 +224,18 @@ def prepare_elements(
 
 
 def assemble_linear(elements: MixedElements, shear_modulus: FloatArray, bulk_compliance: FloatArray) -> sp.csr_matrix:
-    """Assemble linear elasticity in displacement and mean pressure, for Poisson ratios from 0 to 0.5 inclusive.
+    """Assemble the matrix of linear elasticity in displacement and mean pressure, for Poisson ratios from 0 to 0.5.
 
     sigma = 2 mu dev(eps) - p I and p = -K div u with K = 2 mu (1 + nu) / 3 (1 - 2 nu).  With p as an unknown only 1 / K
     appears, which is 0 for an incompressible material (Hughes, The Finite Element Method, section 4.4).
 
     Args:
-        elements: Prepared elements.
-        shear_modulus: Of each region [Pa].
-        bulk_compliance: 1 / K of each region, 0 when incompressible [1/Pa].
+        elements: Elements of the mesh.
+        shear_modulus: Shear modulus mu of each region [Pa].
+        bulk_compliance: 1 / K of each region, 0 for an incompressible material [1/Pa].
 
     Returns:
-        Symmetric indefinite matrix over displacements, then pressures.
+        Symmetric indefinite matrix; displacement unknowns come first, then pressure unknowns.
     """
     mu = np.asarray(shear_modulus)[elements.region]
     inverse = np.asarray(bulk_compliance)[elements.region]
@@ -249,10 +254,10 @@ def assemble_linear(elements: MixedElements, shear_modulus: FloatArray, bulk_com
 
 
 class Pattern:
-    """Positions of element matrices in the global sparse matrix, computed once for many assemblies.
+    """Sparsity pattern of the global matrix and positions of the element matrices, computed once for many assemblies.
 
     Args:
-        elements: Prepared elements.
+        elements: Elements of the mesh.
     """
 
     def __init__(self, elements: MixedElements) -> None:
@@ -268,12 +273,15 @@ class Pattern:
         self._index = (keys % size).astype(np.int32), pointer.astype(np.int32)
 
     def assemble(self, stiff: FloatArray, couple: FloatArray, volume: FloatArray) -> sp.csr_matrix:
-        """Sum element matrices into one symmetric matrix.
+        """Sum the matrices of e elements into the global symmetric matrix.
 
         Args:
-            stiff: Between displacements, shape (e, i, i).
-            couple: Between displacements and pressures, shape (e, i, b).
-            volume: Between pressures, shape (e, b, b).
+            stiff: Blocks between the i displacement unknowns of each element, shape (e, i, i).
+            couple: Blocks between displacement and pressure unknowns, shape (e, i, b).
+            volume: Blocks between the b pressure unknowns of each element, shape (e, b, b).
+
+        Returns:
+            Matrix over all displacement unknowns, then all pressure unknowns.
         """
         n = self._split
         block = np.empty(self._block)
@@ -287,7 +295,7 @@ class Pattern:
 
 
 def _build_deviator(places: tuple[tuple[int, int], ...]) -> FloatArray:
-    """Matrix from the components of grad u to those of its symmetric deviator, shape (g, g) [-]."""
+    """Build the matrix that maps a displacement gradient of g components to the deviatoric strain, shape (g, g) [-]."""
     out = np.zeros((len(places), len(places)))
     for row, (i, j) in enumerate(places):
         for column, (k, m) in enumerate(places):
@@ -297,13 +305,21 @@ def _build_deviator(places: tuple[tuple[int, int], ...]) -> FloatArray:
 
 
 def evaluate_shapes(basis: skfem.CellBasis) -> FloatArray:
-    """Shape functions at quadrature points, shape (e, q, a)."""
+    """Evaluate the a shape functions of e elements at their q quadrature points, shape (e, q, a)."""
     each = [np.broadcast_to(np.asarray(basis.basis[a][0]), basis.dx.shape) for a in range(basis.Nbfun)]
     return np.stack(each, axis=-1)
 
 
 def _build_axisymmetric_gradient(slope: FloatArray, hoop: FloatArray) -> FloatArray:
-    """Axisymmetric gradient operator as a dense array, shape (e, q, 5, a * 2) [1/m]."""
+    """Build the matrices from nodal displacements to the five components of the axisymmetric displacement gradient.
+
+    Args:
+        slope: Derivatives of the a shape functions of e elements at q points, shape (e, q, a, 2) [1/m].
+        hoop: Shape functions over the radius, shape (e, q, a) [1/m].
+
+    Returns:
+        One matrix per point, shape (e, q, 5, a * 2) [1/m].
+    """
     e, q, a, _ = slope.shape
     out = np.zeros((e, q, 5, a, 2))
     out[:, :, 0, :, 0] = slope[..., 0]
@@ -315,15 +331,16 @@ def _build_axisymmetric_gradient(slope: FloatArray, hoop: FloatArray) -> FloatAr
 
 
 def _contract(slope: FloatArray, tensor: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum slope times tensor times slope transposed over points, as one batched matrix product.
+    """Sum gradient times moduli times gradient over the quadrature points of each element, as one batched product.
 
     Args:
-        slope: Shape (e, q, a, J).
-        tensor: Shape (e, q, J, L).
-        right: Slope with points and directions as rows, shape (e, q * L, b).
+        slope: Derivatives of the a shape functions of e elements at q points along J directions, shape (e, q, a, J).
+        tensor: Moduli that couple directions J and L, times quadrature weights, shape (e, q, J, L).
+        right: Derivatives of the b shape functions along L directions, points and directions as rows, shape
+            (e, q * L, b).
 
     Returns:
-        Shape (e, a, b).
+        One matrix per element, shape (e, a, b).
     """
     e, q, a, d = slope.shape
     left = np.matmul(slope, tensor).transpose(0, 2, 1, 3).reshape(e, a, q * d)
@@ -331,6 +348,14 @@ def _contract(slope: FloatArray, tensor: FloatArray, right: FloatArray) -> Float
 
 
 def _split_by_region(cells: IntArray, region: IntArray) -> IntArray:
-    """Number pressure unknowns by vertex and region, so that the pressure may jump between regions, shape (e, b)."""
+    """Number the pressure unknowns by vertex and region, so that the pressure may jump between regions.
+
+    Args:
+        cells: Indices of the b vertices of each of the e elements, shape (e, b).
+        region: Index of the material of each element, shape (e,).
+
+    Returns:
+        Index of the pressure unknown at each vertex of each element, shape (e, b).
+    """
     pairs = cells + region[:, None] * (cells.max() + 1)
     return np.unique(pairs, return_inverse=True)[1].reshape(cells.shape).astype(np.int64)

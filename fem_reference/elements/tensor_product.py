@@ -1,8 +1,8 @@
-"""Taylor-Hood hexahedra on tensor meshes (rows, columns and layers), assembled from line matrices.
+"""Assemble Taylor-Hood hexahedra on tensor-product meshes from matrices of line elements.
 
-On such a mesh every element integral is a product of three line integrals.  The blocks of the stiffness are therefore
-sums of Kronecker products of matrices along x, y and z.  The result equals that of the elements of `taylor_hood` to
-rounding, for a hundredth of the work.
+On a tensor-product mesh every element integral is a product of three line integrals.  The blocks of the stiffness
+matrix are therefore sums of Kronecker products of matrices along x, y and z.  The matrix equals that of `taylor_hood`
+except for rounding, at a hundredth of the computing time.
 """
 
 from __future__ import annotations
@@ -17,27 +17,28 @@ import scipy.sparse as sp
 from fem_reference.elements.line import Line, line_matrix
 from meshes.array_types import FloatArray, IntArray
 
-#: A factor and the three line matrices, along x, y and z, of one Kronecker product.
+#: Term of a sum of Kronecker products: its factor, and its three line matrices along x, y and z.
 Term = tuple[float, Any, Any, Any]
 
-#: Numbers of the fields: displacement along z, and pressure.
+#: Indices of two of the four fields (displacements along x, y and z, pressure): displacement along z, and pressure.
 _NORMAL, _PRESSURE = 2, 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TensorSolid:
-    """A linear elastic block of horizontal layers.
+    """Linear elastic rectangular block of horizontal layers on a tensor-product mesh.
 
-    Unknowns: displacements along x, then y, then z, then the mean pressure; within each, z runs fastest, then y.
+    The n unknowns are the displacements along x, then along y, then along z, then the mean pressure; within each of
+    these four fields, the nodes along z vary fastest, then those along y.
 
     Attributes:
-        edges: Element edges along x, y and z.
-        layer: Layer of each element along z, shape (e,).
-        shear_modulus: Of each layer [Pa].
-        bulk_compliance: 1 / K of each layer, 0 when incompressible [1/Pa].
-        order: Polynomial order of the displacement, one more than the pressure's [-].
-        first: First unconstrained node along z, for displacements along x, y and z: 1 where the base is fixed.
-        breaks: Elements along x and along y before which the pressure may jump.
+        edges: Element edges along x, y and z [m].
+        layer: Index of the layer of each of the e elements along z, shape (e,).
+        shear_modulus: Shear modulus of each layer [Pa].
+        bulk_compliance: Reciprocal bulk modulus 1 / K of each layer, 0 for an incompressible material [1/Pa].
+        order: Polynomial order of the displacement, one higher than that of the pressure [-].
+        first: Index of the first unconstrained node along z for displacements along x, y and z: 1 for a fixed base.
+        breaks: Indices of elements along x and along y at whose lower edge the pressure may jump.
     """
 
     edges: tuple[FloatArray, FloatArray, FloatArray]
@@ -50,13 +51,13 @@ class TensorSolid:
 
     @cached_property
     def lines(self) -> tuple[Line, Line, Line]:
-        """Displacement functions along x, y and z."""
+        """Line elements of the displacement along x, y and z."""
         x, y, z = (Line(edges=edges, order=self.order) for edges in self.edges)
         return x, y, z
 
     @cached_property
     def pressure_lines(self) -> tuple[Line, Line, Line]:
-        """Pressure functions; along z they jump where layers meet."""
+        """Line elements of the pressure along x, y and z; along z the pressure may jump between layers."""
         x, y = (
             Line(edges=edges, order=self.order - 1, jumps=jumps)
             for edges, jumps in zip(self.edges[:2], self.breaks, strict=True)
@@ -65,18 +66,18 @@ class TensorSolid:
         return x, y, Line(edges=self.edges[2], order=self.order - 1, jumps=jumps)
 
     def field_shape(self, field: int) -> tuple[int, int, int]:
-        """Nodes along x, y and z of displacement 0, 1, 2 or of the pressure, 3."""
+        """Count the free nodes of a field along x, y and z; fields: displacement along x, y, z (0 to 2), pressure (3)."""
         lines = self.pressure_lines if field == _PRESSURE else self.lines
         lowest = 0 if field == _PRESSURE else self.first[field]
         return lines[0].count, lines[1].count, lines[2].count - lowest
 
     @cached_property
     def offsets(self) -> IntArray:
-        """First unknown of each field, and the number of unknowns, shape (5,)."""
+        """Index of the first unknown of each of the four fields, then the number of unknowns, shape (5,)."""
         return np.cumsum([0, *(int(np.prod(self.field_shape(field))) for field in range(4))])
 
     def assemble_upper(self) -> sp.csr_matrix:
-        """Assemble the upper triangle of the stiffness, zeros between neighbours included, shape (n, n)."""
+        """Assemble the upper triangle of the stiffness matrix; zeros inside its pattern are stored, shape (n, n)."""
         rows, columns, values = [], [], []
         for i in range(4):
             for j in range(i, 4):
@@ -89,14 +90,14 @@ class TensorSolid:
         return sp.coo_matrix(parts, shape=(size, size)).tocsr()
 
     def compute_base_forces(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Forces on the free unknowns when the base is displaced along z by products of functions along x and y.
+        """Compute the forces on the free unknowns when the base is displaced along z by f(x) g(y).
 
         Args:
-            x: Nodal values along x of each function, shape (k, nodes).
-            y: Nodal values along y, shape (k, nodes).
+            x: Values of k functions f at the nodes along x, shape (k, nodes along x) [m].
+            y: Values of k functions g at the nodes along y, shape (k, nodes along y) [-].
 
         Returns:
-            Shape (n, k).
+            Forces on the n free unknowns for each of the k displacements, shape (n, k).
         """
         out = np.zeros((int(self.offsets[-1]), len(x)))
         for field in range(4):
@@ -112,7 +113,7 @@ class TensorSolid:
         return out
 
     def _expand_block(self, i: int, j: int) -> tuple[IntArray, IntArray, FloatArray]:
-        """Rows, columns and values of the block of fields i <= j; its upper half only when i = j."""
+        """Compute rows, columns and values of the matrix block of fields i <= j; for i = j only its upper triangle."""
         start = [0 if field == _PRESSURE else self.first[field] for field in (i, j)]
         value: FloatArray = np.zeros(1)
         place: list[Any] = []
@@ -127,10 +128,10 @@ class TensorSolid:
         return row[keep], column[keep], value[keep]
 
     def _list_terms(self, i: int, j: int) -> list[Term]:
-        """Stiffness between fields i <= j as a sum of Kronecker products.
+        """List the Kronecker products whose sum is the stiffness matrix between fields i <= j.
 
-        Of sigma = 2 mu dev(eps) - p I: the block of displacements i and j is
-        mu (delta_ij grad a . grad b + d_j a d_i b - 2/3 d_i a d_j b).
+        With sigma = 2 mu dev(eps) - p I, the stiffness between displacement i with shape function a and displacement j
+        with shape function b is the integral of mu (delta_ij grad a . grad b + d_j a d_i b - 2/3 d_i a d_j b).
         """
         if i == j == _PRESSURE:
             return [(-1.0, *self._select("pressure"))]
@@ -144,13 +145,13 @@ class TensorSolid:
         ]
 
     def _select(self, usual: str, special: dict[int, str] | None = None) -> tuple[Any, Any, Any]:
-        """Line matrices along x, y and z: the usual one, except along the special axes."""
+        """Select line matrices along x, y and z by name: `special` names those of some axes, `usual` all others."""
         x, y, z = (self._matrices[axis][(special or {}).get(axis, usual)] for axis in range(3))
         return x, y, z
 
     @cached_property
     def _matrices(self) -> list[dict[str, sp.csr_matrix]]:
-        """Line matrices of each axis by name; the moduli vary along z only and multiply the matrices along z."""
+        """Line matrices of each axis by name; the moduli vary only along z and are factors of the matrices along z."""
         out = []
         for axis, (u, p) in enumerate(zip(self.lines, self.pressure_lines, strict=True)):
             one = np.ones(len(u.edges) - 1)
@@ -171,7 +172,7 @@ class TensorSolid:
 
 
 def _number_nodes(parts: list[Any], shape: tuple[int, int, int]) -> IntArray:
-    """Number the nodes of all triples of nodes along x, y and z, with z fastest."""
+    """Number the nodes of the grid for all combinations of node indices along x, y and z, with z fastest."""
     x, y, z = (np.asarray(part, dtype=np.int64) for part in parts)
     across = (x[:, None] * shape[1] + y) * shape[2]
     return np.asarray((across.ravel()[:, None] + z).ravel())

@@ -1,1 +1,1 @@
-"""Contact at finite strain: Newton's method along a loading path, axisymmetric and in three dimensions."""
+"""Contact of a rigid indenter with a cover at finite strain, axisymmetric or three-dimensional, by Newton's method."""

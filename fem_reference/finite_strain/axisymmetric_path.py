@@ -1,4 +1,7 @@
-"""Loading path of an indenter of revolution on a laterally wide cover, solved axisymmetrically in the r-z plane."""
+"""Solve a loading path of an indenter of revolution on a laterally wide cover, axisymmetrically in the r-z plane.
+
+A loading path is a sequence of ascending target loads or depths, solved one after the other from the undeformed state.
+"""
 
 from __future__ import annotations
 
@@ -19,36 +22,39 @@ from fem_reference.linear_response.axisymmetric import BaseResponse, find_constr
 from meshes import FlatPunch
 from meshes.array_types import FloatArray
 
-#: Contact penalty: pressure per penetration, in shear moduli per element size.  It must be much larger than the
-#: stiffness that the contact pressure takes from an element; below about 30, surfaces under high pressure wrinkle [-].
+#: Contact penalty: contact pressure per penetration, in shear moduli per element size.  A high contact pressure reduces
+#: the stiffness of the surface elements, and the penalty must exceed the reduction by far; below about 30, surfaces
+#: under high pressure wrinkle [-].
 PENALTY = 300.0
-#: Depth of the first step over the thickness, small enough for a linear response [-].
+#: Depth of the first step of a loading path over the cover thickness, small enough for a linear response [-].
 FIRST_DEPTH = 0.02
-#: Element size over the radius of a rounded edge [-].
+#: Element size at the rounded edge of a flat punch over the radius of the edge [-].
 _EDGE_ELEMENT = 0.46
-#: Radius of the region of small elements over the radius of the contact under a curved shape [-].
+#: Radius of the region of small elements over the radius of the contact, under a curved indenter [-].
 _FINE_REGION = 1.25
-#: Growth of neighbouring elements away from the contact, minus one, times the elements through the cover [-].
+#: Size ratio of neighbouring elements away from the contact, minus one, times the number of elements through the
+#: cover [-].
 _GROWTH = 1.2
-#: Distance from a boundary below which a node lies on it, in thicknesses [-].
+#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
-#: Gap over depth above which a node is open: in the last element in contact the surface waves by less than that [-].
+#: Gap between indenter and cover, over the depth, above which a surface node counts as out of contact.  In the
+#: outermost element in contact the surface deviates from the indenter by less than this value [-].
 _OPEN = 1e-2
-#: Number of open nodes from which the edge of the contact is extrapolated, and number of nodes in contact, from the
-#: last one inwards, between which and the first open node it must lie.
+#: The edge of the contact is extrapolated from this many nodes out of contact, and limited to the interval from this
+#: many nodes inside the contact to the first node out of contact [-].
 _OPEN_NODES, _CLOSED_NODES = 4, 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressedState:
-    """The solution at one target of an axisymmetric path.
+    """Solution at one target load or depth of an axisymmetric loading path.
 
     Attributes:
-        depth: Approach from first touch [m].
-        load: Force [N].
+        depth: Approach of the indenter from first touch [m].
+        load: Normal force on the indenter [N].
         area: Contact area in the deformed state [m2].
-        overlap: Mean penetration that the penalty leaves [m].
-        base: Base pressure under the whole load.
+        overlap: Mean penetration of indenter and cover that remains with the penalty method [m].
+        base: Pressure on the base of the cover over the radius.
     """
 
     depth: float
@@ -68,20 +74,20 @@ def press_axisymmetric(
     coarse: SolvedPath | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[PressedState], SolvedPath]:
-    """Follow one loading path.
+    """Press an indenter of revolution into a wide cover along one loading path, on one mesh.
 
     Args:
-        path: Cover, indenter, targets and friction.
-        elements_per_thickness: Elements through the cover [-].
-        contact_radius: Estimated radius of the largest contact; up to it elements are small [m].
-        fillet: Radius of rounded edges [m].
-        reach: Radius of the outer boundary, where nothing moves [m].
-        coarse: The same path solved on a coarser mesh, to start from.  Not used with friction, where slip depends on
-            the loading history.
+        path: Cover, indenter, target loads or depths, and friction.
+        elements_per_thickness: Number of elements through the cover [-].
+        contact_radius: Estimated radius of the largest contact, within which elements are small [m].
+        fillet: Radius of rounded edges of the indenter [m].
+        reach: Radius of the outer boundary, where all displacements are zero [m].
+        coarse: The same loading path solved on a coarser mesh, as initial guesses for Newton's method.  Not used with
+            friction, because slip depends on the loading history.
         progress: Called with a line of text after each step.
 
     Returns:
-        The state at every target, and the solved path for a finer mesh to start from.
+        The state at every target, and the solved path as initial guesses for a finer mesh.
 
     Raises:
         PathConvergenceError: If the path stops before its last target.
@@ -100,7 +106,7 @@ def press_axisymmetric(
         radii = grade_outward(size, _FINE_REGION * radius, reach, growth)
     mesh, region = mesh_cover(thin, elements_per_thickness, radii, surface_size=top)
     elements = prepare_elements(mesh, region=region, axisymmetric=True)
-    # Problem, in units of thickness and shear modulus.
+    # Contact problem in units of the cover's thickness and shear modulus.
     surface = IndenterSurface(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
     problem = ContactProblem(
         solid=Solid.from_cover(elements, path.cover, units),
@@ -123,7 +129,7 @@ def press_axisymmetric(
 def _describe_state(
     elements: MixedElements, units: Units, surface: IndenterSurface, reached: ContactEquilibrium
 ) -> PressedState:
-    """Return a converged target in SI units."""
+    """Convert the converged state at one target to SI units."""
     r, z = elements.nodes.T
     base, top = np.flatnonzero(z < _ON_BOUNDARY), np.flatnonzero(z > 1 - _ON_BOUNDARY)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
@@ -143,16 +149,19 @@ def _describe_state(
 
 
 def _measure_area(surface: IndenterSurface, top: FloatArray, reached: ContactEquilibrium) -> float:
-    """Return the contact area, from the radius at which the gap opens.
+    """Compute the contact area from the radius at which the gap between indenter and cover opens.
 
-    Outside a smooth contact the gap grows with the distance from its edge to the power 3/2 (Johnson 1985, section 5.1).
-    The gap to the power 2/3 is therefore a straight line over the next open nodes, and its zero is the edge.  This
-    resolves the edge more finely than the mesh does.
+    Outside a smooth contact the gap grows with the distance from the edge of the contact to the power 3/2 (Johnson
+    1985, section 5.1).  A straight line is therefore fitted to the gap to the power 2/3 at the first nodes out of
+    contact, and its zero is the edge of the contact.  This resolves the edge more finely than the element size.
 
     Args:
         surface: Surface of the indenter.
-        top: Moved nodes of the top, from the axis outwards, shape (n, 2).
-        reached: The converged state.
+        top: Positions (r, z) of the n deformed surface nodes, from the axis outwards, shape (n, 2) [thicknesses].
+        reached: Converged state at one target.
+
+    Returns:
+        The contact area, in squared thicknesses.
     """
     r, z = top[:, 0], top[:, 1]
     gap = 1 - reached.depth + surface.height(r, np.zeros_like(r)) - z

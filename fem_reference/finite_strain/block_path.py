@@ -1,7 +1,8 @@
-"""Blocks of hexahedra under an indenter of any shape: layout, mesh, constraints and base pressure.
+"""Build blocks of hexahedra under an indenter of any shape: layout, mesh, constraints and base pressure.
 
-A wide cover is the same everywhere, so its block lies in the indenter's frame and one solution serves all poses.  If
-the indenter is symmetric in x or y, only the half or quarter on the positive side is meshed.
+A block is the part of a cover that is meshed in three dimensions.  A wide cover has the same properties everywhere, so
+the block is fixed in the frame of the indenter and one solution is valid for all poses of the indenter.  If the
+indenter is symmetric about x = 0 or y = 0, only the half or quarter at positive coordinates is meshed.
 """
 
 from __future__ import annotations
@@ -20,38 +21,39 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from meshes import Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 
-#: Ascending positions along x, shape (m,), and y, shape (n,) [m], and base pressure on their grid, shape (m, n) [Pa].
+#: Base pressure on a grid: ascending positions along x, shape (m,) [m], and along y, shape (n,) [m], and the pressure
+#: at the grid points, shape (m, n) [Pa].
 BasePressure = tuple[FloatArray, FloatArray, FloatArray]
 
-#: Element size over the radius of a rounded edge: across an edge that lies on mesh lines, and everywhere under a face
-#: whose edge does not [-].
+#: Element size over the radius of the rounded edge of a flat punch: at the edge of a rectangular face, whose edges lie
+#: on mesh lines, and everywhere under a face of another outline [-].
 _ON_LINE_ELEMENT, _OFF_LINE_ELEMENT = 0.6, 1.3
-#: Element size over the one that the elements through the cover give: at the edge of the contact under a curved shape,
-#: and largest size in the contact [-].
+#: Element sizes over the regular size, which follows from the number of elements through the cover: at the edge of the
+#: contact under a curved indenter, and largest size in the contact [-].
 _EDGE_ELEMENT, _LARGEST_ELEMENT = 0.5, 1.2
-#: Largest number of equal elements along half a footprint, for each element through the cover.  More would need more
-#: memory than common machines have [-].
+#: Largest number of equal elements along half a footprint, per element through the cover, to limit the memory [-].
 _MOST_ELEMENTS = 6
-#: Least number of elements in each layer.
+#: Smallest number of elements through each layer [-].
 _LAYER_ELEMENTS = 2
-#: Distance over the smaller half width below which a point lies on an outline [-].
+#: Distance from the outline of a flat punch, over its smaller half width, below which a point counts as on the
+#: outline [-].
 _ON_OUTLINE = 1e-6
-#: Distance from a boundary below which a node lies on it, in thicknesses [-].
+#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockState:
-    """The solution at one target of a path on a block.
+    """Solution at one target load or depth of a loading path on a block.
 
     Attributes:
-        depth: Approach from first touch [m].
-        load: Force of the whole indenter [N].
-        area: Reference area of the whole contact [m2].
-        overlap: Mean penetration that the penalty leaves [m].
-        lines: Positions of the base nodes of the meshed part along x, shape (m,), and y, shape (n,) [m].
-        forces: Base reactions at these nodes, shape (m, n) [N].
-        symmetric: Whether x = 0 and y = 0 are planes of symmetry, beyond which nothing is meshed.
+        depth: Approach of the indenter from first touch [m].
+        load: Normal force on the whole indenter [N].
+        area: Area of the whole contact in the undeformed state [m2].
+        overlap: Mean penetration of indenter and cover that remains with the penalty method [m].
+        lines: Positions of the base nodes of the meshed part along x, shape (m,), and along y, shape (n,) [m].
+        forces: Normal reactions of the base at these nodes, shape (m, n) [N].
+        symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
     """
 
     depth: float
@@ -65,14 +67,14 @@ class BlockState:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
-    """The part of a cover that is meshed, in units of its thickness.
+    """Part of a cover that is meshed, with lengths in units of the cover thickness.
 
     Attributes:
         sides: Element edges along x and along y, ascending.
         symmetric: Whether x = 0 and y = 0 are planes of symmetry, at which `sides` start.
         size: Element size under the contact.
         surface: Surface of the indenter.
-        free: Whether the side faces are free; otherwise nothing moves there.
+        free: Whether the side faces are free; otherwise all displacements are zero on the side faces.
     """
 
     sides: Sequence[FloatArray]
@@ -83,21 +85,21 @@ class Block:
 
     @property
     def multiple(self) -> float:
-        """Force on the whole cover over the force on the meshed part [-]."""
+        """Force on the whole indenter over the force on the meshed part: 1, 2 or 4 [-]."""
         return float((1 + self.symmetric[0]) * (1 + self.symmetric[1]))
 
 
 def lay_out_block(
     path: LoadingPath, *, elements_per_thickness: int, contact_half: tuple[float, float], fillet: float, reach: float
 ) -> Block:
-    """Lay out the block under a shape on a wide cover.
+    """Choose extent, symmetry and element sizes of the block under an indenter on a wide cover.
 
     Args:
-        path: Cover, indenter and targets.
-        elements_per_thickness: Elements through the cover [-].
-        contact_half: Half widths of the largest contact, in which elements are small [m].
-        fillet: Radius of rounded edges [m].
-        reach: Distance from the contact to the outer boundary [m].
+        path: Loading path with cover and indenter.
+        elements_per_thickness: Number of elements through the cover [-].
+        contact_half: Half widths of the largest contact along x and y, within which elements are small [m].
+        fillet: Radius of rounded edges of the indenter [m].
+        reach: Distance from the contact to the outer boundary of the block [m].
     """
     indenter = path.indenter
     symmetric = indenter.mirror_symmetry
@@ -123,8 +125,8 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
     """Mesh a block of the cover with hexahedra; the region number of an element is the index of its layer.
 
     Args:
-        block: Extent of the block and element sizes along x and y.
-        cover: The layers; all lengths are divided by the thickness of the cover.
+        block: Extent of the block and element edges along x and y.
+        cover: Cover with all lengths divided by its thickness.
         elements_per_thickness: Number of elements through the cover; each layer gets at least two [-].
     """
     counts = [max(_LAYER_ELEMENTS, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
@@ -134,10 +136,10 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
 
 
 def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> IntArray:
-    """Return the constrained displacements of a meshed block.
+    """Return the indices of the displacements of a meshed block that are zero.
 
-    These are the base (all components if bonded, else the normal one), the outer boundary unless it is free, and the
-    normal components on planes of symmetry.
+    These are all components on a bonded base, the normal component on a sliding base, all components on the outer
+    boundary unless it is free, and the normal component on planes of symmetry.
     """
     x, y, z = elements.nodes.T
     base = z < _ON_BOUNDARY
@@ -154,11 +156,11 @@ def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> 
 
 
 def describe_state(elements: MixedElements, units: Units, reached: ContactEquilibrium, block: Block) -> BlockState:
-    """Return a converged target in SI units."""
+    """Convert the converged state at one target to SI units, with the base reactions on a grid of nodes."""
     x, y, z = elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
-    # Nodes lie on the element edges and midway between them.  Nodes on one mesh line differ by rounding; each belongs
-    # to the nearest line.
+    # Nodes lie on the element edges and midway between edges.  Coordinates of nodes on one mesh line differ by
+    # rounding; each node is assigned to the nearest line.
     lines = [np.interp(np.arange(2 * len(side) - 1) / 2, np.arange(len(side)), side) for side in block.sides]
     forces = np.zeros((len(lines[0]), len(lines[1])))
     nearest = [
@@ -177,14 +179,14 @@ def describe_state(elements: MixedElements, units: Units, reached: ContactEquili
 
 
 def recover_nodal_pressure(state: BlockState) -> BasePressure:
-    """Return the base pressure at the nodes of the base: the biquadratic one whose nodal forces are the reactions."""
+    """Compute the base pressure at the base nodes: the biquadratic field whose nodal forces are the base reactions."""
     return _unfold(list(state.lines), recover_pressure(_make_lines(state), state.forces), state.symmetric)
 
 
 def recover_gauss_pressure(state: BlockState) -> BasePressure:
-    """Return the base pressure at the two Gauss points of each edge.
+    """Compute the base pressure at the two Gauss points per element along x and along y.
 
-    The error of the recovered pressure oscillates within an edge and vanishes at these points.
+    The error of the biquadratic pressure oscillates within each element and vanishes at these points.
     """
     lines = _make_lines(state)
     points = [gauss_points(line.edges, 2)[0] for line in lines]
@@ -193,11 +195,18 @@ def recover_gauss_pressure(state: BlockState) -> BasePressure:
 
 
 def _make_lines(state: BlockState) -> list[Line]:
+    """Return the quadratic line elements of the base along x and along y."""
     return [Line(edges=nodes[::2], order=2) for nodes in state.lines]
 
 
 def _unfold(lines: list[FloatArray], values: FloatArray, symmetric: tuple[bool, bool]) -> BasePressure:
-    """Add the mirror image of values on a grid; positions on a plane of symmetry are not repeated."""
+    """Extend values on the grid of a half or quarter to the whole base by mirror images.
+
+    Args:
+        lines: Positions of the grid along x and along y [m].
+        values: Values at the grid points, shape (m, n).
+        symmetric: Whether x = 0 and y = 0 are planes of symmetry; positions on a plane are not repeated.
+    """
     for axis in range(2):
         if symmetric[axis]:
             first = int(lines[axis][0] == 0)
@@ -208,7 +217,7 @@ def _unfold(lines: list[FloatArray], values: FloatArray, symmetric: tuple[bool, 
 
 
 def _is_rectangular(shape: FlatPunch) -> bool:
-    """Return whether a face fills the rectangle around it, so that its outline lies on mesh lines."""
+    """Return whether the face of a flat punch is a rectangle along x and y, so that its outline lies on mesh lines."""
     half = np.array(shape.footprint)
     corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
     filled = abs(float(shape.signed_distance(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_OUTLINE * half.min()

@@ -1,9 +1,9 @@
-"""Rubber disks compressed between two bonded rigid plates at finite strain: mounts, pads, and a test of the elements.
+"""Compress rubber disks between two bonded rigid plates at finite strain, to verify the elements.
 
-`closed_form.bonded_disk` is the small-strain limit for incompressible rubber.  Where plate and free edge meet, real
-rubber bulges and comes to lie against the plate, even at small strain.  This model has no contact there, and rubber can
-move past the plate's edge.  Elements much smaller than those of `GRIDS` fold over at the edge at large strains, and a
-path on such a grid stops early.
+`closed_form.bonded_disk` is the small-strain limit for incompressible rubber.  At the corner of plate and free edge,
+real rubber bulges and touches the plate, even at small strain.  This model has no contact at the corner; rubber can
+move past the edge of the plate.  Elements much smaller than those of `GRIDS` are turned inside out at the corner at
+large strains, and the solution on such a grid stops before the last strain.
 """
 
 from __future__ import annotations
@@ -30,27 +30,28 @@ from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 from meshes.array_types import FloatArray, IntArray
 
-#: Elements through half the height on the three grids; the last one is the answer.
+#: Number of elements through half the height on the three grids; the result is that of the finest grid [-].
 GRIDS = (4, 6, 9)
-#: Largest residual: forces relative to the plate's largest nodal force, volumes to the volume per pressure unknown [-].
+#: Largest residual in equilibrium: forces over the largest nodal force on the plate, volume residuals over the volume
+#: per pressure unknown [-].
 TOLERANCE = 1e-8
-#: Order of convergence that the singularity at the corner allows at small strain: twice its exponent, see
-#: `closed_form.bonded_disk` [-].
+#: Order of convergence of the force at small strain: twice the exponent of the singularity at the corner of plate and
+#: free edge, see `closed_form.bonded_disk` [-].
 _ORDER = 1.19
-#: Distance from a boundary below which a node lies on it, in half heights [-].
+#: Distance from a boundary of the mesh, over half the height, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
-#: Largest number of Newton iterations of a step.
+#: Largest number of Newton iterations in one step of the plate [-].
 _ITERATIONS = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Squeezed:
-    """A disk at several compressions.
+    """Force and energy of a rubber disk at n compressions.
 
     Attributes:
-        strain: Compression over height, shape (n,) [-].
-        force: Force on the plates, shape (n,) [N].
-        energy: Stored energy, shape (n,) [J].
+        strain: Compression over the undeformed height, shape (n,) [-].
+        force: Compressive force on the plates, shape (n,) [N].
+        energy: Elastic energy stored in the disk, shape (n,) [J].
         error_estimate: Estimated relative error of each force, from three grids, shape (n,) [-].
     """
 
@@ -62,12 +63,15 @@ class Squeezed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Disk:
-    """Half a disk on a mesh, in half heights and shear moduli; z = 0 is its middle plane, the plate is at z = 1.
+    """Meshed upper half of a disk, in units of half the height and of the shear modulus.
+
+    The middle plane of the disk is z = 0 and the plate is at z = 1.
 
     Attributes:
         solid: Elements and material.
-        constrained: Displacements that are prescribed.
-        plate: Those of them that move down with the plate; the others are zero.
+        constrained: Indices of the prescribed displacements.
+        plate: Indices of the prescribed displacements that equal that of the plate; the other prescribed displacements
+            are zero.
     """
 
     solid: Solid
@@ -76,12 +80,12 @@ class Disk:
 
     @classmethod
     def mesh(cls, material: Material, radius: float, count: int) -> Disk:
-        """Mesh a disk.
+        """Mesh the upper half of a disk.
 
         Args:
-            material: Its material.
-            radius: Radius over half the height [-].
-            count: Elements through half the height [-].
+            material: Material of the disk.
+            radius: Radius of the disk over half the height [-].
+            count: Number of elements through half the height [-].
         """
         layer = Cover(layers=(Layer(thickness=1.0, material=material),))
         mesh, _ = mesh_cover(layer, count, np.linspace(0, radius, max(2, round(radius * count)) + 1))
@@ -96,10 +100,13 @@ class Disk:
         )
 
     def compress(self, travels: Sequence[float]) -> list[Equilibrium]:
-        """Return the equilibrium at each travel of the plate; the travel is its `depth`, the plate's force its `load`.
+        """Compress the disk to each of several displacements of the plate.
 
         Args:
-            travels: Travels, ascending [half heights].
+            travels: Displacements of the plate, ascending [half heights].
+
+        Returns:
+            The equilibrium at each displacement; `depth` is the displacement and `load` the force of the plate.
 
         Raises:
             PathConvergenceError: If a step fails even after repeated halving.
@@ -120,7 +127,10 @@ class Disk:
         return out
 
     def _solve(self, _: Equilibrium | None, here: Equilibrium, travel: float) -> Equilibrium:
-        """Move the plate and find the equilibrium; the first Newton step carries the movement into the disk."""
+        """Move the plate to `travel` and solve for equilibrium, with the last equilibrium `here` as initial guess.
+
+        The first Newton iteration moves the nodes on the plate and distributes the displacement over the disk.
+        """
         target = np.where(np.isin(self.constrained, self.plate), -travel, 0.0)
 
         def linearise(state: FloatArray, iteration: int) -> Linearisation[Equilibrium]:
@@ -150,24 +160,25 @@ class Disk:
 
     @cached_property
     def _system(self) -> ConstrainedSystem:
+        """Linear system with the displacements on plate, axis and middle plane prescribed."""
         return ConstrainedSystem(self.constrained)
 
 
 def compress_disk(material: Material, *, radius: float, height: float, strains: Sequence[float]) -> Squeezed:
-    """Compress a disk between bonded rigid plates.
+    """Compress a rubber disk between two bonded rigid plates.
 
     Args:
-        material: Its material; a small-strain model is treated as neo-Hookean with the same moduli.
+        material: Material of the disk; a small-strain model is treated as neo-Hookean with the same moduli.
         radius: Radius of the undeformed disk [m].
         height: Height of the undeformed disk [m].
-        strains: Compressions over height, ascending [-].
+        strains: Compressions over the undeformed height, ascending, between 0 and 1 [-].
 
     Returns:
         Force, energy and estimated error at each strain.
 
     Raises:
         ValueError: If a length is not positive or the strains do not ascend within 0..1.
-        ConvergenceError: If the disk cannot be compressed that far.
+        ConvergenceError: If Newton's method does not converge at one of the strains.
     """
     if not (radius > 0 and height > 0):
         raise ValueError(f"a disk needs a positive radius and height, not {radius} m and {height} m")

@@ -1,15 +1,15 @@
-"""Contact of a deforming top surface with a rigid indenter, at the quadrature points of the top facets.
+"""Compute the contact of the deforming top of a cover with a rigid indenter, at quadrature points of the top facets.
 
-Penalty method: the energy of a point is half the penalty times its squared penetration, per reference area.  Force and
-tangent are the exact derivatives of this energy, so Newton's method keeps its quadratic convergence, and the force acts
-along the indenter's normal.  The penalty is moderate, so that steps may be long.  Augmentation (Simo and Laursen 1992)
-reduces the penetration that it leaves; the rest is part of the error estimates.
+Penalty method: the energy of a quadrature point per reference area is half the penalty times the squared penetration.
+Force and tangent are the exact derivatives of this energy, so Newton's method converges quadratically, and the force
+acts along the normal of the indenter.  The penalty is moderate, so that steps may be long.  Augmentation (Simo and
+Laursen 1992) reduces the penetration that remains; the effect of the rest is part of the error estimates.
 
-Friction: a point in contact is connected by a tangential spring to the place where it first touched, and the spring's
-traction is returned to Coulomb's cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).  The width of the
-cone is kept constant while Newton's method runs.  The tangent is then symmetric, and exact except for the rotation of
-the tangent plane on curved indenters.  Afterwards the cone is updated until it no longer changes.  Slip is measured
-from the last recorded state, so steps must be small while the contact grows.
+Friction: a point in contact is connected by a tangential spring to the place of first contact, and a return mapping
+limits the traction of the spring to Coulomb's cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).
+During Newton's method the cone follows from fixed contact pressures.  The tangent is then symmetric, and exact except
+for the rotation of the tangent plane on curved indenters.  The cone is then updated from the new pressures until it no
+longer changes.  Slip is measured from the last recorded state, so steps must be small while the contact grows.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from fem_reference.elements.taylor_hood import MixedElements, evaluate_shapes
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes.array_types import BoolArray, FloatArray
 
-#: Tangential over normal penalty where points may slide.  With a stiffer spring a point leaves the cone on one side and
-#: returns on the other, and Newton's method cycles.  The elastic slip of the soft spring is removed as slip is recorded
-#: [-].
+#: Stiffness of the tangential spring of friction over the normal penalty, for finite friction coefficients.  With a
+#: stiffer spring, the trial traction leaves the friction cone on one side and then on the opposite side, and Newton's
+#: method cycles.  The elastic slip of the soft spring vanishes as slip is recorded [-].
 TANGENTIAL_PENALTY = 1 / 40
-#: Quadrature order on the facets.
+#: Polynomial order of the quadrature on the top facets [-].
 _ORDER = 5
-#: Distance from the top below which a facet lies on it, over the height of the top [-].
+#: Distance from the top of the cover, over the height of the top, below which a facet counts as part of the top [-].
 _ON_TOP = 1e-9
-#: Value of a shape function below which it vanishes on a facet [-].
+#: Absolute value below which a shape function counts as zero on a facet [-].
 _ZERO = 1e-9
 #: Lower bound of denominators that may be zero [N] or [Pa].
 _TINY = 1e-300
@@ -40,22 +40,22 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactState:
-    """Contact at one state and depth.
+    """Contact forces and pressures for given displacements of the cover and a given depth of the indenter.
 
-    Shapes are (f, q) for values at quadrature point q of facet f, (f, q, d) for vectors there.
+    Shapes are written with n unknowns, f top facets, q quadrature points per facet and d dimensions.
 
     Attributes:
-        force: Contact part of the residual over all unknowns, shape (n,) [N].
-        tangent: Derivative of `force` by the unknowns, shape (n, n).
-        depth_force: Derivative of `force` by the depth, shape (n,) [N/m].
-        total: Force on the indenter along z [N].
-        stiffness: Derivative of `total` by the depth at fixed displacements [N/m].
-        area: Reference area in contact [m2].
-        overlap: Mean distance between the surfaces in contact, weighted by pressure [m].
+        force: Contact part of the residual of equilibrium, shape (n,) [N].
+        tangent: Derivative of `force` with respect to the unknowns, shape (n, n).
+        depth_force: Derivative of `force` with respect to the depth, shape (n,) [N/m].
+        total: Force on the whole indenter along z [N].
+        stiffness: Derivative of `total` with respect to the depth at fixed displacements [N/m].
+        area: Contact area in the undeformed state [m2].
+        overlap: Mean absolute distance between cover and indenter in contact, weighted by pressure [m].
         pressure: Contact pressure per reference area, shape (f, q) [Pa].
         traction: Frictional traction per reference area, shape (f, q, d); None without friction [Pa].
-        position: Positions of the points in the indenter's frame, shape (f, q, d) [m].
-        sticking: Which points in contact do not slide, shape (f, q).
+        position: Positions of the quadrature points in the frame of the indenter, shape (f, q, d) [m].
+        sticking: Whether each point is in contact and does not slide, shape (f, q).
     """
 
     force: FloatArray
@@ -72,18 +72,18 @@ class ContactState:
 
 
 class SurfaceContact:
-    """The top of a mesh that may touch an indenter.
+    """Contact condition between the top of a meshed cover and a rigid indenter.
 
     Args:
-        elements: Prepared elements.
-        top: Height of the undeformed top [m].
+        elements: Elements of the cover.
+        top: Height of the undeformed top of the cover [m].
         indenter: Surface of the indenter.
-        penalty: Pressure per penetration [Pa/m].
+        penalty: Contact pressure per penetration [Pa/m].
         multiple: Force on the whole indenter over the force on the meshed part: 4 for a quarter [-].
         friction: Coefficient of Coulomb friction, inf for no slip [-].
 
     Attributes:
-        weight: Reference area of each point, shape (f, q) [m2].
+        weight: Reference area that belongs to each of q quadrature points of f top facets, shape (f, q) [m2].
     """
 
     def __init__(
@@ -117,20 +117,20 @@ class SurfaceContact:
         self._unknowns = (self._dimension * self._nodes[:, :, None] + component).reshape(len(self._nodes), -1)
 
     def evaluate(self, state: FloatArray, depth: float, *, curved: bool = True) -> ContactState:
-        """Evaluate the contact.
+        """Evaluate contact forces, pressures and tangent for given displacements and depth.
 
         Args:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
-            depth: Approach of the indenter [m].
-            curved: Whether the tangent includes the indenter's curvature.  Far from equilibrium, large penetrations
-                times the curvature of an edge would make Newton's method diverge.
+            depth: Approach of the indenter from first touch [m].
+            curved: Whether the tangent includes the curvature of the indenter.  Far from equilibrium, the product of
+                large penetrations and the curvature of an edge makes Newton's method diverge.
         """
         d = self._dimension
         displacement = state[self._unknowns].reshape(*self._nodes.shape, d)
         moved = self._position + np.einsum("fqa,fai->fqi", self._shape, displacement)
         x, y = moved[..., 0], moved[..., 1] if d == 3 else np.zeros_like(moved[..., 0])  # noqa: PLR2004
         surface = self._indenter.evaluate(x, y)
-        # Pressure, and its vector along the indenter's normal with a vertical component of one.
+        # Contact pressure; `normal` is the normal of the indenter, scaled to a vertical component of 1.
         overlap = moved[..., -1] - (self._top - depth + surface.height)
         trial = self._penalty * overlap + self._multiplier
         touching = trial > 0
@@ -142,7 +142,7 @@ class SurfaceContact:
         tangent = stiffness[..., None, None] * normal[..., :, None] * normal[..., None, :]
         if curved:
             tangent[..., : d - 1, : d - 1] -= pressure[..., None, None] * surface.curvature[..., : d - 1, : d - 1]
-        # Friction.
+        # Frictional traction at the positions in the frame of the indenter.
         position = moved + depth * np.eye(d)[-1]
         traction, sticking = None, np.zeros_like(touching)
         if self.friction:
@@ -199,7 +199,7 @@ class SurfaceContact:
         return reduction[..., None] * trial, derivative, (pressure > 0) & ~slides
 
     def update_cone(self, contact: ContactState) -> float:
-        """Set the width of Coulomb's cone from the pressures of a state; return their relative change [-]."""
+        """Set the friction cone from the contact pressures of a state; return the relative change of pressure [-]."""
         if not self.friction:
             return 0.0
         change = float((np.abs(contact.pressure - self._cone_pressure) * self.weight).sum())
@@ -207,26 +207,33 @@ class SurfaceContact:
         return change * self.multiple / max(contact.total, _TINY)
 
     def record_slip(self, contact: ContactState) -> None:
-        """Measure slip from this converged state on; points that stick stay connected to where they first stuck."""
+        """Record positions and tractions of a converged state, from which slip is measured in the next step.
+
+        The recorded position of a point that sticks is not changed.
+        """
         if contact.traction is not None:
             sticking = contact.sticking[..., None]
             self._recorded_position = np.where(sticking, self._recorded_position, contact.position)
             self._recorded_traction = contact.traction
 
     def augment(self, pressure: FloatArray) -> None:
-        """Add a pressure, shape (f, q) [Pa], to that of the penalty; with a solved pressure the penetration shrinks.
+        """Set the pressure at each quadrature point that is added to that of the penalty, to reduce the penetration.
 
-        Repeated, this is Uzawa's method: the pressure becomes the Lagrange multiplier of zero penetration.
+        Repeated with the last solved contact pressure this is Uzawa's method, in which the pressure converges to the
+        Lagrange multiplier of zero penetration.
+
+        Args:
+            pressure: Added pressure at q quadrature points of f facets, shape (f, q) [Pa].
         """
         self._multiplier = pressure
 
     def _assemble_vector(self, density: FloatArray, size: int) -> FloatArray:
-        """Sum forces at the points, shape (f, q, d), to nodal forces, shape (size,) [N]."""
+        """Sum forces at the quadrature points, shape (f, q, d), to forces on all unknowns, shape (size,) [N]."""
         each = np.einsum("fqa,fqi->fai", self._shape, density).reshape(self._unknowns.shape)
         return np.bincount(self._unknowns.ravel(), each.ravel(), minlength=size).astype(float)
 
     def _assemble_matrix(self, density: FloatArray, size: int) -> sp.csr_matrix:
-        """Sum derivatives at the points, shape (f, q, d, d), to a matrix of shape (size, size)."""
+        """Sum derivatives of forces at the quadrature points, shape (f, q, d, d), to a matrix, shape (size, size)."""
         touching = np.flatnonzero(np.abs(density).max(axis=(1, 2, 3)) > 0)
         shape = self._shape[touching]
         block = np.einsum("fqa,fqij,fqb->faibj", shape, density[touching], shape, optimize=True)

@@ -1,8 +1,9 @@
-"""A solid under a rigid indenter, followed along a loading path.
+"""Solve the contact of an elastic solid with a rigid indenter along a loading path.
 
-Each step solves for all unknowns at a given depth, or for all unknowns and the depth at a given load (one bordered
-system, one factorisation).  At every target the penetration that the penalty leaves is reduced by augmentation, and the
-balance is met more closely than on the way.
+A loading path is a sequence of ascending target loads or depths.  Each step solves for all unknowns at a given depth,
+or for all unknowns and the depth at a given load (one bordered system, one factorisation).  At every target,
+augmentation reduces the penetration that remains with the penalty method, and the tolerance on the balance of forces
+is smaller than in the steps between targets.
 """
 
 from __future__ import annotations
@@ -35,35 +36,35 @@ from meshes.array_types import FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 
-#: Treat a mean penetration below this fraction of the depth as zero: augmentation stops there [-].
+#: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
 OVERLAP = 2.5e-4
-#: Largest residual at a target and on the way to it.  Forces are relative to the largest nodal contact force, volumes
-#: to the volume per pressure unknown, the load to its target [-].
+#: Largest residual at a target, and in the steps between targets.  Residual forces are divided by the largest nodal
+#: contact force, volume residuals by the volume per pressure unknown, the error of the load by the load [-].
 _TARGET_TOLERANCE, _STEP_TOLERANCE = 1e-6, 1e-3
-#: Largest number of augmentations at a target.
+#: Largest number of augmentations at a target [-].
 _AUGMENTATIONS = 6
-#: Largest number of Newton iterations of a step: without friction, and with it, where the widths of the friction cones
-#: are found in the same iterations.
+#: Largest number of Newton iterations in a step without friction, and with friction, where the same iterations also
+#: find the friction cones [-].
 _ITERATIONS, _FRICTION_ITERATIONS = 24, 60
-#: First Newton iterations of a step in which the tangent leaves out the curvature of the indenter: far from equilibrium
-#: it makes the iteration diverge.
+#: Number of Newton iterations at the beginning of a step in which the tangent omits the curvature of the indenter,
+#: which makes the iteration diverge far from equilibrium [-].
 _UNCURVED_ITERATIONS = 2
-#: Least number of steps to a target with friction, because slip depends on the loading history.
+#: Smallest number of steps to a target with friction, because slip depends on the loading history [-].
 _FRICTION_STEPS = 16
 #: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
 #: between two updates over their sum [-].
 _CONE_CHANGE = 1e-4
-#: Number of times that the first step of a path is halved.
+#: Largest number of times that the first step of a loading path is halved [-].
 _FIRST_HALVINGS = 12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactEquilibrium(Equilibrium):
-    """A converged state of a solid under an indenter.
+    """Equilibrium of an elastic solid under a rigid indenter.
 
     Attributes:
-        contact: The contact.
-        before_augmentation: The state before the penetration was reduced by augmentation; None if this is that state.
+        contact: Contact forces and pressures.
+        before_augmentation: Equilibrium before augmentation reduced the penetration; None without augmentation.
     """
 
     contact: ContactState
@@ -71,17 +72,17 @@ class ContactEquilibrium(Equilibrium):
 
     @property
     def penalty_solution(self) -> ContactEquilibrium:
-        """The solution that Newton's method finds first, with the penetration that the penalty leaves."""
+        """Equilibrium before augmentation, with the whole penetration of the penalty method."""
         return self.before_augmentation or self
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Guess:
-    """A start for Newton's method.
+    """Initial guess for Newton's method.
 
     Attributes:
         state: Displacements [m], then mean pressures [Pa], shape (n,).
-        depth: Approach [m].
+        depth: Approach of the indenter from first touch [m].
     """
 
     state: FloatArray
@@ -90,15 +91,15 @@ class Guess:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactProblem:
-    """A solid, its constraints and the indenter above it.
+    """Elastic solid with its constraints, in contact with a rigid indenter.
 
     Attributes:
         solid: Elements and materials, in `units`.
-        contact: Contact between the top and the indenter, in `units`.
-        constrained: Unknowns that are zero.
+        contact: Contact condition between the top of the solid and the indenter, in `units`.
+        constrained: Indices of the unknowns that are zero.
         units: Units of length and stress of this problem; messages are in SI units.
-        load_scale: Factor on the indenter's heights and on the targets; messages are divided by it [-].
-        overlap: Mean penetration, relative to the depth, below which augmentation stops [-].
+        load_scale: Factor on the heights of the indenter and on the targets; messages are divided by it [-].
+        overlap: Mean penetration, over the depth, below which augmentation stops [-].
     """
 
     solid: Solid | SmallStrainSolid
@@ -117,15 +118,18 @@ class ContactProblem:
         guesses: Sequence[Guess] = (),
         progress: Callable[[str], None] | None = None,
     ) -> list[ContactEquilibrium]:
-        """Follow one loading path and return the equilibrium at every target.
+        """Solve for the equilibrium at every target of a loading path, one after the other.
 
         Args:
-            targets: Loads [N] or depths [m], ascending.
+            targets: Target loads [N] or depths [m], ascending.
             control: Whether the targets are loads or depths.
             first: Depth of the first step, small enough for a linear response [m].
-            guesses: A guess for each target, from a coarser mesh.  Steps are taken only to targets where Newton's
-                method does not converge from the guess.
+            guesses: An initial guess for each target, from a coarser mesh.  Where Newton's method does not converge
+                from the guess, the target is reached in steps.
             progress: Called with a line of text after each step.
+
+        Returns:
+            The equilibrium at every target.
 
         Raises:
             PathConvergenceError: If a step fails even after repeated halving.
@@ -144,14 +148,14 @@ class ContactProblem:
         return out
 
     def _describe(self, here: ContactEquilibrium) -> str:
-        """Return load and depth as text, in SI units."""
+        """Format load and depth of an equilibrium as text, in SI units."""
         force, length = self.units.force / self.load_scale, self.units.length / self.load_scale
         return f"{here.load * force:.3g} N at {here.depth * length * 1e3:.3g} mm"
 
     def _solve_from_guess(
         self, guess: Guess, target: float, control: Control, before: ContactEquilibrium | None
     ) -> ContactEquilibrium | None:
-        """Solve for a target directly from a guess; return None where that fails."""
+        """Solve for a target directly from an initial guess; return None if Newton's method does not converge."""
         used = before.iterations if before else 0
         load, depth = (target, guess.depth) if control == "load" else (None, target)
         self.contact.augment(np.zeros_like(self.contact.weight))
@@ -169,7 +173,7 @@ class ContactProblem:
         control: Control,
         progress: Callable[[str], None] | None,
     ) -> ContactEquilibrium:
-        """Step to a target; each step starts from the last two equilibria, continued linearly."""
+        """Reach a target in steps; the initial guess of each step is the line through the last two equilibria."""
 
         def solve(before: ContactEquilibrium | None, here: ContactEquilibrium, aim: float) -> ContactEquilibrium:
             state, depth = _extrapolate(before, here, aim, control)
@@ -193,9 +197,9 @@ class ContactProblem:
         )
 
     def _take_first_step(self, depth: float, target: float, control: Control) -> ContactEquilibrium:
-        """Solve at a small depth from the undeformed state; the depth is halved until the solve converges.
+        """Solve at a small depth from the undeformed state; the depth is halved until Newton's method converges.
 
-        With friction the step must also be short enough not to pass the first of `_FRICTION_STEPS` steps to the target.
+        With friction, the step is also at most 1 / `_FRICTION_STEPS` of the target.
         """
         undeformed = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         most = target / _FRICTION_STEPS if self.contact.friction else np.inf
@@ -215,7 +219,7 @@ class ContactProblem:
         raise PathConvergenceError(f"no convergence even at a depth of {millimetres:.3g} mm", None)
 
     def _tighten(self, here: ContactEquilibrium, control: Control) -> ContactEquilibrium:
-        """Reduce the penetration by augmentation, then meet the balance closely."""
+        """Reduce the penetration of an equilibrium by augmentation, then solve with the smaller target tolerance."""
         pressure = np.zeros_like(here.contact.pressure)
         for _ in range(_AUGMENTATIONS):
             if here.contact.overlap < self.overlap * here.depth:
@@ -229,7 +233,7 @@ class ContactProblem:
         return self._solve_again(here, control, _TARGET_TOLERANCE) or here
 
     def _solve_again(self, here: ContactEquilibrium, control: Control, tolerance: float) -> ContactEquilibrium | None:
-        """Solve for the same target from a nearby state; return None where that fails."""
+        """Solve for the same target from a nearby state; return None if Newton's method does not converge."""
         load = here.load if control == "load" else None
         try:
             out = self._solve(here.state, here.depth, load, here.iterations, tolerance=tolerance, uncurved=0)
@@ -250,15 +254,15 @@ class ContactProblem:
         tolerance: float,
         uncurved: int = _UNCURVED_ITERATIONS,
     ) -> ContactEquilibrium:
-        """Solve at a depth or, if a load is given, for the depth as well.
+        """Solve for the equilibrium at a depth or, if a load is given, for the equilibrium and the depth at this load.
 
         Args:
-            state: State to start from.
-            depth: The depth, or the one to start from [m].
-            load: The load [N].
-            used: Newton iterations of the path so far.
+            state: Initial guess of displacements and pressures, shape (n,).
+            depth: Given depth or, if a load is given, initial guess of the depth [m].
+            load: Given load [N], or None.
+            used: Number of Newton iterations on the loading path so far [-].
             tolerance: Largest relative residual [-].
-            uncurved: Number of iterations that leave out the curvature of the indenter.
+            uncurved: Number of first iterations that omit the curvature of the indenter in the tangent [-].
         """
 
         def linearise(unknowns: FloatArray, iteration: int) -> Linearisation[ContactEquilibrium]:
@@ -292,7 +296,7 @@ class ContactProblem:
     def _solve_step(
         self, tangent: sp.csr_matrix, residual: FloatArray, contact: ContactState, load: float | None
     ) -> FloatArray:
-        """Return Newton's step of the state and, if a load is given, of the depth; else the depth stays."""
+        """Solve for the Newton step of the state and of the depth; the depth changes only if a load is given."""
         if load is None:
             return np.append(self._system.factorise(tangent).solve(-residual), 0.0)
         if contact.stiffness == 0:
@@ -304,6 +308,7 @@ class ContactProblem:
         return np.append(at_depth + change * per_depth, change)
 
     def _is_balanced(self, residual: FloatArray, contact: ContactState, load: float | None, tolerance: float) -> bool:
+        """Return whether the residual and the error of the load are below the tolerance."""
         reference = np.abs(contact.force).max()
         balanced = is_balanced(
             self.solid.elements, residual, self.constrained, reference=reference, tolerance=tolerance
@@ -312,13 +317,14 @@ class ContactProblem:
 
     @cached_property
     def _system(self) -> ConstrainedSystem:
+        """Linear system in which the constrained unknowns are zero."""
         return ConstrainedSystem(self.constrained)
 
 
 def _extrapolate(
     before: ContactEquilibrium | None, here: ContactEquilibrium, aim: float, control: Control
 ) -> tuple[FloatArray, float]:
-    """Return state and depth at a load or depth from the line through the last two equilibria."""
+    """Extrapolate state and depth linearly from the last two equilibria to the load or depth `aim`."""
     if before is None:
         return here.state, here.depth if control == "load" else aim
     last, previous = (here.load, before.load) if control == "load" else (here.depth, before.depth)

@@ -1,9 +1,8 @@
-"""Residual and tangent of mixed finite-strain elements.
+"""Compute residual and tangent of mixed displacement-pressure elements at finite strain.
 
 Total Lagrangian formulation with displacement u and mean pressure p as unknowns.  The energy per reference volume is
 W = W_iso(F) - p (J - 1) - p^2 / (2 K), with the deformation gradient F, J = det F, the isochoric energy W_iso and the
-bulk modulus K; the stress is P = dW/dF.  In the undeformed state the tangent is
-exactly the matrix of linear elasticity.
+bulk modulus K; the stress is P = dW/dF.  In the undeformed state the tangent equals the matrix of linear elasticity.
 """
 
 from __future__ import annotations
@@ -26,23 +25,23 @@ from fem_reference.materials.invariants import Invariant, volume_ratio
 from meshes import Cover
 from meshes.array_types import FloatArray
 
-#: Quadrature points that are evaluated together: few enough that their tensors stay in the processor's cache.
+#: Number of quadrature points that are evaluated together, so small that their tensors fit in the processor cache [-].
 _POINTS = 1152
 
 
 class InvertedElementError(ConvergenceError):
-    """A deformation has a negative volume: the step was too long."""
+    """The deformation has a negative volume ratio at a quadrature point, because a Newton step was too long."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solid:
-    """Elements with their materials.
+    """Hyperelastic solid: finite elements with the material of each region.
 
     Attributes:
-        elements: Prepared elements.
-        energies: Isochoric energy of each region.
-        bulk_compliance: 1 / K of each region; 0 for incompressible materials [1/Pa].
-        pattern: Sparsity of the tangent, computed once.
+        elements: Finite elements of the solid.
+        energies: Isochoric stored energy of each region.
+        bulk_compliance: Reciprocal bulk modulus 1 / K of each region; 0 for incompressible materials [1/Pa].
+        pattern: Sparsity pattern of the tangent.
     """
 
     elements: MixedElements
@@ -52,12 +51,12 @@ class Solid:
 
     @classmethod
     def from_cover(cls, elements: MixedElements, cover: Cover, units: Units) -> Solid:
-        """Put a cover's materials on elements.
+        """Create the solid of a cover from a mesh and the materials of the layers.
 
         Args:
-            elements: Elements whose regions are the layers of the cover, bottom first.
-            cover: The cover; a small-strain material becomes neo-Hookean with the same moduli.
-            units: Units that the elements and the result are in.
+            elements: Elements whose regions are the layers of the cover, bottom first, in `units`.
+            cover: Cover with its materials; a small-strain material becomes neo-Hookean with the same moduli.
+            units: Units of length and stress of the elements and of the solid.
         """
         materials = [layer.material for layer in cover.layers]
         return cls(
@@ -68,13 +67,14 @@ class Solid:
         )
 
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
-        """Return residual and tangent.
+        """Compute the residual of equilibrium without external forces, and its tangent.
 
         Args:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
 
         Returns:
-            Internal forces [N], then volume residuals [m3], shape (n,), and the symmetric tangent, shape (n, n).
+            Internal forces [N], then volume residuals [m3], shape (n,), and their derivatives with respect to the
+            state, a symmetric matrix, shape (n, n).
 
         Raises:
             InvertedElementError: If an element is turned inside out.
@@ -93,13 +93,13 @@ class Solid:
         return residual, self.pattern.assemble(stiff, couple, squeeze)
 
     def _fill(self, state: FloatArray, found: tuple[FloatArray, ...], part: slice) -> None:
-        """Evaluate some elements.
+        """Compute residuals and matrices of some elements and write them into arrays over all elements.
 
         Args:
-            state: As for `linearise`.
-            found: Arrays over all elements that the results are written into: forces, volumes, and the stiffness,
-                coupling and pressure blocks of the element matrices.
-            part: Which elements.
+            state: Displacements [m], then mean pressures [Pa], shape (n,).
+            found: Arrays to write into: forces, volume residuals, and the stiffness, coupling and pressure blocks of
+                the element matrices.
+            part: Range of elements to compute.
         """
         e, (forces, volumes, stiff, couple, squeeze) = self.elements, found
         F, J, p = self._evaluate_fields(state, part)
@@ -115,15 +115,15 @@ class Solid:
         squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
 
     def linearise_at_rest(self) -> SmallStrainSolid:
-        """Return the same solid with the tangent of the undeformed state, for small strain."""
+        """Return the small-strain solid whose stiffness matrix is the tangent of this solid in the undeformed state."""
         undeformed = np.zeros(self.elements.displacements + self.elements.pressures)
         return SmallStrainSolid(elements=self.elements, stiffness=self.linearise(undeformed)[1])
 
     def energy(self, state: FloatArray) -> float:
-        """Return the integral of W, which is the stored energy in equilibrium [J].
+        """Integrate W over the solid; in equilibrium the integral is the stored elastic energy [J].
 
         Args:
-            state: As for `linearise`.
+            state: Displacements [m], then mean pressures [Pa], shape (n,).
         """
         whole = slice(None)
         F, J, p = self._evaluate_fields(state, whole)
@@ -132,7 +132,7 @@ class Solid:
         return float((density * self.elements.weight).sum())
 
     def _evaluate_fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
-        """Return deformation gradient, its determinant and mean pressure at the quadrature points of some elements."""
+        """Compute deformation gradient, its determinant and mean pressure at the quadrature points of some elements."""
         e = self.elements
         flat = e.compute_gradient(state, part)
         F = np.zeros((*flat.shape[:2], 3, 3))
@@ -145,7 +145,7 @@ class Solid:
         return F, J, p
 
     def _evaluate_isochoric(self, F: FloatArray, J: Invariant, part: slice) -> Response:
-        """Return isochoric energy, stress and tangent at the quadrature points of some elements."""
+        """Compute isochoric energy, stress and tangent moduli at the quadrature points of some elements."""
         region = self.elements.region[part]
         if (region == region[0]).all():
             return self.energies[int(region[0])].isochoric(F, J)
@@ -160,23 +160,23 @@ class Solid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallStrainSolid:
-    """Elements of linear elasticity, whose stiffness is the same in every state.
+    """Linear elastic solid, whose stiffness matrix does not depend on the displacements.
 
     Attributes:
-        elements: Prepared elements.
-        stiffness: The symmetric matrix.
+        elements: Finite elements of the solid.
+        stiffness: Symmetric matrix over displacement and pressure unknowns, shape (n, n).
     """
 
     elements: MixedElements
     stiffness: sp.csr_matrix
 
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
-        """Return residual and tangent, as `Solid.linearise`."""
+        """Compute the residual of equilibrium and the constant stiffness matrix; see `Solid.linearise`."""
         return np.asarray(self.stiffness @ state), self.stiffness
 
 
 def _count_threads() -> int:
-    """Return the number of threads for assembly: that of linear algebra if set, else one per usable core."""
+    """Return the number of threads for assembly: `OMP_NUM_THREADS` if set, else one per available processor core."""
     allowed = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if allowed.isdecimal() and int(allowed):
         return int(allowed)

@@ -1,9 +1,9 @@
-"""The lower surface of a rigid indenter for contact at finite strain: height, slope and curvature at any point.
+"""Compute height, slope and curvature of the lower surface of a rigid indenter for contact at finite strain.
 
-Sharp edges are rounded by a small fillet: a printed or machined edge has one, and a finite-strain solution under a
-perfectly sharp edge has no limit.  Results state the fillet's radius.  Curved shapes without an axis of revolution are
-smoothed over the same length, see `SmoothedHeightmap`.  A surface that becomes steeper than `STEEPEST` continues as a
-plane or cone of that slope, so that the height is finite everywhere.
+Sharp edges are rounded by a small fillet, because real edges have a fillet and a finite-strain solution under a
+perfectly sharp edge does not converge as the mesh is refined.  Results state the radius of the fillet.  Curved shapes
+without an axis of revolution are smoothed over the same length, see `SmoothedHeightmap`.  A surface that becomes
+steeper than `STEEPEST` continues as a plane or cone of that slope, so that the height is finite everywhere.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-#: Largest slope of the surface, that of 60 degrees: a cover that separates at an edge leaves it less steeply [-].
+#: Largest slope of the indenter's surface, 60 degrees; the surface of a cover that separates at an edge is less
+#: steep [-].
 STEEPEST = float(np.tan(np.radians(60)))
-#: A sphere has the slope `STEEPEST` at this fraction of its radius [-].
+#: Distance from the axis of a sphere, over its radius, at which the slope of the surface is `STEEPEST` [-].
 _RIM = float(np.sin(np.arctan(STEEPEST)))
-#: Height above which a smoothed surface is cut off, in units of length: a pressed cover, one unit thick, never reaches
-#: it [-].
+#: Height, over the cover thickness, at which smoothed surfaces are clipped; a pressed cover never reaches it [-].
 _HIGHEST = 2.0
-#: Step of the difference quotients over the fillet [-].
+#: Step of the difference quotients for slope and curvature, over the radius of the fillet [-].
 _STEP = 1 / 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfacePoints:
-    """The surface at some points, in units of length.
+    """Height of an indenter's lower surface at some points, with its derivatives.
 
     Attributes:
-        height: Height over the lowest point, shape (...).
-        slope: Derivatives by x and y, shape (..., 2) [-].
-        curvature: Second derivatives, shape (..., 2, 2).
+        height: Height above the lowest point of the surface, shape (...) [units of length].
+        slope: Derivatives of the height with respect to x and y, shape (..., 2) [-].
+        curvature: Second derivatives of the height, shape (..., 2, 2) [1 / units of length].
     """
 
     height: FloatArray
@@ -46,14 +46,14 @@ class SurfacePoints:
 
 @dataclass(frozen=True, kw_only=True)
 class IndenterSurface:
-    """The rounded lower surface of an indenter.
+    """Lower surface of an indenter with rounded edges.
 
     Attributes:
-        indenter: The shape.
-        fillet: Radius of rounded edges, in units of length.
+        indenter: Indenter with its shape.
+        fillet: Radius of rounded edges [units of length].
         unit: Unit of length of positions and heights [m].
         load_scale: Factor on all heights, see `LoadingPath` [-].
-        pose: Pose of the indenter in the frame of the positions [m].
+        pose: Pose of the indenter in the frame in which positions are given.
     """
 
     indenter: Indenter
@@ -63,20 +63,23 @@ class IndenterSurface:
     pose: PlanarPose = field(default_factory=PlanarPose)
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the height over the lowest point.
+        """Compute the height of the surface above its lowest point.
 
         Args:
-            x: Positions, any shape, in units of length.
-            y: Positions of the same shape.
+            x: x coordinates of the points, any shape [units of length].
+            y: y coordinates of the points, same shape [units of length].
+
+        Returns:
+            Heights, shape of `x` [units of length].
         """
         return self._local_height(*self._to_local(x, y))
 
     def evaluate(self, x: FloatArray, y: FloatArray) -> SurfacePoints:
-        """Return the height and its derivatives, by central differences over a hundredth of the fillet.
+        """Compute the height of the surface, and its derivatives by central differences.
 
         Args:
-            x: Positions, any shape, in units of length.
-            y: Positions of the same shape.
+            x: x coordinates of the points, any shape [units of length].
+            y: y coordinates of the points, same shape [units of length].
         """
         x, y = self._to_local(x, y)
         h = self.fillet * _STEP
@@ -96,12 +99,12 @@ class IndenterSurface:
         return SurfacePoints(height=height, slope=slope @ turn.T, curvature=curvature)
 
     def _to_local(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions in the indenter's frame, in units of length."""
+        """Transform positions to the frame of the indenter, in units of length."""
         at_x, at_y = self.pose.at
         return replace(self.pose, at=(at_x / self.unit, at_y / self.unit)).to_indenter(x, y)
 
     def _local_height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the height at positions in the indenter's frame."""
+        """Compute the height of the surface at positions in the frame of the indenter, in units of length."""
         if isinstance(self.indenter, FlatPunch):
             beyond = (
                 self.indenter.distance_from_inset(self.fillet * self.unit, x * self.unit, y * self.unit) / self.unit
@@ -113,12 +116,13 @@ class IndenterSurface:
 
     @cached_property
     def _heightmap(self) -> SmoothedHeightmap:
+        """Smoothed surface of a curved shape without an axis of revolution."""
         return SmoothedHeightmap(
             self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit
         )
 
     def _extend_round_shape(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the height of a curved shape of revolution, continued outside its footprint by a steep cone."""
+        """Compute the height of a curved shape of revolution, extended by a cone outside a fraction of its radius."""
         radius = self.indenter.footprint[0] / self.unit
         shrink = 1 / np.maximum(1.0, np.hypot(x, y) / radius / _RIM)
         beyond = np.hypot(x - x * shrink, y - y * shrink)
@@ -128,14 +132,17 @@ class IndenterSurface:
 
 
 def _round_edge(beyond: FloatArray, radius: float) -> FloatArray:
-    """Return the height of a face with a rounded edge.
+    """Compute the height of a flat face with a rounded edge.
 
-    The curvature grows from zero to 1 / radius over half a radius and is constant beyond that.  If it jumped, points
-    that move from one side of the jump to the other would make Newton's method cycle.
+    The curvature grows from zero to 1 / radius over half a radius and is then constant.  With a jump of the curvature,
+    points that move from one side of the jump to the other would make Newton's method cycle.
 
     Args:
-        beyond: Distance outside the flat part of the face.
-        radius: Radius of the edge.
+        beyond: Distance of each point outside the flat part of the face, any shape [units of length].
+        radius: Radius of the rounded edge [units of length].
+
+    Returns:
+        Heights above the face, shape of `beyond` [units of length].
     """
     ramp = radius / 2
     steep = ramp / 2 + STEEPEST * radius

@@ -1,4 +1,4 @@
-"""The problem statement that all solvers of an indentation share: cover, indenter, targets, friction and units."""
+"""Define the problem that the solvers of an indentation solve: cover, indenter, target loads or depths, and friction."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from typing import Literal
 
 from meshes import Cover, Indenter
 
-#: Whether loads or depths are prescribed.
+#: Quantity that is prescribed along a loading path: the load or the depth of the indenter.
 Control = Literal["load", "depth"]
 
-#: Scale factor on geometry and load that makes the nonlinear solve effectively small-strain [-].
+#: Factor on the indenter's heights and on load or depth with which a finite-strain solver returns the small-strain
+#: solution, scaled by the factor [-].
 _SMALL_STRAIN_SCALE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """SI values of the units of computation: the thickness of a cover and the shear modulus of its top layer.
+    """Units of length and stress in which a problem is solved: cover thickness and shear modulus of the top layer.
 
-    In SI units, displacements near 1e-6 m and pressures near 1e6 Pa share one matrix, which is then badly conditioned.
-    Measured: texel forces lost four digits, and nearly incompressible solids appeared singular.
+    In SI units, one matrix would combine displacements near 1e-6 m with pressures near 1e6 Pa and be ill-conditioned:
+    in a test, texel forces lost four digits, and nearly incompressible solids appeared singular.
 
     Attributes:
         length: Unit of length [m].
@@ -32,7 +33,7 @@ class Units:
 
     @classmethod
     def of(cls, cover: Cover) -> Units:
-        """Units of a cover: its thickness and the shear modulus of its top layer."""
+        """Return the units of computation of a cover: its thickness and the shear modulus of its top layer."""
         return cls(length=cover.thickness, stress=cover.layers[-1].material.shear_modulus)
 
     @property
@@ -41,26 +42,26 @@ class Units:
         return self.stress * self.length**2
 
     def scale_cover(self, cover: Cover) -> Cover:
-        """Cover with its thicknesses in the unit of length; the materials keep their moduli in SI units."""
+        """Return the cover with layer thicknesses divided by the unit of length; moduli remain in SI units."""
         layers = tuple(replace(layer, thickness=layer.thickness / self.length) for layer in cover.layers)
         return replace(cover, layers=layers)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadingPath:
-    """A path of ascending loads or depths of one indenter on one cover.
+    """Sequence of ascending target loads or depths of one indenter on one cover.
 
-    Small-strain contact is homogeneous: if the indenter's heights and the load or depth are multiplied by a factor, the
-    displacements are as well.  A solver for finite strain therefore returns the small-strain solution, times
-    `load_scale`, if that factor is small.
+    Small-strain contact is homogeneous: if the heights of the indenter and the load or depth are multiplied by a
+    factor, the displacements are multiplied by the same factor.  If the factor `load_scale` is small, a solver for
+    finite strain therefore returns the small-strain solution times `load_scale`.
 
     Attributes:
-        cover: The cover; solvers for finite strain treat a small-strain material as neo-Hookean with the same moduli.
-        indenter: The shape.
-        targets: Loads [N] or depths [m], ascending.
+        cover: Cover; solvers for finite strain treat a small-strain material as neo-Hookean with the same moduli.
+        indenter: Indenter with its shape.
+        targets: Target loads [N] or depths [m], ascending.
         control: Whether the targets are loads or depths.
         friction: Coefficient of Coulomb friction, inf for no slip [-].
-        load_scale: Factor on the targets and on the indenter's heights [-].
+        load_scale: Factor on the targets and on the heights of the indenter [-].
     """
 
     cover: Cover
@@ -72,7 +73,7 @@ class LoadingPath:
 
     @property
     def units(self) -> Units:
-        """Units in which the path is solved."""
+        """Units of length and stress in which the problem is solved."""
         return Units.of(self.cover)
 
     @property
@@ -83,15 +84,15 @@ class LoadingPath:
 
     @property
     def at_model_strain(self) -> LoadingPath:
-        """The path at the strain that its material models describe: small if all layers are small-strain models."""
+        """This loading path, at small strain if all layers have small-strain materials, else at finite strain."""
         return replace(self, load_scale=_SMALL_STRAIN_SCALE) if self.cover.small_strain_only else self
 
     @property
     def baseline(self) -> LoadingPath:
-        """The same path without friction and at small strain."""
+        """This loading path without friction and at small strain."""
         return replace(self, friction=0.0, load_scale=_SMALL_STRAIN_SCALE)
 
 
 def name_grid(progress: Callable[[str], None] | None, count: int) -> Callable[[str], None] | None:
-    """Return `progress` with the number of elements through the cover put before each line; None stays None."""
+    """Wrap a progress callback so that each line begins with the number of elements through the cover."""
     return None if progress is None else lambda text: progress(f"{count} elements through the cover: {text}")

@@ -1,4 +1,4 @@
-"""Transfer of a solution from one tensor mesh to another, where Newton's method starts from it."""
+"""Interpolate a solution from one tensor-product mesh to another, as initial guess for Newton's method."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, Guess
 from meshes.array_types import FloatArray, IntArray
 
-#: Decimal digits, relative to the largest coordinate, to which positions on one mesh line agree.
+#: Number of decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree.
 _DIGITS = 9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolvedPath:
-    """The equilibria of a loading path on one mesh.
+    """Equilibria of a loading path on one mesh.
 
     Attributes:
-        elements: The mesh.
-        equilibria: The equilibrium at every target.
+        elements: Elements of the mesh.
+        equilibria: Equilibrium at every target load or depth.
     """
 
     elements: MixedElements
     equilibria: Sequence[ContactEquilibrium]
 
     def transfer_guesses(self, target: MixedElements) -> list[Guess]:
-        """Return a guess for every target on another mesh, from the solutions before augmentation."""
+        """Interpolate the equilibrium at every target, before augmentation, to another mesh as initial guesses."""
         path = [each.penalty_solution for each in self.equilibria]
         return [Guess(state=transfer_state(self.elements, target, each.state), depth=each.depth) for each in path]
 
 
 def transfer_state(source: MixedElements, target: MixedElements, state: FloatArray) -> FloatArray:
-    """Interpolate displacements and pressures linearly at the unknowns of another tensor mesh of the same cover.
+    """Interpolate displacements and pressures linearly to another tensor-product mesh of the same cover.
 
     Args:
         source: Elements that `state` belongs to.
-        target: Elements to interpolate at.  Outside the source mesh the nearest value is used.
-        state: Displacements [m], then pressures [Pa], shape (n,).
+        target: Elements of the other mesh.  At nodes outside the source mesh the nearest value is used.
+        state: Displacements [m], then pressures [Pa], on the source mesh, shape (n,).
 
     Returns:
         Displacements [m], then pressures [Pa], on the target mesh, shape (m,).
@@ -50,7 +50,7 @@ def transfer_state(source: MixedElements, target: MixedElements, state: FloatArr
     components = [_interpolate(source.nodes, displacement[:, i], target.nodes) for i in range(d)]
     here, there = locate_pressures(source), locate_pressures(target)
     pressure = np.empty(target.pressures)
-    # Pressures jump between regions, so each region is interpolated by itself.
+    # Pressures jump between regions, so the pressure is interpolated in each region separately.
     for region in np.unique(target.region):
         mine, theirs = _find_pressures(source, region), _find_pressures(target, region)
         pressure[theirs] = _interpolate(here[mine], state[source.displacements + mine], there[theirs])
@@ -58,7 +58,7 @@ def transfer_state(source: MixedElements, target: MixedElements, state: FloatArr
 
 
 def locate_pressures(elements: MixedElements) -> FloatArray:
-    """Return the position of each pressure unknown, shape (p, dimension) [m]."""
+    """Return the positions of the p pressure unknowns, shape (p, dimension) [m]."""
     mesh = elements.basis.mesh
     out = np.empty((elements.pressures, elements.dimension))
     out[elements.pressure_cells] = np.moveaxis(mesh.p[:, mesh.t], 0, -1).transpose(1, 0, 2)
@@ -66,15 +66,15 @@ def locate_pressures(elements: MixedElements) -> FloatArray:
 
 
 def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Interpolate values linearly on the tensor grid that scattered positions form.
+    """Interpolate values linearly on a tensor-product grid whose nodes are given in any order.
 
     Args:
-        positions: All nodes of the grid in any order, shape (n, d) [m].
-        values: Their values, shape (n,).
-        wanted: Positions to interpolate at, shape (m, d) [m].
+        positions: Positions of the n nodes of the grid in d dimensions, shape (n, d) [m].
+        values: Values at the nodes, shape (n,).
+        wanted: m positions at which to interpolate, shape (m, d) [m].
 
     Returns:
-        Shape (m,).
+        Interpolated values, shape (m,).
     """
     digits = _DIGITS - int(np.ceil(np.log10(np.abs(positions).max())))
     lines, index = [], []
@@ -89,5 +89,5 @@ def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray) 
 
 
 def _find_pressures(elements: MixedElements, region: int) -> IntArray:
-    """Return the pressure unknowns of one region."""
+    """Return the indices of the pressure unknowns of one region."""
     return np.unique(elements.pressure_cells[elements.region == region])

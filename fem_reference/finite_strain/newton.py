@@ -1,8 +1,8 @@
-"""Newton's method for a deforming solid, and stepping along a loading path with it.
+"""Solve for the equilibrium of a deforming solid by Newton's method, and follow a loading path in steps.
 
-A problem provides its equations as a function that linearises them at given unknowns (`Linearisation`).  `solve_newton`
-iterates to equilibrium.  `walk_to` follows a path of loads or depths in steps, each solved by Newton's method; a step
-that does not converge is halved.
+A problem provides a function that linearises its equations at given unknowns (`Linearisation`).  `solve_newton`
+iterates to equilibrium.  `walk_to` reaches a target load or depth in steps, each solved by Newton's method; a step that
+does not converge is halved.
 """
 
 from __future__ import annotations
@@ -22,33 +22,34 @@ from meshes.array_types import FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 
-#: Errors of a step that was too long.
+#: Exceptions that Newton's method raises when a step along the loading path was too long.
 STEP_FAILURES = (ConvergenceError, np.linalg.LinAlgError)
-#: Number of times that Newton's method halves a step that inverts an element, in one solve.
+#: Largest number of times that Newton steps which invert an element are halved in one solution [-].
 _HALVINGS = 4
-#: Slope of the potential at the end of a step over that at its beginning, above which the step is taken back in part:
-#: the step has passed a minimum and ends uphill [-].
+#: Slope of the potential energy along a Newton step at its end, over that at its beginning, in magnitude, above which
+#: a step that has passed the minimum of the energy is partly reversed [-].
 _OVERSHOOT = 0.3
-#: Least and largest part of a step that is taken back [-].
+#: Smallest and largest fraction of a Newton step that is reversed [-].
 _LEAST_BACK, _MOST_BACK = 0.1, 0.9
-#: A path stops if its step is shorter than this fraction of the target [-].
+#: Smallest step along a loading path over the target load or depth; with smaller steps the solver gives up [-].
 _SMALLEST_STEP = 1 / 256
-#: The last step to a target may be longer than the planned one by this factor, so that no tiny step remains [-].
+#: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
 _LAST_STEP = 1.3
-#: Factor on the step length after a step that took fewer than this many iterations.
+#: Factor by which the step along a loading path grows after an easy step, and number of Newton iterations below which
+#: a step counts as easy [-].
 _GROWTH, EASY_ITERATIONS = 1.8, 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium:
-    """A converged state of a solid.
+    """Equilibrium of an elastic solid that is loaded by a rigid body.
 
     Attributes:
         state: Displacements [m], then mean pressures [Pa], shape (n,).
-        depth: Approach of the rigid body [m].
+        depth: Approach of the rigid body from first touch [m].
         load: Force on the rigid body [N].
-        reaction: Internal force at every unknown, shape (n,) [N]; at constrained unknowns this is the reaction.
-        iterations: Newton iterations since the start of the path.
+        reaction: Internal force at every unknown, which is the reaction at constrained unknowns, shape (n,) [N].
+        iterations: Number of Newton iterations since the start of the loading path [-].
     """
 
     state: FloatArray
@@ -58,14 +59,15 @@ class Equilibrium:
     iterations: int
 
 
+#: Type of equilibrium that a problem returns.
 Reached = TypeVar("Reached", bound=Equilibrium)
 
 
 class PathConvergenceError(ConvergenceError):
-    """A loading path stopped before its target.
+    """The solution of a loading path stopped before its target, although steps were halved repeatedly.
 
     Attributes:
-        reached: The last converged state; None if there is none.
+        reached: Last equilibrium on the loading path; None if no step converged.
     """
 
     def __init__(self, message: str, reached: Equilibrium | None) -> None:
@@ -75,14 +77,14 @@ class PathConvergenceError(ConvergenceError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linearisation(Generic[Reached]):
-    """The equations of a problem, linearised at given unknowns.
+    """Equations of equilibrium, linearised at given values of the n unknowns.
 
     Attributes:
-        equilibrium: The converged state; None if the equations are not satisfied within the tolerance.
-        solve: Returns Newton's step, shape (n,).
+        equilibrium: Equilibrium, if the unknowns satisfy the equations within the tolerance; else None.
+        solve: Function that returns the Newton step, shape (n,).
         gradient: Gradient of the potential energy, shape (n,); None where steps need not be checked for overshoot.
-        changed: Whether the equations differ from those of the previous iteration, so that the slopes at the beginning
-            and at the end of the last step cannot be compared.
+        changed: Whether the equations differ from those of the previous iteration, so that the slopes of the energy at
+            beginning and end of the last step cannot be compared.
     """
 
     equilibrium: Reached | None
@@ -91,7 +93,7 @@ class Linearisation(Generic[Reached]):
     changed: bool = False
 
     def measure_slope(self, step: FloatArray) -> float:
-        """Return the derivative of the potential energy along a step [J], 0 without a gradient."""
+        """Compute the derivative of the potential energy along a step [J]; 0 if the gradient is None."""
         return 0.0 if self.gradient is None else float(self.gradient @ step)
 
 
@@ -101,13 +103,16 @@ def solve_newton(
     """Solve nonlinear equations by Newton's method.
 
     Args:
-        linearise: Linearises the equations, given unknowns of shape (n,) and the number of the iteration.
-        start: Unknowns to start from, shape (n,).
-        iterations: Largest number of iterations.
+        linearise: Function that linearises the equations, given the unknowns, shape (n,), and the iteration number.
+        start: Initial guess of the unknowns, shape (n,).
+        iterations: Largest number of iterations [-].
+
+    Returns:
+        The equilibrium.
 
     Raises:
-        ConvergenceError: If the iterations do not suffice.
-        InvertedElementError: If an element stays inverted although steps are halved.
+        ConvergenceError: If Newton's method does not converge in `iterations` iterations.
+        InvertedElementError: If an element remains inverted although steps are halved.
     """
     unknowns, step, slope, halvings = start, None, 0.0, 0
     for iteration in range(iterations):
@@ -122,8 +127,8 @@ def solve_newton(
             continue
         if here.equilibrium is not None:
             return here.equilibrium
-        # A step that passes the minimum of the potential along it is taken back in part.  Otherwise points that stick
-        # in one iteration and slide in the next can make the iteration cycle.
+        # A step that passes the minimum of the potential energy is partly reversed.  Otherwise contact points that
+        # stick in one iteration and slide in the next can make the iteration cycle.
         if step is not None and not here.changed:
             back = _measure_overshoot(slope, here.measure_slope(step))
             if back:
@@ -146,18 +151,21 @@ def walk_to(
     easy: float = EASY_ITERATIONS,
     longest: float = np.inf,
 ) -> Reached:
-    """Step from an equilibrium to a target load or depth; steps grow when they are easy and are halved when they fail.
+    """Reach a target load or depth from an equilibrium in steps, which grow after easy steps and are halved on failure.
 
     Args:
         target: Load [N] or depth [m] to reach.
         start: Equilibrium to start from.
         control: Whether the target is a load or a depth.
         step: Length of the first step [N] or [m].
-        solve: Solves at a load or depth, given the last but one equilibrium of this walk (None if there is none), the
-            last one, and the load or depth.
-        describe: Returns a text for an equilibrium, for error messages.
-        easy: Steps that took fewer iterations than this are followed by longer ones.
-        longest: Largest step [N] or [m].
+        solve: Function that solves at a load or depth.  Its arguments are the equilibrium before the last (None in the
+            first step and after a failed step), the last equilibrium, and the load or depth.
+        describe: Function that describes an equilibrium as text, for error messages.
+        easy: Number of Newton iterations below which the next step is longer [-].
+        longest: Largest length of a step [N] or [m].
+
+    Returns:
+        The equilibrium at the target.
 
     Raises:
         PathConvergenceError: If a step fails even after repeated halving.
@@ -180,14 +188,15 @@ def walk_to(
 def is_balanced(
     elements: MixedElements, residual: FloatArray, constrained: IntArray, *, reference: float, tolerance: float
 ) -> bool:
-    """Return whether forces and volumes are in balance.
+    """Return whether the residual forces and volumes of a solid are below the tolerance.
 
     Args:
         elements: Elements of the solid.
-        residual: Unbalanced forces [N], then volume residuals [m3], shape (n,).
-        constrained: Displacements that are prescribed.
-        reference: Force that residual forces are compared with [N].
-        tolerance: Largest residual relative to the reference, and to the volume per pressure unknown [-].
+        residual: Residual forces [N], then volume residuals [m3], shape (n,).
+        constrained: Indices of the prescribed displacements, whose residual forces are reactions.
+        reference: Force by which residual forces are divided [N].
+        tolerance: Largest residual force over `reference`, and volume residual over the volume per pressure unknown
+            [-].
     """
     split = elements.displacements
     forces = np.abs(np.delete(residual[:split], constrained)).max(initial=0.0)
@@ -197,11 +206,14 @@ def is_balanced(
 
 
 def _measure_overshoot(slope_before: float, slope_after: float) -> float:
-    """Return the part of a step to take back so that the slope along it vanishes (secant rule), or 0.
+    """Compute the fraction of a Newton step to reverse so that the energy is stationary along the step (secant rule).
 
     Args:
-        slope_before: Slope of the potential at the beginning of the step [J].
-        slope_after: Slope at its end [J].
+        slope_before: Derivative of the potential energy along the step, at the beginning of the step [J].
+        slope_after: The same derivative at the end of the step [J].
+
+    Returns:
+        Fraction of the step; 0 if the step has not passed the minimum of the energy by much [-].
     """
     if slope_before * slope_after >= 0 or abs(slope_after) < _OVERSHOOT * abs(slope_before):
         return 0.0

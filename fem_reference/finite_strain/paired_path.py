@@ -1,7 +1,8 @@
-"""A loading path on a block, solved together with its baseline: the same path at small strain without friction.
+"""Solve a loading path on a block together with its baseline, the same loading path at small strain without friction.
 
-The difference between the two solutions is the effect of finite strain and friction, and nearly free of the error of
-the grid (a control variate).
+A block is the part of a cover that is meshed in three dimensions.  Both solutions have nearly the same discretisation
+error, which cancels in their difference (a control variate).  The difference is the effect of finite strain and
+friction.
 """
 
 from __future__ import annotations
@@ -21,24 +22,24 @@ from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import transfer_state
 
-#: Mean penetration over depth below which augmentation stops on both paths.  Most of its effect cancels in their
-#: difference.  With friction, which only one of the two has, less of it cancels [-].
+#: Mean penetration over depth below which augmentation stops, without and with friction.  Most of the effect of the
+#: penetration cancels in the difference from the baseline; with friction, which the baseline lacks, less cancels [-].
 _OVERLAP, _FRICTION_OVERLAP = 2e-3, 5e-4
-#: Gap over depth below which a point counts as in contact [-].
+#: Gap between indenter and cover, over the depth, below which a node counts as in contact [-].
 _CLOSED = 0.01
-#: Distance from the top below which a node lies on it, in thicknesses [-].
+#: Distance from the top of the cover, over its thickness, below which a node counts as on the top [-].
 _ON_TOP = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairedPath:
-    """A loading path and its baseline on one grid.
+    """Equilibria of a loading path and of its baseline on one grid.
 
     Attributes:
-        elements: The grid.
-        baseline: The targets at small strain without friction.
-        full: The targets as asked for.
-        ratio: Load scale of the full path over that of the baseline [-].
+        elements: Elements of the grid.
+        baseline: Equilibrium at every target at small strain without friction.
+        full: Equilibrium at every target with the strain and friction of the loading path.
+        ratio: Load scale of `full` over that of `baseline` [-].
     """
 
     elements: MixedElements
@@ -47,7 +48,7 @@ class PairedPath:
     ratio: float
 
     def transfer_changes(self, target: MixedElements) -> list[Guess]:
-        """Return the difference of the full path from the scaled baseline at every target, on another grid."""
+        """Interpolate the differences `full` - `ratio` * `baseline` at every target to another grid."""
         out = []
         for small, large in zip(self.baseline, self.full, strict=True):
             baseline, full = small.penalty_solution, large.penalty_solution
@@ -65,22 +66,23 @@ def press_paired(
     coarser: PairedPath | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[BlockState], list[BlockState], PairedPath]:
-    """Follow one loading path and its baseline on one grid.
+    """Solve one loading path and its baseline on one grid.
 
-    The baseline starts at each target from the known depth.  The full path starts from the baseline plus the change
-    that a coarser grid found.  Steps are taken only where that fails, or with friction, where slip depends on the
-    loading history.
+    The initial guess of the baseline at each target is the undeformed state at the given depth.  The initial guess of
+    the full solution is the scaled baseline plus the difference found on a coarser grid.  Targets are reached in steps
+    where these guesses fail, and always with friction, because slip depends on the loading history.
 
     Args:
         path: Cover, indenter, targets and friction.
-        block: The part of the cover that is meshed.
+        block: Part of the cover that is meshed.
         approaches: Small-strain depth at each target [m].
-        elements_per_thickness: Elements through the cover [-].
-        coarser: The paths on a coarser grid.
+        elements_per_thickness: Number of elements through the cover [-].
+        coarser: Solutions on a coarser grid; None on the coarsest.
         progress: Called with a line of text after each step.
 
     Returns:
-        The states of the baseline, those of the full path, and both paths for a finer grid to start from.
+        States of the baseline at every target, full states at every target, and the equilibria of both as initial
+        guesses for a finer grid.
 
     Raises:
         PathConvergenceError: If a path stops before its last target.
@@ -110,7 +112,7 @@ def _guess_full(
     elements: MixedElements,
     coarser: PairedPath | None,
 ) -> list[Guess]:
-    """Return a guess for every target of the full path: the scaled baseline plus the change on the coarser grid."""
+    """Return an initial guess for every target: the scaled baseline plus the difference found on the coarser grid."""
     ratio = path.load_scale / path.baseline.load_scale
     solutions = [each.penalty_solution for each in baseline]
     scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]
@@ -121,17 +123,17 @@ def _guess_full(
 
 
 def add_change(baseline: Guess, change: Guess, elements: MixedElements, surface: IndenterSurface) -> Guess:
-    """Add a change to a baseline and keep the gaps of the points in contact.
+    """Add a change to a small-strain solution without changing the gaps of the nodes in contact.
 
-    At small strain the gap of a point is measured above its undeformed position, at finite strain above its moved
-    position.  Points in contact are moved vertically so that the latter gap equals the former: under a penalty, a false
-    penetration would be a large force.
+    At small strain the gap of a node is measured above its undeformed position, at finite strain above its deformed
+    position.  Nodes in contact are moved vertically until the second gap equals the first gap, because the penalty
+    method turns any false penetration into a large force.
 
     Args:
-        baseline: Solution at small strain, scaled to the load of the full path.
-        change: Displacements, pressures and depth that are added.
-        elements: Elements of both.
-        surface: Surface of the indenter at the full heights.
+        baseline: Solution at small strain, scaled to the load of the full loading path.
+        change: Displacements, pressures and depth to add.
+        elements: Elements of the mesh of `baseline` and `change`.
+        surface: Surface of the indenter with the heights of the full loading path.
     """
     state, depth = baseline.state + change.state, baseline.depth + change.depth
     top = np.flatnonzero(elements.nodes[:, 2] > 1 - _ON_TOP)
@@ -151,7 +153,7 @@ def _follow(
     guesses: Sequence[Guess],
     progress: Callable[[str], None] | None,
 ) -> list[ContactEquilibrium]:
-    """Follow a path on a prepared solid."""
+    """Solve a loading path on a meshed solid and return the equilibrium at every target."""
     problem = ContactProblem(
         solid=solid,
         contact=SurfaceContact(

@@ -1,9 +1,9 @@
-"""The lower surface of any shape as a smooth heightmap: facets and edges rounded, steep walls replaced by slopes.
+"""Smooth the lower surface of an indenter of any shape: facets and edges rounded, steep walls replaced by slopes.
 
-The heights at the nodes of a square grid are used as the coefficients of a cubic B-spline.  The spline approximates the
-heights instead of interpolating them.  This rounds facets and edges over about one cell and cannot overshoot.  A curved
-surface keeps its curvature and is raised by its curvature times one sixth of the cell squared for each direction; the
-lowest point is moved back to zero.
+The heights at the nodes of a square grid are the coefficients of a cubic B-spline.  The spline approximates the heights
+and does not interpolate them; it rounds facets and edges over about one cell of the grid and cannot overshoot.  The
+spline preserves the curvature of a curved surface and raises the surface, in each direction, by one sixth of the
+curvature times the squared cell size; the lowest point is then moved back to height zero.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from scipy import ndimage
 from meshes import Indenter
 from meshes.array_types import FloatArray
 
-#: Number of cells of the grid beyond the footprint, and largest number along the longer half of the footprint.
+#: Number of grid cells on each side outside the footprint of the indenter, and largest number of cells along the longer
+#: half of the footprint [-].
 _MARGIN, _MOST_CELLS = 5, 500
-#: Radius of the cone that limits the slope in one pass over the grid [cells].
+#: Radius of the cone with which one erosion of the heightmap limits its slope [cells].
 _CONE_RADIUS = 3
 
 
 class SmoothedHeightmap:
-    """A twice continuously differentiable lower surface, in units of length.
+    """Twice continuously differentiable approximation of an indenter's lower surface, in units of length.
 
     Args:
-        indenter: The shape.
-        cell: Edge of a cell of the grid, in units of length; larger if the grid would have too many cells.
+        indenter: Indenter with its shape.
+        cell: Edge length of a grid cell; increased if the grid would have too many cells [units of length].
         steepest: Slope that replaces steeper walls [-].
-        highest: Height that replaces larger ones, and the height where there is no lower surface, in units of length.
+        highest: Height at which the surface is clipped, and the height beside the indenter [units of length].
         unit: Unit of length [m].
     """
 
@@ -42,11 +43,14 @@ class SmoothedHeightmap:
         self._lowest = float(self._evaluate_spline(np.array(half_cells)).min())
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the height over the lowest point; beyond the grid the surface continues as a steep cone.
+        """Compute the height of the surface above its lowest point; outside the grid the surface extends as a cone.
 
         Args:
-            x: Positions, any shape, in units of length.
-            y: Positions of the same shape.
+            x: x coordinates of the points, any shape [units of length].
+            y: y coordinates of the points, same shape [units of length].
+
+        Returns:
+            Heights, shape of `x` [units of length].
         """
         position = np.stack(np.broadcast_arrays(x, y))
         end = (self._extent * self._cell).reshape(-1, *[1] * (position.ndim - 1))
@@ -56,14 +60,14 @@ class SmoothedHeightmap:
         return np.asarray(spline - self._lowest + self._steepest * beyond)
 
     def _evaluate_spline(self, position: FloatArray) -> FloatArray:
-        """Return the spline at positions, shape (2, ...), counted in cells from the grid's first node."""
+        """Evaluate the spline at positions in cells from the first node of the grid, shape (2, ...)."""
         return np.asarray(ndimage.map_coordinates(self._heights, position, order=3, mode="nearest", prefilter=False))
 
 
 def _limit_slope(heights: FloatArray, step: float) -> FloatArray:
-    """Return the largest heights below the given ones that change by at most about `step` per cell.
+    """Compute the largest heights, nowhere above the given heights, that change by at most about `step` per cell.
 
-    Each pass takes the minimum over all cones of that slope which stand on the surface (a grey erosion).
+    Each pass takes the minimum over all upward cones of this slope with their tips on the surface (a grey erosion).
     """
     offset = np.arange(-_CONE_RADIUS, _CONE_RADIUS + 1)
     cone = step * np.hypot(*np.meshgrid(offset, offset))

@@ -1,4 +1,4 @@
-"""Stored energies of rubber.  The tests check their derivatives by central differences."""
+"""Stored energies of rubber-like materials with their first and second derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = [
 
 
 def create_energy(material: Material) -> Energy:
-    """Create the isochoric energy of a material.
+    """Create the isochoric stored energy of a material.
 
     Raises:
         ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
@@ -40,5 +40,5 @@ def create_energy(material: Material) -> Energy:
 
 
 def create_finite_strain_energy(material: Material) -> Energy:
-    """Create the isochoric energy of a material; a `linear-elastic` one counts as neo-Hookean of its shear modulus."""
+    """Create the isochoric stored energy of a material; `linear-elastic` becomes neo-Hookean of equal shear modulus."""
     return NeoHookean(shear_modulus=material.shear_modulus) if material.small_strain_only else create_energy(material)

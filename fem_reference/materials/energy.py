@@ -1,8 +1,9 @@
-"""Interface of stored energies.
+"""Interface of stored energies of hyperelastic materials.
 
-The energy per reference volume is split into W(F) = isochoric(F) + p (J - 1) - p^2 / 2 K.  The mean stress p is an
-independent unknown, so that an infinite bulk modulus K needs no special case (Simo, Taylor and Pister 1985).  A
-material supplies the isochoric part only, which must not change when F is multiplied by a number.
+The energy per reference volume is W(F) = isochoric(F) - p (J - 1) - p^2 / 2 K, with the deformation gradient F and its
+determinant J.  The mean pressure p is an independent unknown, so that an infinite bulk modulus K needs no special case
+(Simo, Taylor and Pister 1985).  A material supplies only the isochoric part, which must not change when F is multiplied
+by a number.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
-    """Energy, first Piola-Kirchhoff stress and tangent at many points.
+    """Stored energy, first Piola-Kirchhoff stress and tangent moduli at many points.
 
     Attributes:
-        energy: Shape (...) [J/m3].
-        stress: dW/dF, the components g listed in `Invariant.places`, shape (..., g) [Pa].
-        tangent: d2W/dF2, shape (..., g, g) [Pa].
+        energy: Stored energy W per reference volume, shape (...) [J/m3].
+        stress: dW/dF, the g components listed in `Invariant.places`, shape (..., g) [Pa].
+        tangent: d2W/dF2, derivatives of these components with respect to the same components of F, shape (..., g, g)
+            [Pa].
     """
 
     energy: FloatArray
@@ -32,32 +34,32 @@ class Response:
 
 
 class Energy(Protocol):
-    """An isochoric stored energy."""
+    """Interface of an isochoric stored energy, which does not depend on the volume ratio."""
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent.
+        """Evaluate energy, stress and tangent moduli.
 
         Args:
             F: Deformation gradients, shape (..., 3, 3) [-].
-            J: Their determinants with derivatives, from `volume_ratio`; its `places` select the components of stress
-                and tangent.
+            J: Determinants of F with derivatives, from `volume_ratio`; `J.places` selects the components of stress and
+                tangent.
         """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scaled:
-    """Another energy times a number, for a change of units.
+    """Stored energy of another material times a constant factor, for a change of units.
 
     Attributes:
-        energy: The other energy.
-        factor: The number [-].
+        energy: Energy that is multiplied.
+        factor: Constant factor on the energy [-].
     """
 
     energy: Energy
     factor: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent, each times the factor."""
+        """Evaluate energy, stress and tangent moduli, each times the factor; see `Energy.isochoric`."""
         plain = self.energy.isochoric(F, J)
         return Response(
             energy=plain.energy * self.factor, stress=plain.stress * self.factor, tangent=plain.tangent * self.factor
@@ -65,13 +67,13 @@ class Scaled:
 
 
 def respond_to_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, curve: FloatArray) -> Response:
-    """Evaluate an energy w(I) that depends on one invariant: stress w' dI, tangent w'' dI x dI + w' d2I.
+    """Compute stress w' dI/dF and tangent w'' dI/dF x dI/dF + w' d2I/dF2 of an energy w(I) of one invariant I.
 
     Args:
-        invariant: The invariant I with its derivatives.
-        energy: w(I) [J/m3].
-        slope: w'(I) [Pa].
-        curve: w''(I) [Pa].
+        invariant: Invariant I with its derivatives with respect to F.
+        energy: Energy w(I) at each point, shape (...) [J/m3].
+        slope: First derivative w'(I), shape (...) [Pa].
+        curve: Second derivative w''(I), shape (...) [Pa].
     """
     stress = slope[..., None] * invariant.first
     tangent = slope[..., None, None] * invariant.second

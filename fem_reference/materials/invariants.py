@@ -1,4 +1,4 @@
-"""Isochoric invariants of the deformation gradient and their derivatives.
+"""Compute isochoric invariants of the deformation gradient F and their derivatives.
 
 F has shape (..., 3, 3).  Derivatives are taken only with respect to the components of F that can differ from those of
 the unit matrix: all nine in three dimensions, five in axisymmetric states.  First derivatives have shape (..., g) and
@@ -14,21 +14,22 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 
+#: Row and column of each selected component of a 3 x 3 tensor.
 Places = tuple[tuple[int, int], ...]
 
-#: Row and column of all nine components, row by row.
+#: Row and column of all nine components of a 3 x 3 tensor, row by row.
 EVERY_PLACE: Places = tuple((i, j) for i in range(3) for j in range(3))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Invariant:
-    """An invariant with its derivatives with respect to F.
+    """Invariant of the deformation gradient F, with its derivatives with respect to g components of F.
 
     Attributes:
-        value: Shape (...) [-].
-        first: Shape (..., g) [-].
-        second: Shape (..., g, g) [-].
-        places: Row and column of each component g.
+        value: Value of the invariant, shape (...) [-].
+        first: First derivatives, shape (..., g) [-].
+        second: Second derivatives, shape (..., g, g) [-].
+        places: Row and column in F of each of the g components.
     """
 
     value: FloatArray
@@ -38,13 +39,13 @@ class Invariant:
 
 
 def pick_components(tensor: FloatArray, places: Places) -> FloatArray:
-    """Select components of tensors of shape (..., 3, 3), shape (..., g)."""
+    """Select g components, given by row and column, of tensors of shape (..., 3, 3); the result has shape (..., g)."""
     i, j = np.array(places).T
     return np.asarray(tensor[..., i, j])
 
 
 def volume_ratio(F: FloatArray, places: Places = EVERY_PLACE) -> Invariant:
-    """Compute J = det F with its derivatives: cofactors of F, then entries of F with the sign of two permutations."""
+    """Compute J = det F with its first derivatives (cofactors of F) and second derivatives (signed entries of F)."""
     cofactor = {place: _minor(F, *place) for place in {*places, (0, 0), (0, 1), (0, 2)}}
     second = np.zeros((*F.shape[:-2], len(places), len(places)))
     for a, (i, j) in enumerate(places):
@@ -76,7 +77,7 @@ def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
     b = F @ F.swapaxes(-1, -2)
     trace = np.einsum("...ii->...", C)
     i, j = np.array(J.places).T
-    k, m = i, j  # the second component of the derivative, along the last axis
+    k, m = i, j  # component of F of the second differentiation, along the last axis
     i, j = i[:, None], j[:, None]
     flat = pick_components(F, J.places)
     second = (
@@ -96,7 +97,7 @@ def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
 
 
 def _multiply_by_power(plain: Invariant, J: Invariant, power: float) -> Invariant:
-    """Multiply an invariant by a power of J; derivatives by the product rule."""
+    """Multiply an invariant by a power of J; the derivatives of the product follow from the product rule."""
     scale = J.value**power
     slope = power * scale / J.value
     curve = (power - 1) * slope / J.value * plain.value
@@ -121,5 +122,5 @@ def _minor(F: FloatArray, i: int, j: int) -> FloatArray:
 
 
 def _sign(i: int, k: int) -> int:
-    """Sign of the permutation (i, k, remaining index)."""
+    """Return the sign of the permutation (i, k, remaining index) of (0, 1, 2)."""
     return 1 if (k - i) % 3 == 1 else -1

@@ -1,4 +1,4 @@
-"""Rubbers whose energy is a polynomial of the isochoric invariants I1 and I2."""
+"""Stored energies of rubber that are polynomials of the isochoric invariants I1 and I2."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class NeoHookean:
-    """W = mu / 2 (I1 - 3) (Treloar 1943).
+    """Neo-Hookean energy W = mu / 2 (I1 - 3) (Treloar 1943).
 
     Attributes:
-        shear_modulus: mu [Pa].
+        shear_modulus: Shear modulus mu [Pa].
     """
 
     shear_modulus: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent."""
+        """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
         I1 = first_isochoric(F, J)
         slope = np.full_like(I1.value, self.shear_modulus / 2)
         return respond_to_invariant(I1, slope * (I1.value - 3), slope, np.zeros_like(slope))
@@ -30,18 +30,18 @@ class NeoHookean:
 
 @dataclass(frozen=True, kw_only=True)
 class MooneyRivlin:
-    """W = c10 (I1 - 3) + c01 (I2 - 3) (Mooney 1940, Rivlin 1948).
+    """Mooney-Rivlin energy W = c10 (I1 - 3) + c01 (I2 - 3) (Mooney 1940, Rivlin 1948).
 
     Attributes:
-        c10: First modulus [Pa].
-        c01: Second modulus [Pa].
+        c10: Modulus of the term in I1 [Pa].
+        c01: Modulus of the term in I2 [Pa].
     """
 
     c10: float
     c01: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent."""
+        """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
         I1, I2 = first_isochoric(F, J), second_isochoric(F, J)
         zero = np.zeros_like(I1.value)
         one = respond_to_invariant(I1, self.c10 * (I1.value - 3), zero + self.c10, zero)
@@ -53,12 +53,12 @@ class MooneyRivlin:
 
 @dataclass(frozen=True, kw_only=True)
 class Yeoh:
-    """W = c1 x + c2 x^2 + c3 x^3, x = I1 - 3 (Yeoh 1993).
+    """Yeoh energy W = c1 x + c2 x^2 + c3 x^3 with x = I1 - 3 (Yeoh 1993).
 
     Attributes:
-        c1: First modulus [Pa].
-        c2: Second modulus [Pa].
-        c3: Third modulus [Pa].
+        c1: Modulus of the linear term [Pa].
+        c2: Modulus of the quadratic term [Pa].
+        c3: Modulus of the cubic term [Pa].
     """
 
     c1: float
@@ -66,7 +66,7 @@ class Yeoh:
     c3: float
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent."""
+        """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
         I1 = first_isochoric(F, J)
         x = I1.value - 3
         return respond_to_invariant(
