@@ -66,7 +66,7 @@ class TensorSolid:
         return x, y, Line(edges=self.edges[2], order=self.order - 1, jumps=jumps)
 
     def field_shape(self, field: int) -> tuple[int, int, int]:
-        """Count the free nodes of a field along x, y and z; fields: displacement along x, y, z (0 to 2), pressure (3)."""
+        """Count the free nodes along x, y and z of field 0 to 2 (displacement along x, y, z) or 3 (pressure)."""
         lines = self.pressure_lines if field == _PRESSURE else self.lines
         lowest = 0 if field == _PRESSURE else self.first[field]
         return lines[0].count, lines[1].count, lines[2].count - lowest

@@ -1,4 +1,4 @@
-"""Define the problem that the solvers of an indentation solve: cover, indenter, target loads or depths, and friction."""
+"""Define the problem that the solvers of an indentation solve: cover, indenter, target loads or depths, friction."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from scipy import ndimage
 from meshes import Indenter
 from meshes.array_types import FloatArray
 
-#: Number of grid cells on each side outside the footprint of the indenter, and largest number of cells along the longer
-#: half of the footprint [-].
+#: Number of grid cells on each side outside the footprint of the indenter, and largest number of cells along the
+#: longer half of the footprint [-].
 _MARGIN, _MOST_CELLS = 5, 500
 #: Radius of the cone with which one erosion of the heightmap limits its slope [cells].
 _CONE_RADIUS = 3

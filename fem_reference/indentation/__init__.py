@@ -1,1 +1,1 @@
-"""`press`: one indentation by the solver that fits the cover, the indenter and the friction."""
+"""Indentation of a cover by a rigid indenter; `press` selects the solver for cover, indenter and friction."""

@@ -1,8 +1,9 @@
-"""Solutions at finite strain or with friction, as corrections of accurate small-strain solutions.
+"""Solve indentations at finite strain or with friction as corrections of accurate small-strain solutions.
 
-Under sharp edges, and in three dimensions, grids of finite strain are too coarse to be used directly.  Each grid is
-therefore solved twice, once without friction at small strain (the baseline) and once as asked for, and the difference
-corrects the small-strain solution, see `correct_solution`.
+Under sharp edges, and in three dimensions, finite-strain solutions are affordable only on coarse grids, whose
+discretisation error is too large.  A loading path (ascending target loads or depths) is therefore solved twice on each
+grid, without friction at small strain (the baseline) and with the requested strain and friction, and the difference
+corrects an accurate small-strain solution, see `correct_solution`.
 """
 
 from __future__ import annotations
@@ -28,29 +29,32 @@ from fem_reference.indentation.small_strain import CELLS
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-#: A path solved on three grids, twice: the baseline and as asked for.  Each is a list of grids for every target.
+#: Solutions of a loading path on three grids: the baseline, then those with the requested strain and friction.  Both
+#: are lists with one list per target, which holds one solution per grid.
 SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
 
-#: Elements through the cover on the three grids in three dimensions; the last one is the answer [-].
+#: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
-#: Depth over thickness under a flat face below which the effect of finite strain is lost in the error of the grids [-].
+#: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
+#: smaller depths the effect is below the discretisation error [-].
 _SMALLEST_RESOLVED_DEPTH = 0.04
-#: If a requested target is at most this many times the smallest resolved one, it also serves the targets below that;
-#: this saves a solve [-].
+#: Largest requested target, over the smallest resolved target, that is also used to correct the unresolved targets; a
+#: larger one would be too far from these, and the smallest resolved target is solved in addition [-].
 _SHARED_TARGET = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockModel:
-    """How a path is solved on three-dimensional grids and how its base pressure is used.
+    """Functions that mesh a loading path in three dimensions and evaluate its base pressure.
 
     Attributes:
-        kind: Kind of entry in the result store.
-        inputs: Inputs of the entry besides path and grids.
+        kind: Kind of the result in the result store.
+        inputs: Inputs of the stored result besides loading path and grids.
         pose: Pose of the indenter in the frame of the mesh.
-        lay_out: Returns the block for a number of elements through the cover.
-        recover_pressure: Returns the base pressure of a state.
-        integrate: Returns the texel forces due to a base pressure.
+        lay_out: Function that returns the block to mesh for a number of elements through the cover.
+        recover_pressure: Function that computes the base pressure of a solved state.
+        integrate: Function that returns the texel forces due to a base pressure, themselves a function of array and
+            pose.
     """
 
     kind: str
@@ -66,16 +70,16 @@ def correct_path(
     accurate: Sequence[Sequence[GridSolution]],
     solve: Callable[[LoadingPath, Sequence[float]], SolvedPair],
 ) -> list[list[GridSolution]]:
-    """Solve a path as corrections of its frictionless small-strain solution.
+    """Solve a loading path by correcting its frictionless small-strain solution.
 
     Under a flat face without friction, small loads are corrected by the scaled effect at a larger load, which the grids
     can resolve.  The contact area under a flat face is that of the small-strain solution.
 
     Args:
-        path: Cover, indenter, targets and friction.
-        accurate: Small-strain solutions of every target, coarsest grid first.
-        solve: Solves baseline and full path on three coarse grids, given the path and the small-strain depth at each
-            of its targets [m].
+        path: Cover, indenter, target loads or depths, and friction.
+        accurate: Small-strain solutions of every target on fine grids, coarsest first.
+        solve: Function that solves baseline and full loading path on three coarse grids, given the loading path and
+            the small-strain depth at each of its targets [m].
 
     Returns:
         For each target one corrected solution per coarse grid.
@@ -114,12 +118,12 @@ def correct_path(
 def solve_block_pair(
     path: LoadingPath, approaches: Sequence[float], model: BlockModel, progress: Callable[[str], None] | None
 ) -> SolvedPair:
-    """Solve baseline and full path on three three-dimensional grids, or read them from the result store.
+    """Solve a loading path and its baseline on three three-dimensional grids, or read both from the result store.
 
     Args:
         path: Cover, indenter, targets and friction.
         approaches: Small-strain depth at each target [m].
-        model: How the path is meshed and its base pressure is used.
+        model: Functions that mesh the loading path and evaluate its base pressure.
         progress: Called with a line of text after each step.
     """
 
@@ -156,7 +160,7 @@ def solve_block_pair(
 
 
 def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, model: BlockModel) -> GridSolution:
-    """Return one stored solution, divided by the path's load scale."""
+    """Build one solution from stored arrays; forces and depth are divided by the load scale of the loading path."""
     load, depth, area, overlap = (float(value) for value in data[f"scalars_{key}"])
     force = load / path.load_scale
     base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
@@ -171,10 +175,10 @@ def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, 
 
 
 def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -> list[float]:
-    """Replace targets that are too small to be resolved by one larger target.
+    """Replace target loads or depths that the grids cannot resolve by one larger target.
 
     Args:
-        targets: Loads or depths, ascending.
+        targets: Target loads or depths, ascending.
         relative_depths: Small-strain depth at each target over the smallest resolved depth [-].
     """
     least = targets[0] / relative_depths[0]

@@ -1,8 +1,9 @@
-"""Indentation of a cover of limited size in three dimensions, at finite strain or with friction.
+"""Solve the indentation of a cover of limited size in three dimensions, at finite strain or with friction.
 
-The solution depends on where the indenter stands.  The mesh therefore lies in the array's frame, ends at the free side
-faces, and is solved for every pose.  If shape and pose are symmetric in the cover's middle planes, a half or a quarter
-is meshed.  Each grid corrects the accurate small-strain solution, see `correction`.
+The solution depends on the position of the indenter on the cover.  The mesh is therefore fixed in the frame of the
+array, ends at the free side faces of the cover, and is solved for every pose.  If indenter and pose are symmetric about
+the planes x = 0 or y = 0 of the cover, a half or a quarter is meshed.  The solutions on three grids correct an accurate
+small-strain solution, see `correction`.
 """
 
 from __future__ import annotations
@@ -33,24 +34,33 @@ from meshes import FlatPunch, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
-#: Element size at the edge of a contact: over the fillet where the edge lies on mesh lines, else over the element size
-#: in the contact [-].
+#: Element size at the edge of a contact: over the radius of the rounded edge where the edge lies on mesh lines, else
+#: over the regular element size, which follows from the number of elements through the cover [-].
 _EDGE, _INSIDE = 0.6, 0.5
-#: Increase of the element size per distance from the contact's edge and from the sides [-].
+#: Increase of the element size per distance from the edge of the contact and from the sides of the cover [-].
 _GROWTH = 0.4
-#: Largest elements in the contact and at the sides, over the size that the elements through the cover give [-].
+#: Largest element size in the contact, and at the sides of the cover, over the regular element size [-].
 _LARGEST, _AT_SIDE = 1.2, 1.5
-#: Distance from a side over the half width of the cover below which the edge of the contact lies on the side [-].
+#: Distance between the edge of the contact and a side of the cover, over half the width of the cover, below which the
+#: edge of the contact counts as on the side [-].
 _ON_SIDE = 1e-9
-#: Samples of the element size between two fixed element edges.
+#: Number of samples of the element size between two fixed element edges [-].
 _SAMPLES = 801
 
 
 def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
-    """Solve a path on three grids for one pose and state how the grids converge.
+    """Solve a loading path on three grids for one pose of the indenter.
+
+    Args:
+        path: Cover of limited size, indenter, targets and friction.
+        place: Array under the cover, and pose of the indenter.
+        progress: Called with a line of text after each step.
+
+    Returns:
+        The solutions of every target with the element sizes and the expected order of convergence.
 
     Raises:
-        ValueError: If no symmetry keeps a sliding cover from moving sideways on its base.
+        ValueError: If the base slides and the problem is not symmetric in both planes, so that the cover could move.
     """
     cover, indenter, pose = path.cover, path.indenter, place.pose
     if cover.base == "sliding" and not all(find_mirror_planes(indenter, pose)):
@@ -81,12 +91,15 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
 
 
 def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:  # noqa: ARG001 -- one signature
-    """Integrate a base pressure, known in the array's frame for one pose, over each texel, shape (n,) [N].
+    """Integrate a biquadratic base pressure, given in the frame of the array, over each of n texels.
 
     Args:
-        base: Nodes along x and y, side to side [m], and nodal values of the biquadratic pressure [Pa].
-        array: The texels.
-        pose: Not used; the solution holds for the pose that was solved.
+        base: Positions of the nodes along x and y over the whole cover [m], and pressures at the nodes [Pa].
+        array: Array with the texels.
+        pose: Not used; the base pressure is that of the pose for which it was solved.
+
+    Returns:
+        Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
     """
     *lines, pressure = base
     integrals = []
@@ -100,14 +113,14 @@ def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> 
 
 
 def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: int, fillet: float) -> Block:
-    """Lay out the whole cover, or the half or quarter that symmetry leaves, with small elements around the contact.
+    """Choose the element edges of the whole cover, or of its half or quarter, with small elements around the contact.
 
     Args:
         path: Cover, indenter and targets.
-        pose: Pose of the indenter in the array's frame.
-        contact: Points that the contact extends to, in the indenter's frame, shape (m, 2) [m].
-        count: Elements through the cover [-].
-        fillet: Radius of rounded edges [m].
+        pose: Pose of the indenter in the frame of the array.
+        contact: m points whose bounding rectangle contains the contact, in the frame of the indenter, shape (m, 2) [m].
+        count: Number of elements through the cover [-].
+        fillet: Radius of rounded edges of the indenter [m].
     """
     cover, indenter = path.cover, path.indenter
     unit = path.units.length
@@ -126,15 +139,15 @@ def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: in
 
 
 def _grade_side(contact: tuple[float, float], end: float, *, fine: float, coarse: float, symmetric: bool) -> FloatArray:
-    """Return the element edges along one direction: small at the edges of the contact, larger in it and at the sides.
+    """Place element edges along one direction, with the smallest elements at the edges of the contact.
 
     Lengths may have any unit.
 
     Args:
         contact: Lower and upper edge of the contact; both become element edges unless they lie on a side.
-        end: Distance of the sides from the middle.
+        end: Distance of the sides of the cover from its middle.
         fine: Element size at the edges of the contact.
-        coarse: Element size that the largest elements in the contact and at the sides are measured by.
+        coarse: Regular element size, to which the largest elements in the contact and at the sides are proportional.
         symmetric: Whether only the part from the middle to the upper side is meshed.
     """
     low, high = contact

@@ -1,8 +1,9 @@
-"""Indentation of a wide cover at finite strain or with friction.
+"""Solve the indentation of a wide cover at finite strain or with friction.
 
-Such a cover is the same everywhere.  The mesh lies in the indenter's frame, and one stored solution serves all poses.
-A smooth shape of revolution is solved directly in the plane of radius and height.  Flat faces and shapes without an
-axis of revolution are solved as corrections of the small-strain solution, see `correction`.
+A wide cover is so large that its edges have no effect, and has the same properties everywhere.  The mesh is therefore
+fixed in the frame of the indenter, and one stored solution is valid for all poses.  An indenter with a smooth shape of
+revolution is solved directly in the r-z plane.  Flat faces and shapes without an axis of revolution are solved as
+corrections of the small-strain solution, see `correction`.
 """
 
 from __future__ import annotations
@@ -35,26 +36,34 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
+#: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
 
-#: Elements through the cover on the three axisymmetric grids; the last one is the answer [-].
+#: Number of elements through the cover on the three axisymmetric grids; the result is that of the finest grid [-].
 GRIDS = (6, 9, 13)
-#: Distance from the contact to the outer boundary, where nothing moves: in axisymmetric meshes, and in three dimensions
-#: [decay lengths].
+#: Distance of the outer boundary, where all displacements are zero, over the decay length of the cover's response: part
+#: of the radius of axisymmetric meshes, and distance from the contact in three dimensions [-].
 _REACH, _SOLID_REACH = 12.0, 7.0
-#: Additional distance of the outer boundary of an axisymmetric mesh, in radii of the contact [-].
+#: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
 _REACH_RADII = 1.5
-#: Gauss points along each edge of a texel, over which the base pressure is integrated.
+#: Number of Gauss points along each side of a texel, for the integral of the base pressure [-].
 _TEXEL_POINTS = 16
-#: Points that represent an axisymmetric contact.
+#: Number of points that represent an axisymmetric contact in the result [-].
 _CONTACT_POINTS = 400
 
 
 def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
-    """Solve a path on three grids and state how the grids converge.
+    """Solve a loading path on a wide cover on three grids.
 
-    Corrections of the small-strain solution are free of the singularity under a sharp edge; they are assumed to
-    converge with the order of smooth solutions.  Friction makes the solution less smooth.
+    Corrections of the small-strain solution have no singularity under a sharp edge, so they are assumed to converge
+    with order 2, and with order 1 with friction.
+
+    Args:
+        path: Cover, indenter, target loads or depths, and friction.
+        progress: Called with a line of text after each step.
+
+    Returns:
+        The solutions of every target with the element sizes and the expected order of convergence.
     """
     corrected = path.indenter.is_flat or not path.indenter.axisymmetric
     if corrected:
@@ -74,12 +83,12 @@ def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
 
 
 def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatArray, progress: Progress) -> SolvedPair:
-    """Solve baseline and full path on three grids.
+    """Solve a loading path and its baseline, at small strain without friction, on three grids.
 
     Args:
         path: Cover, indenter, targets and friction.
         approaches: Small-strain depth at each target [m].
-        contact: Points of the largest small-strain contact; columns x, y [m], then any others.
+        contact: m points of the largest small-strain contact, columns x, y [m] first, shape (m, 2) or wider.
         progress: Called with a line of text after each step.
     """
     cover, indenter = path.cover, path.indenter
@@ -90,6 +99,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
     reach = _SOLID_REACH * decay_length(cover)
 
     def lay_out_grid(count: int) -> Block:
+        """Return the block to mesh with `count` elements through the cover."""
         return lay_out_block(
             path,
             elements_per_thickness=count,
@@ -110,7 +120,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
 
 
 def _integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
-    """Integrate a base pressure, known in the indenter's frame, over each texel, shape (n,) [N]."""
+    """Integrate a base pressure, given in the frame of the indenter, over each of n texels, shape (n,) [N]."""
     nodes, weights = np.polynomial.legendre.leggauss(_TEXEL_POINTS)
     half = np.array(array.texel_size) / 2
     offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
@@ -124,7 +134,16 @@ def _integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -
 
 
 def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progress) -> list[list[GridSolution]]:
-    """Solve a shape of revolution on three grids, or read it from the result store; `contact` as in `_solve_pair`."""
+    """Solve a loading path of an indenter of revolution on three grids, or read the solutions from the result store.
+
+    Args:
+        path: Cover, indenter, targets and friction.
+        contact: m points of the largest small-strain contact, columns x, y [m] first, shape (m, 2) or wider.
+        progress: Called with a line of text after each step.
+
+    Returns:
+        For each target one solution per grid, coarsest first.
+    """
     cover, indenter = path.cover, path.indenter
     fillet = choose_fillet(cover.thickness, indenter)
 
@@ -156,7 +175,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
 
 
 def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> GridSolution:
-    """Return one stored axisymmetric solution, divided by the path's load scale."""
+    """Build one axisymmetric solution from stored arrays; forces and depth are divided by the load scale."""
     load, depth, area, overlap = (float(value) for value in data[f"scalars_{key}"])
     base = PointSpread(
         radius=data[f"radius_{key}"],
@@ -176,14 +195,21 @@ def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> Grid
 
 
 def _integrate_rings(force: float, base: PointSpread) -> TexelForces:
-    """Return the texel forces due to an axisymmetric base pressure; rotation of the indenter does not change them."""
+    """Return a function that computes the texel forces of an axisymmetric base pressure, for an array and a pose."""
     return lambda array, pose: force * np.asarray(base.texel_influence(array, pose.at)[0])
 
 
 def _fill_circle(force: float, area: float) -> FloatArray:
-    """Return points that fill a circle of the given area [m2] evenly and share the force [N] equally, shape (m, 3).
+    """Distribute a force equally over points that fill a circle evenly.
 
     The points lie on a spiral with steps of the golden angle (Vogel 1979).
+
+    Args:
+        force: Force to distribute [N].
+        area: Area of the circle [m2].
+
+    Returns:
+        Columns x, y [m] and force [N] of the m points, shape (m, 3).
     """
     number = np.arange(_CONTACT_POINTS)
     angle = number * np.pi * (3 - np.sqrt(5))

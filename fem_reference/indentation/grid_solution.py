@@ -1,8 +1,8 @@
-"""The solution of an indentation on one grid, and how the solutions on three grids become one result.
+"""Combine the solutions of an indentation on three grids to one result with an error estimate.
 
-Every solver returns the same record, `GridSolution`.  `scale_solution`, `extrapolate_solutions` and `correct_solution`
-make a new record from existing ones.  `GridStudy` holds the solutions of a loading path on all grids together with what
-is needed to combine them and to estimate the error.
+Every solver returns its solution on one grid as a `GridSolution`.  `scale_solution`, `extrapolate_solutions` and
+`correct_solution` compute a new solution from existing solutions.  `GridStudy` contains the solutions of a loading path
+on all grids and the properties of the grids from which results and errors are computed.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-#: Normal force on each texel, shape (n,) [N], for an array and the indenter's pose over it.
+#: Function that computes the normal force on each texel, shape (n,) [N], for an array and the pose of the indenter.
 TexelForces = Callable[[TexelArray, PlanarPose], FloatArray]
 
-#: Safety factor on the change between two extrapolations; ASME V&V 20-2009 uses 1.25 for three grids [-].
+#: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
+#: ASME V&V 20-2009 uses 1.25 for three grids [-].
 _SAFETY = 1.25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridSolution:
-    """One indentation solved on one grid.
+    """Solution of one indentation on one grid.
 
     Attributes:
-        total_force: Force on the indenter [N].
-        depth: Approach from first touch of the undeformed cover [m].
+        total_force: Normal force on the indenter [N].
+        depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
-        overlap: Mean penetration that the contact solver leaves between the surfaces, divided by the depth [-].
-        contact: Contact points in the indenter's frame: columns x, y [m] and force [N], shape (m, 3).  Where a solver
-            returns no contact tractions, a substitute with the same total force.
-        texel_forces: Function that returns the texel forces for an array and a pose.
+        overlap: Mean penetration of indenter and cover that the contact solver does not remove, over the depth [-].
+        contact: Columns x, y [m] and force [N] of m contact points in the frame of the indenter, shape (m, 3).  If a
+            solver returns no contact tractions, the points are a substitute with the same total force.
+        texel_forces: Function that computes the texel forces for an array and a pose of the indenter.
     """
 
     total_force: float
@@ -51,18 +52,17 @@ class GridSolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridStudy:
-    """All targets of a loading path, each solved on three grids.
+    """Solutions of every target load or depth of a loading path on three grids.
 
     Attributes:
-        solutions: The three solutions of every target, coarsest grid first.
-        sizes: Element sizes of the three grids, coarsest first; only their ratios matter [-].
+        solutions: For every target the three solutions, coarsest grid first.
+        sizes: Element sizes of the three grids, coarsest first; only the ratios of the sizes are used [-].
         least_order: Smallest order of convergence that error estimates assume [-].
-        extrapolate: Whether a result is the limit of the three values, extrapolated with first order, rather than the
-            value on the finest grid.  Right where the pressure is singular under a sharp edge: the error of a result
-            then falls in proportion to the element size.
-        least_overlap: Smallest relative penetration that the solver can resolve; error estimates count at least this
-            much [-].
-        base_error: Relative error of the largest texel force that comes from the base response [-].
+        extrapolate: Whether a result is the value extrapolated to element size zero with order 1, or else the value on
+            the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
+            proportional to the element size.
+        least_overlap: Smallest value of the penetration over the depth that error estimates assume [-].
+        base_error: Relative error of the largest texel force due to the computed base response [-].
         assumptions: Statements about the solution for the user, by topic.
     """
 
@@ -75,19 +75,22 @@ class GridStudy:
     assumptions: dict[str, str]
 
     def combine(self, values: Sequence[npt.ArrayLike]) -> FloatArray:
-        """Return the result of three values: the finest one, or their limit if the study extrapolates.
+        """Compute the result from the values on the three grids: the value on the finest grid or the extrapolated one.
 
         Args:
-            values: One value or array per grid, coarsest first.
+            values: The same quantity on each grid, as number or array, coarsest grid first.
         """
         return extrapolate(values, self.sizes) if self.extrapolate else np.asarray(values[-1], dtype=float)
 
     def estimate_error(self, values: Sequence[float]) -> float:
-        """Return the estimated relative error of `combine(values)` [-].
+        """Estimate the relative discretisation error of `combine(values)` [-].
 
-        For an extrapolated result: the change from the extrapolation of the two coarser grids, times a safety factor.
-        Otherwise, and where three values do not change monotonically and nothing was extrapolated: the grid convergence
-        index.
+        The error of an extrapolated result is its change from the extrapolation of the two coarser grids, times a
+        safety factor.  In all other cases, also if the three values are not monotonic, the error is the grid
+        convergence index.
+
+        Args:
+            values: The same quantity on each grid, coarsest grid first.
         """
         result = float(self.combine(values))
         if result == 0:
@@ -98,9 +101,10 @@ class GridStudy:
 
 
 def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
-    """Multiply force and depth by a factor; the contact area stays.
+    """Multiply force and depth of a solution by a factor, at the same contact area.
 
-    Exact at small strain without friction where the contact area does not depend on the load, as under a flat face.
+    The scaled solution is exact at small strain without friction if the contact area does not depend on the load, as
+    under a flat face.
     """
     return replace(
         solution,
@@ -112,13 +116,13 @@ def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
 
 
 def extrapolate_solutions(solutions: Sequence[GridSolution], sizes: Sequence[float]) -> GridSolution:
-    """Extrapolate force, depth and texel forces with first order to element size zero (Richardson).
+    """Extrapolate force, depth and texel forces to element size zero with order of convergence 1 (Richardson).
 
-    Area, overlap and contact points are those of the finest grid.
+    Contact area, overlap and contact points are those of the finest grid.
 
     Args:
-        solutions: Solutions of one target, coarsest grid first.
-        sizes: Element sizes of the grids; only their ratios matter [-].
+        solutions: Solutions of one target on several grids, coarsest first.
+        sizes: Element sizes of the grids in the same order; only the ratios of the sizes are used [-].
     """
     return replace(
         solutions[-1],
@@ -139,22 +143,23 @@ def correct_solution(
 ) -> GridSolution:
     """Add the effect of finite strain or friction, computed on a coarse grid, to an accurate small-strain solution.
 
-    The grids of finite strain and friction are coarse, need rounded edges and converge slowly.  The frictionless
-    small-strain solution on the same grid under the same rounded shape has nearly the same discretisation error.  The
-    difference of the two is therefore much more accurate than either (a control variate).
+    Solutions with finite strain or friction use coarse grids and rounded edges, and converge slowly.  The frictionless
+    small-strain solution on the same grid, under the same rounded indenter, has nearly the same discretisation error.
+    The difference of the two solutions is therefore much more accurate than each of them (a control variate).
 
     Args:
-        accurate: Converged frictionless small-strain solution of the target.
+        accurate: Converged frictionless small-strain solution at the target load or depth.
         baseline: Frictionless small-strain solution on the coarse grid, at the target divided by `share`.
-        full: Solution with finite strain, friction or both on the same grid, at the same load or depth.
+        full: Solution with finite strain, friction or both on the same grid, at the same load or depth as `baseline`.
         control: Whether the target is a load or a depth.
-        share: Fraction of the computed change that applies to the target.  Below 1 where the change was computed at a
-            larger load or depth because the grid could not resolve it at the target; the change is proportional to the
-            load to first order [-].
-        area: Contact area to report; the corrected area if not given [m2].
+        share: Target over the load or depth of `baseline`.  It is below 1 if the coarse grid cannot resolve the effect
+            at the target; the relative effect is then multiplied by `share`, because to first order it is proportional
+            to the load [-].
+        area: Contact area of the result [m2]; None for the corrected area.
     """
 
     def correct(quantity: Callable[[GridSolution], float]) -> float:
+        """Multiply a quantity of the accurate solution by its relative change from `baseline` to `full`."""
         return quantity(accurate) * (1 + share * (quantity(full) / quantity(baseline) - 1))
 
     if control == "load":
@@ -165,6 +170,7 @@ def correct_solution(
         force = depth * correct(lambda each: each.total_force / each.depth)
 
     def texel_forces(array: TexelArray, pose: PlanarPose) -> FloatArray:
+        """Compute the corrected texel forces for an array and a pose of the indenter, shape (n,) [N]."""
         reference, before, after = (
             each.texel_forces(array, pose) / each.total_force for each in (accurate, baseline, full)
         )
@@ -181,18 +187,18 @@ def correct_solution(
 
 
 def distribute_force(total_force: float, base: BasePressure, half: tuple[float, float], pose: PlanarPose) -> FloatArray:
-    """Distribute the indenter's force over the points under it in proportion to the base pressure there.
+    """Distribute the force on an indenter over points under its footprint, in proportion to the base pressure.
 
-    A substitute for the contact tractions, which the three-dimensional solvers do not return.
+    These forces replace the contact tractions, which the three-dimensional solvers do not return.
 
     Args:
         total_force: Force on the indenter [N].
-        base: Base pressure.
-        half: Half widths of the indenter's footprint [m].
+        base: Base pressure on a grid of points.
+        half: Half widths of the footprint of the indenter along x and y [m].
         pose: Pose of the indenter in the frame of the base pressure.
 
     Returns:
-        Columns x, y in the indenter's frame [m] and force [N], shape (k, 3).
+        Columns x, y in the frame of the indenter [m] and force [N] of k points, shape (k, 3).
     """
     x, y, pressure = base
     local_x, local_y = pose.to_indenter(*np.meshgrid(x, y, indexing="ij"))

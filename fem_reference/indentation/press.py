@@ -1,7 +1,8 @@
-"""Press a rigid indenter into a cover: texel forces with an error estimate for each result.
+"""Press a rigid indenter into a cover and compute the texel forces with error estimates.
 
-A cover of `linear-elastic` layers pressed without friction is solved at small strain, any other one at finite strain;
-the result says which.  Every indentation is solved on three grids; their differences give the error estimates.
+Without friction, a cover of `linear-elastic` layers is solved at small strain and any other cover at finite strain;
+`Indentation.assumptions` states the kind of strain.  Every indentation is solved on three grids, and the differences
+between the grids give the error estimates.
 """
 
 from __future__ import annotations
@@ -19,28 +20,29 @@ from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
-#: Depth over thickness up to which small strain is accepted without remark; for spheres the force agrees with finite
-#: strain within 0.3 % there [-].
+#: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
+#: on a sphere agrees with the finite-strain force within 0.3 % [-].
 _SMALL_STRAIN_DEPTH = 0.3
-#: Relative error of a force per relative error of the depth.  Residual penetration is an error of the depth; contact
-#: forces grow at most with the square of the depth [-].
+#: Relative error of a force per relative error of the depth.  The penetration that remains in the contact is an error
+#: of the depth, and contact forces increase at most with the square of the depth [-].
 _FORCE_PER_OVERLAP = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Indentation:
-    """Result of one indentation.
+    """Result of pressing one indenter into a cover at one load or depth.
 
     Attributes:
-        texel_forces: Normal force on each texel, shape (n,) [N].
-        outside: Force that acts outside the active texels [N].
-        total_force: Force of the indenter [N].
-        depth: Approach from first touch of the undeformed cover [m].
+        texel_forces: Normal force on each of n texels, shape (n,) [N].
+        outside: Force that acts on the base outside the active texels [N].
+        total_force: Normal force on the indenter [N].
+        depth: Approach of the indenter from first touch of the undeformed cover [m].
         contact_area: Contact area [m2].
-        contact: Contact points: columns x, y in the array's frame [m] and force [N], shape (m, 3).
-        error_estimate: Estimated relative errors [-]: `total_force` (at this depth), `peak_texel`, `contact_area`.
+        contact: Columns x, y in the frame of the array [m] and force [N] of m contact points, shape (m, 3).
+        error_estimate: Estimated relative errors [-]: `total_force` at the result's depth, `peak_texel` (the largest
+            texel force), and `contact_area`.
         assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
-        seconds: Wall time, near zero for a stored result [s].
+        seconds: Elapsed time of the computation, near zero for a stored result [s].
     """
 
     texel_forces: FloatArray
@@ -66,22 +68,22 @@ def press(
     friction: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> Indentation:
-    """Press a guided, rigid indenter into a cover.
+    """Press a rigid indenter, guided along the normal of the array, into a cover.
 
-    On a laterally wide cover the contact is the same at every position and orientation of the indenter, so all poses
-    share one stored solution.  On a cover of limited size every pose is solved.  The indenter may extend beyond the
-    side edges; it touches only the top.
+    On a laterally wide cover the contact is the same at every position and orientation of the indenter, so one stored
+    solution is used for all poses.  On a cover of limited size every pose is solved.  The indenter may extend beyond
+    the side edges of the cover; contact is considered on the top only.
 
     Args:
-        cover: The cover; small strain if every layer is `linear-elastic`, finite strain otherwise.
-        array: The texels under the cover.
-        indenter: The shape.
-        load: Force along the array's normal [N].  Give either `load` or `depth`.
-        depth: Approach from first touch [m].
-        at: Position of the indenter's axis in the array's frame [m].
+        cover: Cover; solved at small strain if every layer is `linear-elastic`, else at finite strain.
+        array: Array with the texels under the cover.
+        indenter: Indenter with its shape.
+        load: Force along the normal of the array [N].  Give either `load` or `depth`.
+        depth: Approach of the indenter from first touch [m].
+        at: Position of the indenter's axis in the frame of the array [m].
         yaw: Rotation of the indenter about its axis [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip.  Slip depends on the
-            loading history, so paths with friction are solved in small steps and take longer [-].
+            loading history, so problems with friction are solved in small steps and take longer [-].
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -117,18 +119,18 @@ def press_path(
     friction: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
-    """Press at several ascending loads or depths that share one loading path; see `press`.
+    """Press a rigid indenter into a cover at several ascending loads or depths, one after the other; see `press`.
 
     Args:
-        cover: As for `press`.
-        array: As for `press`.
-        indenter: As for `press`.
-        loads: Ascending forces [N].  Give either `loads` or `depths`.
-        depths: Ascending approaches [m].
-        at: As for `press` [m].
-        yaw: As for `press` [rad].
-        friction: As for `press` [-].
-        progress: As for `press`.
+        cover: Cover, as for `press`.
+        array: Array with the texels under the cover.
+        indenter: Indenter with its shape.
+        loads: Ascending forces along the normal of the array [N].  Give either `loads` or `depths`.
+        depths: Ascending approaches of the indenter from first touch [m].
+        at: Position of the indenter's axis in the frame of the array [m].
+        yaw: Rotation of the indenter about its axis [rad].
+        friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
+        progress: Called with a line of text before each solve.
 
     Returns:
         One result per load or depth, in the same order.
@@ -159,7 +161,15 @@ def press_path(
 def _combine_grids(
     study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath, place: Place, seconds: float
 ) -> Indentation:
-    """Combine the solutions of one target on three grids for one pose; `seconds` is the time of the solutions."""
+    """Combine the solutions of one target on three grids to the result for one pose.
+
+    Args:
+        study: Properties of the three grids.
+        grids: Solutions of the target, coarsest grid first.
+        path: Cover, indenter and friction.
+        place: Array, and pose of the indenter.
+        seconds: Time that the solutions took [s].
+    """
     started = time.perf_counter()
     finest = grids[-1]
     texel_forces = [each.texel_forces(place.array, place.pose) for each in grids]
@@ -187,7 +197,7 @@ def _combine_grids(
 
 
 def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
-    """Return the statements about strain, friction, base, sides and range that do not depend on the solver."""
+    """State the assumptions about strain, friction, base and sides of the cover, and whether the depth is in range."""
     cover, friction = path.cover, path.friction
     law = "no slip" if np.isinf(friction) else f"Coulomb, coefficient {friction:g}" if friction else "frictionless"
     out = {"strain": "small" if cover.small_strain_only else "finite", "friction": law, "base": cover.base}
@@ -203,10 +213,11 @@ def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
 def _check_targets(
     cover: Cover, loads: Sequence[float] | None, depths: Sequence[float] | None
 ) -> tuple[tuple[float, ...], Control]:
-    """Return the loads or depths of a path, and which of the two they are.
+    """Check the targets of a loading path; return them and whether they are loads or depths.
 
     Raises:
-        ValueError: If both or none are given, or one of them is not positive, too deep or not ascending.
+        ValueError: If both or neither of loads and depths are given, or if a value is not positive, not ascending, or a
+            depth that exceeds the thickness of the cover.
     """
     if (loads is None) == (depths is None):
         raise ValueError("give either a load or a depth, not both")

@@ -1,7 +1,7 @@
-"""How much the edges and facets of an indenter are rounded for solutions at finite strain or with friction.
+"""Choose the radius with which edges and facets of an indenter are rounded, at finite strain or with friction.
 
-A solution at finite strain has no limit under a perfectly sharp edge, and a mesh must resolve the edge.  The radius is
-therefore as small as the finest grid can resolve; results state it.
+A finite-strain solution under a perfectly sharp edge does not converge as the mesh is refined, and the elements must
+resolve a rounded edge.  The radius is therefore as small as the finest grid can resolve; results state the radius.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ import numpy as np
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
 
-#: Largest fillet over the cover's thickness and over the smallest half width of the indenter: in axisymmetric meshes,
+#: Radius of rounded edges over the smaller of cover thickness and half width of the indenter, in axisymmetric meshes
 #: and in three dimensions, where elements are larger [-].
 _FINE, _COARSE = 1 / 20, 1 / 5
-#: Miter limit: largest distance from a convex corner to the inset outline, in units of the inset; that of a 50 degree
-#: corner [-].
+#: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees; a
+#: point of the face further from the inset outline is on a wall that the inset removes [-].
 _MITER = 2.4
-#: Width of the thickest wall over half the footprint that a grid can still resolve [-].
+#: Smallest width of the thickest wall of a face that a grid can resolve, over half the footprint [-].
 _THINNEST_WALL = 0.05
-#: Samples along each side of the footprint when the wall thickness of a face is measured [-].
+#: Number of samples along each side of the footprint with which the wall thickness of a face is measured [-].
 _SAMPLES = 81
 
 
 def choose_fillet(thickness: float, indenter: Indenter) -> float:
-    """Return the radius of rounded edges on the finest grid under a wide cover [m].
+    """Choose the radius of an indenter's rounded edges on the finest grid, on a wide cover [m].
 
     Args:
         thickness: Thickness of the cover [m].
-        indenter: The shape; in three dimensions unless it is axisymmetric.
+        indenter: Indenter; solved in three dimensions unless it is axisymmetric.
 
     Raises:
         ValueError: As for `choose_solid_fillet`.
@@ -41,13 +41,14 @@ def choose_fillet(thickness: float, indenter: Indenter) -> float:
 
 
 def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
-    """Return the radius of rounded edges on the finest three-dimensional grid [m].
+    """Choose the radius of an indenter's rounded edges on the finest three-dimensional grid [m].
 
-    The thickest wall of a face is wide enough that even the larger radius on the coarsest grid leaves part of it flat.
+    The radius is so small that part of the thickest wall of a face remains flat even with the larger radius on the
+    coarsest grid.
 
     Args:
         thickness: Thickness of the cover [m].
-        indenter: The shape.
+        indenter: Indenter with its shape.
 
     Raises:
         ValueError: If all walls of the face are too thin for the grids.
@@ -65,24 +66,24 @@ def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
 
 
 def scale_fillet(fillet: float, count: int, grids: Sequence[int]) -> float:
-    """Return the fillet on one of several grids, in proportion to the element size [m].
+    """Compute the radius of rounded edges on one of several grids, in proportion to the element size [m].
 
-    The differences between the grids then include the effect of the fillet, and so do the error estimates.
+    The differences between the grids, and thus the error estimates, then include the effect of the rounding.
 
     Args:
-        fillet: Radius on the finest grid [m].
-        count: Elements through the cover on this grid [-].
-        grids: Elements through the cover on all grids, finest last [-].
+        fillet: Radius of rounded edges on the finest grid [m].
+        count: Number of elements through the cover on this grid [-].
+        grids: Number of elements through the cover on every grid, finest last [-].
     """
     return fillet * grids[-1] / count
 
 
 def state_rounding(indenter: Indenter, fillet: float) -> dict[str, str]:
-    """Return the statement of a result about its rounded edges or facets, empty for a smooth indenter.
+    """State in words, by topic, how edges or facets of an indenter are rounded; empty for a smooth indenter.
 
     Args:
-        indenter: The shape.
-        fillet: Radius on the finest grid [m].
+        indenter: Indenter with its shape.
+        fillet: Radius of rounded edges on the finest grid [m].
     """
     if indenter.is_flat:
         rounding = f"rounded with {fillet * 1e3:.3g} mm on the finest grid"
@@ -94,7 +95,7 @@ def state_rounding(indenter: Indenter, fillet: float) -> dict[str, str]:
 
 
 def _loses_wall(indenter: Indenter, fillet: float) -> bool:
-    """Return whether a part of the face is so thin that its rounded edges leave no flat part of it."""
+    """Return whether some wall of the face is so thin that no flat part remains between its rounded edges."""
     if indenter.axisymmetric or not isinstance(indenter, FlatPunch):
         return False
     x, y = _sample_footprint(indenter)
@@ -103,6 +104,6 @@ def _loses_wall(indenter: Indenter, fillet: float) -> bool:
 
 
 def _sample_footprint(indenter: Indenter) -> tuple[FloatArray, FloatArray]:
-    """Return the positions of a regular grid over the footprint [m]."""
+    """Return x and y of the points of a regular grid over the footprint of an indenter [m]."""
     x, y = np.meshgrid(*(np.linspace(-half, half, _SAMPLES) for half in indenter.footprint))
     return x, y

@@ -1,7 +1,8 @@
-"""Indentation at small strain: contact on square cells, base forces by superposition.
+"""Solve frictionless indentations at small strain: contact on square cells, texel forces by superposition.
 
-On a wide cover the contact solution is the same everywhere.  On a cover of limited size the free side edges make the
-top more compliant, and the base forces come from a three-dimensional solution.
+On a wide cover, whose edges have no effect, the contact solution is the same at every position.  On a cover of limited
+size the free side edges increase the compliance of the top, and the texel forces follow from a three-dimensional
+solution.
 """
 
 from __future__ import annotations
@@ -25,25 +26,30 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
+#: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
 
-#: Cells across the contact on the three grids, coarsest first.  All are multiples of 16, because the edges of many
-#: letters and brackets lie at sixteenths of the width and then fall between cells.
+#: Number of square cells across the contact on the three grids, coarsest first.  The numbers are multiples of 16,
+#: because the edges of many letters and brackets are at sixteenths of the width and then coincide with cell edges [-].
 CELLS = (64, 96, 144)
-#: Depth over thickness at which flat faces are solved.  The value is arbitrary because the solution is linear [-].
+#: Depth over cover thickness at which flat faces are solved; the value is arbitrary because the solution is linear [-].
 _FLAT_DEPTH = 1e-2
-#: Size of the window in which the contact is searched over the estimated size of the contact [-].
+#: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
 _WINDOW = 1.35
-#: Extent of a contact over that of its window above which the window may cut the contact off; one to two cells less
-#: than the window [-].
+#: Size of the contact over that of the rectangle of cells above which the rectangle may be too small for the contact;
+#: one to two cells less than 1 [-].
 _FULL = 0.98
-#: Size of the bins that contact forces are gathered into before superposition, over the thickness.  The base response
-#: to a force is about one thickness wide, so the bins are much smaller than that [-].
+#: Size of the bins over which contact forces are summed before superposition, over the cover thickness; much smaller
+#: than the width of the base response to a force, about one thickness [-].
 _BIN = 1 / 16
 
 
 def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy:
-    """Solve a frictionless path on three grids and state how the grids converge."""
+    """Solve a frictionless loading path on three grids.
+
+    Returns:
+        The solutions of every target with the element sizes and the error of the base response.
+    """
     base_response = _solve_base_response(path, place, progress)
     return GridStudy(
         solutions=solve_path(path, place, progress),
@@ -56,13 +62,13 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
 
 
 def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> list[list[GridSolution]]:
-    """Solve a frictionless path, or read it from the result store.
+    """Solve a frictionless loading path at small strain, or read the solutions from the result store.
 
     The contact area under a flat face does not depend on the load, so a flat face is solved once and scaled.
 
     Args:
-        path: Cover, indenter and targets.
-        place: Texels and pose.  Required on a cover of limited size, where the solution holds for this place only.
+        path: Cover, indenter, and target loads or depths.
+        place: Array, and pose of the indenter.  Required on a cover of limited size, where every pose is solved.
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -71,6 +77,7 @@ def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> li
     base_response = _solve_base_response(path, place, progress)
 
     def solve(target: LoadingPath) -> list[GridSolution]:
+        """Solve a loading path of one target on the three grids."""
         return [_build_solution(patch, base_response) for patch in _solve_contact(target, place, progress)]
 
     if not path.indenter.is_flat:
@@ -84,17 +91,17 @@ def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> li
 
 
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
-    """Return the contact points at the path's last target on the coarsest grid, to lay out finer meshes.
+    """Solve the contact at the last target of a loading path on the coarsest grid, to choose element sizes from it.
 
     Returns:
-        Positions in the indenter's frame, shape (m, 2) [m].
+        Centres of the m cells in contact, in the frame of the indenter, shape (m, 2) [m].
     """
     patch = _solve_contact(replace(path, targets=path.targets[-1:]), place, progress)[0]
     return np.column_stack([patch.x, patch.y])
 
 
 def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInfluence) -> GridSolution:
-    """Describe a solved contact; the texel forces of the last array and pose are cached."""
+    """Build the solution on one grid from a solved contact; texel forces of the last array and pose are cached."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     return GridSolution(
         total_force=patch.total_force,
@@ -109,7 +116,19 @@ def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInflu
 def _superpose(
     contact: FloatArray, base_response: PointSpread | SolidInfluence, array: TexelArray, pose: PlanarPose
 ) -> FloatArray:
-    """Superpose the base response to all contact forces; nearby forces are first gathered into their centroid."""
+    """Compute the texel forces due to all contact forces by superposition.
+
+    Contact forces in the same bin are first replaced by their sum at their centroid.
+
+    Args:
+        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).
+        base_response: Texel forces per unit point load.
+        array: Array with n texels.
+        pose: Pose of the indenter in the frame of the array.
+
+    Returns:
+        Force on each texel, shape (n,) [N].
+    """
     x, y, cell_force = contact.T
     position = np.column_stack(pose.to_array(x, y))
     _, group = np.unique(np.round(position / (base_response.thickness * _BIN)), axis=0, return_inverse=True)
@@ -119,19 +138,21 @@ def _superpose(
 
 
 def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> PointSpread | SolidInfluence:
+    """Solve for the texel forces per unit point load on the cover, or read them from the result store."""
     if path.cover.size is None:
         return point_spread(path.cover, progress=progress)
     return solid_influence(path.cover, _require_place(place).array, progress=progress)
 
 
 def _require_place(place: Place | None) -> Place:
+    """Return the place, or raise a ValueError if it is None."""
     if place is None:
         raise ValueError("the solution on a cover of limited size depends on the place: give the indenter's pose")
     return place
 
 
 def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress) -> list[ContactPatch]:
-    """Solve the contact of a path's only target on the three grids, or read it from the store."""
+    """Solve the contact of a loading path with one target on the three grids, or read it from the result store."""
     cover, indenter = path.cover, path.indenter
     target = path.targets[0]
     load, depth = (target, None) if path.control == "load" else (None, target)
@@ -175,7 +196,7 @@ def _touch_near_sides(
     load: float | None,
     depth: float | None,
 ) -> ContactPatch:
-    """Solve the contact on a cover of limited size, in a rectangular window that grows until it holds the contact."""
+    """Solve the contact on a cover of limited size, in a rectangle of cells that grows until it spans the contact."""
     indenter = path.indenter
     largest = np.array(bound_contact(indenter, path.cover.thickness))
     half = largest
@@ -187,11 +208,11 @@ def _touch_near_sides(
         patch = solve_contact(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
         if indenter.is_flat or not cut_off.any():
-            x, y = sides.clip_to_cover(patch.x, patch.y)  # cells that were scaled may end up beside the cover
+            x, y = sides.clip_to_cover(patch.x, patch.y)  # centres of scaled cells may lie beside the cover
             return replace(patch, x=x, y=y)
         half = np.minimum(largest, _WINDOW * half)
 
 
 def _measure_extent(patch: ContactPatch) -> FloatArray:
-    """Half widths of a contact around the indenter's axis, shape (2,) [m]."""
+    """Measure the half widths of a contact along x and y around the axis of the indenter, shape (2,) [m]."""
     return np.array([np.abs(patch.x).max(), np.abs(patch.y).max()]) + patch.cell / 2
