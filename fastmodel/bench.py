@@ -231,6 +231,7 @@ def add_geoms(spec: mujoco.MjSpec, body: mujoco.MjsBody, indenter: Indenter, *, 
 
 
 def _check_placement(placement: Placement) -> None:
+    """Check the types and values of an indenter's load and pose."""
     numbers = [placement.load, *placement.at, placement.yaw, *placement.centre]
     for number in numbers:
         check_type("load, at, yaw or centre", number, (int, float, np.number), "a number in N, m or rad")

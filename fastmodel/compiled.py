@@ -39,6 +39,7 @@ def compile_kernel(loops: _F) -> _F:
 
 @cache
 def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
+    """Register the functions that kernels call with numba, and make numba's version of a kernel."""
     import numba
 
     while _CALLED:

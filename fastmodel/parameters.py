@@ -301,11 +301,13 @@ def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
 
 
 def _build_electronics(table: Mapping[str, Any]) -> Electronics:
+    """Build the electronics from the section `[electronics]` of the TOML file."""
     values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     return Electronics(**values)
 
 
 def _build_cells(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> CoverCells:
+    """Build the cover data between cells from the section `[cells]` and the tables of the npz file."""
     stored: dict[str, Any] = {name: tables[key] for name, key in _CELL_TABLES.items() if key in tables}
     return CoverCells(**{**table, "cell": tuple(table["cell"])}, **stored)
 
@@ -377,6 +379,7 @@ def _read_tables(document: _Document) -> dict[str, FloatArray]:
 
 
 def _read_bytes(path: Path) -> bytes:
+    """Read a file; raise a `ParametersError` if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

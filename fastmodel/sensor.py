@@ -228,6 +228,7 @@ class Sensor:
         self._bound().reset(np.asarray(contact_forces, dtype=np.float64))
 
     def _bound(self) -> _RunningSensor:
+        """Return the state of the bound sensor, or raise an error if the sensor is not bound."""
         if self._running is None:
             raise LifeCycleError(f"sensor {self.name!r} is not bound; call bind(model) after compiling")
         return self._running
@@ -254,6 +255,7 @@ class _RunningSensor:
         self.reset(np.zeros(()))
 
     def reset(self, contact_forces: FloatArray) -> None:
+        """Restart the sensor under constant contact forces, see `Sensor.reset`."""
         settled = np.broadcast_to(contact_forces, (self._count,))
         if not np.isfinite(settled).all():
             raise StateError("contact forces to start from must be finite")
@@ -265,6 +267,7 @@ class _RunningSensor:
         self.frame: Frame = self.chain.frame(self._sampled_at, noisy=False)
 
     def step(self, data: mujoco.MjData) -> bool:
+        """Update the sensor after one physics step, see `Sensor.step`."""
         if data is not self._data:
             self._check_data(data)
         now = data.time
@@ -313,6 +316,7 @@ def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: fl
 
 
 def _check_spec(spec: mujoco.MjSpec) -> None:
+    """Check that an argument is a spec."""
     check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
 
 

@@ -61,7 +61,7 @@ class Butterworth:
             raise FilterError(f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz")
         K = np.tan(np.pi * self.cutoff_hz / rate_hz)
         rows = [_first_order(K)] if self.order % 2 else []
-        # The section of lowest quality comes first: this keeps the values inside the cascade small.
+        # Sections are in order of rising quality factor, so that the signals between sections stay small.
         angles = np.pi * (2 * np.arange(self.order // 2)[::-1] + 1) / (2 * self.order)
         rows += [_second_order(K, float(2 * np.sin(angle))) for angle in angles]
         return np.array(rows)
