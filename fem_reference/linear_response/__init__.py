@@ -1,4 +1,4 @@
-"""Response of a linear cover to a unit load: base pressure, texel forces and surface displacement.
+"""Response of a linear elastic cover to a unit load: base pressure, texel forces and displacement of the top.
 
-`point_spread` and `surface_compliance` treat laterally wide covers, `finite_cover` covers of limited size.
+`point_spread` and `surface_compliance` apply to laterally wide covers, `finite_cover` to covers of limited size.
 """

@@ -1,13 +1,14 @@
-"""Axisymmetric finite elements of a layered cover: mesh, constraints, base pressure, and the unit point load.
+"""Solve a layered cover with axisymmetric finite elements: mesh, constraints, base pressure, and unit point load.
 
-The base pressure is computed from the reactions of the clamped base nodes.  The reactions add up to the load to
-rounding; divided by the mass matrix of the base edges they give a pressure that is quadratic on each edge.  Its error
-oscillates and is orthogonal to linear functions.  The pressure is therefore read at the two points of each edge where
-the oscillation vanishes: there the error of the peak was measured five to ten times smaller than at the nodes.
+The base pressure is computed from the reactions of the fixed base nodes.  The sum of the reactions equals the load
+except for rounding; the inverse mass matrix of the base edges turns the reactions into a pressure that is quadratic on
+each element edge.  The error of this pressure oscillates and is orthogonal to linear functions.  The pressure is
+therefore evaluated at the two points of each edge where the oscillation vanishes; in tests the error of the peak was
+five to ten times smaller at these points than at the nodes.
 
-The point load is a single nodal force.  The displacement under it is singular, the base pressure is not: by Galerkin
-orthogonality the error of a functional of the base is the error of its dual solution at the loaded point, and the dual
-solution is smooth there.
+The point load is a single nodal force.  The displacement under the force is singular, but the base pressure is
+accurate: by Galerkin orthogonality the error of a functional of the base pressure is the error of the dual solution at
+the loaded point, and the dual solution is smooth at this point.
 """
 
 from __future__ import annotations
@@ -26,24 +27,25 @@ from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 from meshes.array_types import FloatArray, IntArray
 
-#: Distance from a boundary, in thicknesses, below which a node lies on it [-].
+#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _TOLERANCE = 1e-9
-#: Radius, in thicknesses, up to which the mesh of a point load has even elements [-].
+#: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
 _EVEN = 4.0
-#: Growth of the elements beyond, times the elements through the cover [-].
+#: Size ratio of neighbouring elements outside this radius, minus one, times the number of elements through the
+#: cover [-].
 _GROWTH = 1.2
-#: Least number of elements in a layer.
+#: Smallest number of elements through a layer [-].
 _LEAST = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseResponse:
-    """Base pressure of an axisymmetric load: per unit load, or of a whole load [N].
+    """Base pressure of an axisymmetric load, per unit load or for the whole load.
 
     Attributes:
-        radius: Distances from the axis, ascending, shape (m,) [m].
-        pressure: Pressure there, shape (m,) [1/m2] or [Pa].
-        reaction: Sum of the base reactions [-] or [N].
+        radius: Distances of m points from the axis, ascending, shape (m,) [m].
+        pressure: Base pressure at these points, shape (m,), per unit load [1/m2] or for the whole load [Pa].
+        reaction: Sum of the base reactions, per unit load [-] or for the whole load [N].
     """
 
     radius: FloatArray
@@ -51,7 +53,7 @@ class BaseResponse:
     reaction: float
 
     def extend(self, reach: float) -> dict[str, Any]:
-        """Extend the pressure to the axis by symmetry, and to zero at the outer boundary `reach` [m].
+        """Extend the base pressure to the axis by symmetry, and to zero at the outer boundary, radius `reach` [m].
 
         Returns:
             `radius` and `pressure`, shape (m + 2,) each, and `reaction`.
@@ -66,11 +68,11 @@ class BaseResponse:
 
 
 def recover_base_response(nodes: FloatArray, forces: FloatArray) -> BaseResponse:
-    """Compute the base pressure from the normal reactions of the base nodes.
+    """Compute the axisymmetric base pressure from the normal reactions of the base nodes.
 
     Args:
-        nodes: Radii of the base nodes, ascending; ends and middles of the edges alternate, shape (m,) [m].
-        forces: Their normal reactions, each of a whole circle, shape (m,) [N].
+        nodes: Radii of the m base nodes, ascending; ends and middles of element edges alternate, shape (m,) [m].
+        forces: Normal reactions of the nodes, each of a whole circle, shape (m,) [N].
     """
     line = Line(edges=nodes[::2], order=2)
     pressure = recover_pressure([line], forces, axisymmetric=True)
@@ -79,14 +81,15 @@ def recover_base_response(nodes: FloatArray, forces: FloatArray) -> BaseResponse
 
 
 def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float) -> BaseResponse:
-    """Solve for a unit point load on the axis.
+    """Solve for the base pressure under a unit point load on the axis.
 
     Args:
-        cover: Layers; linear elastic at zero load.
-        elements_per_thickness: Elements through the whole cover; each layer gets at least two [-].
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        elements_per_thickness: Number of elements through the whole cover; each layer gets at least two [-].
         reach: Radius of the outer boundary, where all displacements are zero [m].
     """
-    # Lengths in thicknesses and moduli in that of the top layer: numbers near one keep the matrix well conditioned.
+    # Units of length and stress are the cover thickness and the shear modulus of the top layer: numbers near 1 make
+    # the matrix well conditioned.
     unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
     size = unit / elements_per_thickness
     radii = grade_outward(size, _EVEN * unit, reach, growth=1 + _GROWTH / elements_per_thickness)
@@ -107,12 +110,12 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
 
 
 def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> IntArray:
-    """Indices of the displacements that are zero: on the axis, on the base and on the outer boundary.
+    """Return the indices of the displacements that are zero: on the axis, on the base and on the outer boundary.
 
     Args:
-        cover: Tells whether the base is bonded; a sliding base constrains the normal displacement only.
-        r: Radii of the nodes, shape (n,) [thicknesses].
-        z: Heights of the nodes, shape (n,) [thicknesses].
+        cover: Cover; a bonded base constrains both displacements, a sliding base only the normal displacement.
+        r: Radii of the n nodes, shape (n,) [thicknesses].
+        z: Heights of the n nodes, shape (n,) [thicknesses].
         reach: Radius of the outer boundary [thicknesses].
     """
     axis, base, outer = r < _TOLERANCE, z < _TOLERANCE, r > reach - _TOLERANCE
@@ -123,16 +126,16 @@ def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -
 def mesh_cover(
     cover: Cover, count: int, radii: FloatArray, *, surface_size: float | None = None
 ) -> tuple[skfem.MeshQuad, IntArray]:
-    """Mesh a cover with quadrilaterals.
+    """Mesh a cover with quadrilaterals in the r-z plane.
 
     Args:
-        cover: The layers.
-        count: Elements through the whole cover; each layer gets at least two [-].
+        cover: Cover with its layers.
+        count: Number of elements through the whole cover; each layer gets at least two [-].
         radii: Element edges along the radius [m].
-        surface_size: Height of the elements at the top, where it is smaller than that of the others [m].
+        surface_size: Height of the elements at the top [m]; used if it is smaller than the regular element height.
 
     Returns:
-        The mesh, and the layer of each element.
+        The mesh, and the index of the layer of each element.
     """
     size = cover.thickness / count
     counts = [max(_LEAST, round(layer.thickness / size)) for layer in cover.layers]
@@ -141,9 +144,9 @@ def mesh_cover(
 
 
 def _find_accurate_radii(line: Line) -> FloatArray:
-    """Two radii on each edge where the error of the recovered pressure vanishes [m].
+    """Compute the two radii on each element edge where the error of the recovered base pressure vanishes [m].
 
-    These are the roots of the quadratic that is orthogonal to all linear functions with weight r.
+    These radii are the roots of the quadratic polynomial that is orthogonal to all linear functions with weight r.
     """
     start, length = line.edges[:-1], np.diff(line.edges)
     moment = [start / (j + 1) + length / (j + 2) for j in range(4)]

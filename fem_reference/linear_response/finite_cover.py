@@ -1,15 +1,15 @@
-"""Covers with free side edges in three dimensions: texel forces per unit load anywhere on the top.
+"""Compute the texel forces per unit load anywhere on a cover with free side edges, in three dimensions.
 
 The adjoint problem is solved: the base under one texel is displaced upwards by a unit while the top is free.  By
-reciprocity (Betti) the upward displacement of a point of the top is the force on that texel per unit normal load on
-that point.  One solution per texel so serves every load.  The prescribed displacement is the L2 projection of the
-texel's indicator function onto the base functions; this is equivalent to recovering a continuous base pressure from
-the reactions and integrating it over the texel.  The forces on all texels and on the rest of the base add up to the
-load to rounding.
+reciprocity (Betti) the upward displacement of a point of the top is the force on this texel per unit normal load on
+this point.  One solution per texel is therefore sufficient for all loads.  The prescribed displacement is the L2
+projection of the indicator function of the texel (1 on the texel, 0 elsewhere) onto the shape functions of the base;
+the result equals the integral, over the texel, of the continuous base pressure recovered from the reactions.  The
+forces on all texels and on the rest of the base add up to the load except for rounding.
 
-A rectangular cover is its own mirror image, so only a quarter is solved, once for each of the four parities of the
-displacement in x and y.  A texel and its mirror images share a solution, and on a square cover the two mixed parities
-do, with x and y exchanged.
+A rectangular cover is symmetric about its planes x = 0 and y = 0, so only a quarter is solved, once for each of the
+four parities of the displacement in x and y (even or odd).  A texel and its mirror images share a solution.  On a
+square cover with a square array, the solutions of the two mixed parities are equal after exchange of x and y.
 """
 
 from __future__ import annotations
@@ -38,28 +38,30 @@ from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 
-#: The three grids; the finest gives the result.
+#: Element sizes of the three grids; the result is that of the finest grid.
 GRIDS = (
     Resolution(across=1.5, through=2),
     Resolution(across=2.25, through=3),
     Resolution(across=3.4, through=4),
 )
-#: Gauss points along a texel's edge under uniform pressure, per thickness of the cover.
+#: Number of Gauss points along a side of a texel, per cover thickness, for uniform pressure on the texel [-].
 _TEXEL_POINTS = 12
-#: Points at which the width of a texel's influence is searched, and the distance searched beyond the texel, in
-#: thicknesses [-].
+#: Search for the half width of a texel's response: number of points, and distance beyond the edge of the texel over the
+#: cover thickness [-].
 _WIDTH_POINTS, _WIDTH_REACH = 400, 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdjointSolution:
-    """Displacement of the top of a quarter of the cover when the base under a texel is displaced, on one grid.
+    """Upward displacement of the top of a quarter of a cover due to a unit displacement of the base under a texel.
 
     Attributes:
-        x: Functions along x, from the middle to the side [thicknesses].
-        y: Functions along y, from the middle to the side [thicknesses].
-        texels: For each parity and each pair of texel columns and rows, at every top node, shape (4, k, x, y) [-].
-        whole: The same when the whole base is displaced, 1 up to rounding, shape (x, y) [-].
+        x: Line elements along x, from the middle of the cover to its side [thicknesses].
+        y: Line elements along y, from the middle of the cover to its side [thicknesses].
+        texels: Displacement at every top node for each of the 4 parities and each of k groups of texels that are mirror
+            images of one another, shape (4, k, nodes along x, nodes along y) [-].
+        whole: Displacement at every top node when the whole base is displaced, 1 except for rounding, shape (nodes
+            along x, nodes along y) [-].
     """
 
     x: Line
@@ -70,12 +72,12 @@ class AdjointSolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolidInfluence:
-    """Forces on the texels of one array per unit load on its cover.
+    """Forces on the texels of one array per unit load on a cover of limited size.
 
     Attributes:
-        cover: The cover.
-        array: The array that was solved for; methods accept others with the same texels.
-        grids: The solutions, coarsest first; the finest gives the result.
+        cover: Cover with free side edges.
+        array: Array that was solved for; methods accept arrays with the same texels and another mask.
+        grids: Solutions on the three grids, coarsest first; results are those of the finest grid.
     """
 
     cover: Cover
@@ -88,14 +90,14 @@ class SolidInfluence:
         return self.cover.thickness
 
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
-        """Force on every texel per unit point load at each position.
+        """Compute the force on every texel per unit point load at each position.
 
         Args:
-            array: The array that was solved for; its mask may differ, and masked texels get 0.
-            positions: Points of the cover in the array's frame, shape (k, 2) [m].
+            array: Array that was solved for; its mask may differ, and inactive texels get 0.
+            positions: k points on the cover in the frame of the array, shape (k, 2) [m].
 
         Returns:
-            Shape (k, n) [-].
+            Force on each of n texels per unit load at each position, shape (k, n) [-].
 
         Raises:
             ValueError: If the array has other texels or a position is not on the cover.
@@ -106,27 +108,27 @@ class SolidInfluence:
     def texel_response(
         self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
     ) -> FloatArray:
-        """Force on every texel for a unit load over one texel.
+        """Compute the force on every texel for a unit load on the cover above one texel.
 
         Args:
-            array: The array that was solved for; its mask may differ, and masked texels get 0.
-            load: A point load over the texel's centre, or the same force as uniform pressure over the texel.
-            texel: Which texel; `[rows // 2, columns // 2]` when not given.
+            array: Array that was solved for; its mask may differ, and inactive texels get 0.
+            load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
+            texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
 
         Returns:
-            Shape (n,) [-].
+            Force on each of n texels, shape (n,) [-].
         """
         return load_texel(self, array, load, texel, points_per_thickness=_TEXEL_POINTS)
 
     def outside(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
-        """Share of a unit point load that reaches no active texel: force on the whole base less that on the texels.
+        """Compute the part of a unit point load that no active texel measures: force on the base less texel forces.
 
         Args:
-            array: The array that was solved for; its mask may differ.
-            positions: Points of the cover in the array's frame, shape (k, 2) [m].
+            array: Array that was solved for; its mask may differ.
+            positions: k points on the cover in the frame of the array, shape (k, 2) [m].
 
         Returns:
-            Shape (k,) [-].
+            Part of the load for each position, shape (k,) [-].
         """
         places = self._check_positions(positions)
         grid = self.grids[-1]
@@ -136,10 +138,10 @@ class SolidInfluence:
 
     @cached_property
     def error_estimate(self) -> dict[str, float]:
-        """Estimated relative errors: `total_force`, `peak_texel` and `sigma` [-].
+        """Estimated relative errors of the response: `total_force`, `peak_texel` and `sigma` [-].
 
-        The peak is the force on a texel under a load over its centre, and the largest error of all texels counts; the
-        sigma is represented by the half width of the middle texel's influence.
+        `peak_texel` is the largest error, over all texels, of the force on a texel under a load above its centre.
+        `sigma`, the width of the response, is represented by the half width of the middle texel's response.
         """
         sizes = [1 / resolution.across for resolution in GRIDS]
         centres = self.array.centres[:, :2]
@@ -153,7 +155,7 @@ class SolidInfluence:
         }
 
     def _find_half_width(self, grid: AdjointSolution) -> float:
-        """Distance along x at which the middle texel's influence has fallen to half of that at its centre [m]."""
+        """Find the distance of a load along x at which the force on the middle texel is half its largest value [m]."""
         centre = self.array.centres[self.array.middle, :2]
         distance = np.linspace(0, self.array.texel_size[0] / 2 + _WIDTH_REACH * self.thickness, _WIDTH_POINTS)
         side = -np.sign(centre[0]) or 1.0  # towards the middle of the cover
@@ -164,7 +166,7 @@ class SolidInfluence:
         return float(np.interp(-value[0] / 2, -value[[first - 1, first]], distance[[first - 1, first]]))
 
     def _evaluate(self, grid: AdjointSolution, places: FloatArray) -> FloatArray:
-        """Force on every texel, masked or not, per unit load at each place [m], shape (k, n) [-]."""
+        """Compute the force on each of n texels, active or not, per unit load at k positions [m], shape (k, n) [-]."""
         texels = MirroredTexels.group(self.array, self.thickness)
         x, y = grid.x.at(np.abs(places[:, 0]) / self.thickness), grid.y.at(np.abs(places[:, 1]) / self.thickness)
         side = np.where(places < 0, -1.0, 1.0)
@@ -176,7 +178,7 @@ class SolidInfluence:
         return out
 
     def _check_positions(self, positions: npt.ArrayLike) -> FloatArray:
-        """Positions as an array, shape (k, 2) [m]."""
+        """Convert positions to an array of shape (k, 2) [m]; raise a ValueError if a position is beside the cover."""
         place = np.atleast_2d(np.asarray(positions, dtype=float))
         half = np.array([self.grids[-1].x.edges[-1], self.grids[-1].y.edges[-1]]) * self.thickness
         if (np.abs(place) > half * (1 + 1e-9)).any():
@@ -185,7 +187,7 @@ class SolidInfluence:
         return place
 
     def _check_array(self, array: TexelArray) -> None:
-        """Accept only an array with the same texels; its mask may differ."""
+        """Raise a ValueError if the array has other texels than the array that was solved for; masks may differ."""
         own = self.array
         if array is own:
             return
@@ -197,12 +199,12 @@ class SolidInfluence:
 def solid_influence(
     cover: Cover, array: TexelArray, *, progress: Callable[[str], None] | None = None
 ) -> SolidInfluence:
-    """Solve for the force on every texel per unit load anywhere, on three grids.  Results are kept in the store.
+    """Solve for the force on every texel per unit load anywhere on a cover, on three grids, or read it from the store.
 
     Args:
-        cover: Layers, bonded or sliding, with free side edges at `size`, its middle over the array's origin.  A wide
-            cover is cut far beyond the array.  Hyperelastic materials are linearised at zero load.
-        array: A planar array.  Parts of texels beside the cover carry no force.
+        cover: Cover, bonded or sliding, with free side edges at `size` and its middle above the origin of the array.  A
+            wide cover gets a boundary far outside the array.  Hyperelastic materials are linearised at zero load.
+        array: Planar array.  Parts of texels beside the cover carry no force.
         progress: Called with a line of text before each solve.
 
     Raises:
@@ -231,12 +233,12 @@ def solid_influence(
 
 
 def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> AdjointSolution:
-    """Solve the adjoint problem of every texel on one grid.
+    """Solve the adjoint problem of every texel on one grid: unit displacement of the base under the texel.
 
     Args:
-        cover: Layers with or without free side edges.
-        array: A planar array.
-        resolution: Element sizes.
+        cover: Cover with or without free side edges.
+        array: Planar array.
+        resolution: Element sizes of the grid.
     """
     solid = mesh_quarter(cover, array, resolution)
     texels = MirroredTexels.group(array, cover.thickness)
@@ -258,7 +260,7 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
         if parity == (0, 0):
             displaced = [np.vstack([part, np.ones(part.shape[1])]) for part in displaced]  # last: the whole base
         if not all(part.any() for part in displaced):
-            continue  # a single row or column in the middle has no odd part
+            continue  # the indicator of a single row or column in the middle has no odd part
         matrix, constrained = constrain_parity(solid, upper, parity, sliding=cover.base == "sliding")
         factors.factorise(matrix)
         load = -solid.compute_base_forces(*displaced)
@@ -273,7 +275,16 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
 
 
 def _project_indicators(line: Line, spans: FloatArray, odd: int) -> FloatArray:
-    """Nodal values of the L2 projections of the even or odd parts of indicators of spans, shape (m, nodes)."""
+    """Compute L2 projections of the even or odd parts of the indicator functions of intervals on line elements.
+
+    Args:
+        line: Line elements from the plane of symmetry outwards.
+        spans: Lower and upper ends of m intervals, shape (m, 2).
+        odd: 1 for the odd part of each indicator function, 0 for the even part.
+
+    Returns:
+        Nodal values, shape (m, nodes).
+    """
     mirror = -1.0 if odd else 1.0
     load = np.array([line.integral(low, high) + mirror * line.integral(-high, -low) for low, high in spans]) / 2
     mass = line_matrix(line, line).toarray()
@@ -283,6 +294,6 @@ def _project_indicators(line: Line, spans: FloatArray, odd: int) -> FloatArray:
 
 
 def _select_top(solid: TensorSolid, solution: FloatArray) -> FloatArray:
-    """Displacement along z of the top nodes, shape (k, x, y)."""
+    """Select the displacements along z of the top nodes from k solutions, shape (k, nodes along x, nodes along y)."""
     normal = solution[solid.offsets[2] : solid.offsets[3]].reshape(*solid.field_shape(2), -1)
     return np.ascontiguousarray(normal[:, :, -1].transpose(2, 0, 1))

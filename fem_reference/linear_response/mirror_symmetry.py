@@ -1,8 +1,8 @@
-"""Mirror symmetry of rectangular covers: the mesh of a quarter, its constraints, and the texels that it serves.
+"""Use the mirror symmetry of rectangular covers: mesh and constraints of a quarter, and groups of mirrored texels.
 
-A rectangular cover is its own mirror image in the planes x = 0 and y = 0.  A load splits into four parts that are even
-or odd in x and in y; each part needs only the quarter x, y >= 0, with constraints on the planes that depend on its
-parity.
+A rectangular cover is symmetric about the planes x = 0 and y = 0.  A load is the sum of four parts that are even or odd
+in x and in y (parities).  For each part only the quarter x, y >= 0 is solved, with constraints on the planes of
+symmetry that depend on the parity.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Parities in x and y of the four parts of a load: 0 even, 1 odd.
+#: Parities in x and y of the four parts of a load: 0 for even, 1 for odd.
 PARITIES = ((0, 0), (0, 1), (1, 0), (1, 1))
-#: Distance from the array at which a cover without a size is cut, in decay lengths [-].
+#: Distance of the boundary of a wide cover from the array, over the decay length of the cover's response [-].
 _MARGIN = 12.0
-#: Distance from texel and side edges over which elements stay small, in thicknesses, and their growth beyond [-].
+#: Distance from texel edges and side edges, over the cover thickness, within which elements have the smallest size, and
+#: increase of the element size per distance farther away [-].
 _NEAR, _GROWTH = 2.0, 0.35
-#: Texel edges closer to one another than this part of an element share one element edge [-].
+#: Distance between two texel edges, over the element size, below which both share one element edge [-].
 _SLIVER = 0.05
-#: Samples between two texel edges from which element edges are computed.
+#: Number of samples of the element size between two texel edges [-].
 _SAMPLES = 401
-#: Power of the heights of the elements in the lowest layer: above 1, they are small at the base, where texels end [-].
+#: Exponent of the heights of the element edges in the bottom layer; values above 1 give small elements at the base,
+#: where the texel edges are [-].
 _CROWDING = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resolution:
-    """Element sizes of a grid.
+    """Element sizes of a three-dimensional grid.
 
     Attributes:
-        across: Elements per thickness along x and y, near texel and side edges [-].
-        through: Elements through the cover; every layer gets at least one [-].
+        across: Number of elements per cover thickness along x and y, near texel edges and side edges [-].
+        through: Number of elements through the cover; every layer gets at least one [-].
         order: Polynomial order of the displacement [-].
     """
 
@@ -49,16 +51,16 @@ class Resolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MirroredTexels:
-    """Texels grouped by their mirror images, lengths in thicknesses.
+    """Groups of texels that are mirror images of one another, with lengths in units of the cover thickness.
 
-    A texel's span along x is the interval between its edges after its centre is mirrored to x >= 0.  Texels with equal
-    spans along x and along y are mirror images of one another and share one solution.
+    The span of a texel along x is the interval between its edges after its centre is mirrored to x >= 0.  Texels with
+    equal spans along x and along y are mirror images of one another and share one solution.
 
     Attributes:
-        spans: Distinct spans along x and along y, shape (m, 2) each.
-        pairs: Distinct pairs of the number of an x span and of a y span, shape (k, 2).
-        pair: Number of each texel's pair, shape (n,).
-        side: Sign of each texel's centre along x and y, 1 in the middle, shape (n, 2).
+        spans: Lower and upper ends of the m distinct spans along x, and of those along y, shape (m, 2) each.
+        pairs: Index of the x span and of the y span of each of the k groups of texels, shape (k, 2).
+        pair: Index of the group of each of n texels, shape (n,).
+        side: Signs of x and y of the centre of each texel, 1 in the middle, shape (n, 2).
     """
 
     spans: tuple[FloatArray, FloatArray]
@@ -68,7 +70,7 @@ class MirroredTexels:
 
     @classmethod
     def group(cls, array: TexelArray, thickness: float) -> MirroredTexels:
-        """Group the texels of a planar array under a cover of the given thickness [m]."""
+        """Group the texels of a planar array into mirror images; `thickness` is that of the cover [m]."""
         centres = np.round(array.centres[:, :2] / thickness, 9)
         spans, numbers = [], []
         for axis in (0, 1):
@@ -82,7 +84,7 @@ class MirroredTexels:
 
     @property
     def swapped(self) -> IntArray | None:
-        """Number of the pair with x and y exchanged, for each pair; None if the array is no square grid."""
+        """Index of the group of texels with x and y exchanged, for each group; None if the array is not square."""
         if self.spans[0].shape != self.spans[1].shape or not np.allclose(*self.spans, atol=1e-9):
             return None
         numbers = {tuple(pair): number for number, pair in enumerate(self.pairs.tolist())}
@@ -91,12 +93,12 @@ class MirroredTexels:
 
 
 def mesh_quarter(cover: Cover, array: TexelArray, resolution: Resolution) -> TensorSolid:
-    """Mesh the quarter x, y >= 0 of a cover, lengths in thicknesses and moduli in that of the top layer.
+    """Mesh the quarter x, y >= 0 of a cover, in units of the cover thickness and of the top layer's shear modulus.
 
     Args:
-        cover: Layers, with free side edges at `size` or cut far beyond the array.
-        array: A planar array; element edges lie on texel edges.
-        resolution: Element sizes.
+        cover: Cover with free side edges at `size`; a wide cover gets a boundary far outside the array.
+        array: Planar array; texel edges are also element edges.
+        resolution: Element sizes of the grid.
     """
     x, y = (_grade_side(cover, array, axis, resolution.across) for axis in (0, 1))
     thicknesses = [layer.thickness for layer in cover.layers]
@@ -112,14 +114,14 @@ def build_solid(
     order: int = 2,
     breaks: tuple[tuple[int, ...], tuple[int, ...]] = ((), ()),
 ) -> TensorSolid:
-    """Put a cover's materials on a tensor mesh, lengths in thicknesses and moduli in that of the top layer.
+    """Build a block with the materials of a cover, in units of cover thickness and of the top layer's shear modulus.
 
     Args:
-        cover: Layers, bonded or sliding.
+        cover: Cover, bonded or sliding.
         edges: Element edges along x, y and z [thicknesses].
-        layer: Layer of each element along z, shape (e,).
+        layer: Index of the layer of each of the e elements along z, shape (e,).
         order: Polynomial order of the displacement [-].
-        breaks: Elements along x and along y before which the pressure may jump.
+        breaks: Indices of elements along x and along y at whose lower edge the pressure may jump.
     """
     modulus = cover.layers[-1].material.shear_modulus
     sideways = 1 if cover.base == "bonded" else 0
@@ -137,21 +139,21 @@ def build_solid(
 def constrain_parity(
     solid: TensorSolid, upper: sp.csr_matrix, parity: tuple[int, int], *, sliding: bool
 ) -> tuple[sp.csr_matrix, BoolArray]:
-    """Constrain the unknowns that vanish on the planes of symmetry, without a change of the matrix's pattern.
+    """Constrain the unknowns that vanish on the planes of symmetry, without a change of the sparsity pattern.
 
     For a load even in x, the displacement along x is odd in x and vanishes at x = 0; for a load odd in x, the other
-    components and the pressure vanish there.  A block on a sliding base may also move or turn as a rigid body without
-    force; one more unknown is constrained against that.
+    displacement components and the pressure vanish at x = 0.  A block on a sliding base may also move or rotate as a
+    rigid body without force; one more constrained unknown prevents this motion.
 
     Args:
-        solid: The quarter x, y >= 0 of a block.
-        upper: Upper triangle of its stiffness, shape (n, n).
-        parity: 0 where the load is even, 1 where it is odd, in x and in y.
+        solid: Quarter x, y >= 0 of a block, with n unknowns.
+        upper: Upper triangle of the stiffness matrix of the quarter, shape (n, n).
+        parity: Parity of the load in x and in y: 0 for even, 1 for odd.
         sliding: Whether the base slides.
 
     Returns:
-        The upper triangle with unit rows and columns for the constrained unknowns, and which unknowns these are, shape
-        (n,).
+        The upper triangle with unit rows and columns for the constrained unknowns, and whether each unknown is
+        constrained, shape (n,).
     """
     constrained = np.zeros(upper.shape[0], dtype=bool)
     for field in range(4):
@@ -167,7 +169,10 @@ def constrain_parity(
 
 
 def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatArray:
-    """Element edges from the middle of the cover to its side: on texel edges, small near them [thicknesses]."""
+    """Place element edges from the middle of the cover to its side; elements are small near texel edges [thicknesses].
+
+    Texel edges are also element edges.
+    """
     unit = cover.thickness
     centres, half = array.centres[:, axis], array.texel_size[axis] / 2
     texel_edges = np.unique(np.round(np.abs(np.concatenate([centres - half, centres + half])) / unit, 9))
@@ -186,7 +191,7 @@ def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> Fl
 
 
 def _grade_between(low: float, high: float, across: float, sharp: tuple[bool, bool]) -> FloatArray:
-    """Element edges in (low, high], 1 / across apart near sharp ends and growing away from them [thicknesses]."""
+    """Place element edges in (low, high], with size 1 / across near ends marked `sharp` and growing away from these."""
     x = np.linspace(low, high, _SAMPLES)
     distance = np.minimum(x - low if sharp[0] else np.inf, high - x if sharp[1] else np.inf)
     return fill_by_spacing(x, (1 + _GROWTH * np.maximum(distance - _NEAR, 0)) / across)[1:]

@@ -1,7 +1,8 @@
-"""Point spread function of a laterally wide cover: texel forces per unit point load on its top.
+"""Compute the point spread function of a laterally wide cover: texel forces per unit point load on the top.
 
-The base pressure around a point load is axisymmetric.  It is solved on three grids, and the difference between them
-gives the error estimate.  Texel forces are integrals of the pressure over rectangles, looked up in a table.
+A wide cover is so large that its edges have no effect, so the base pressure around a point load is axisymmetric.  The
+pressure is solved on three grids, and the differences between the grids give the error estimate.  Texel forces are
+integrals of the base pressure over rectangles, interpolated in a table.
 """
 
 from __future__ import annotations
@@ -24,31 +25,33 @@ from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Elements through the thickness of the three grids; the finest gives the result.
+#: Number of elements through the cover on the three grids; the result is that of the finest grid [-].
 GRIDS = (8, 12, 18)
-#: Distance of the outer boundary from the load, in decay lengths: the slowest mode has fallen to 1e-5 there [-].
+#: Distance of the outer boundary from the load, over the decay length of the cover's response; the slowest mode of the
+#: response has decayed to 1e-5 at this distance [-].
 _REACH = 16.0
-#: Integration panels: their number up to `_EVEN_PANELS` / `_PER_THICKNESS` thicknesses, where they are even, their
-#: number per thickness there, and their growth beyond [-].
+#: Panels for integrals of the base pressure over the distance from the load: number of equal panels near the load,
+#: number of these per cover thickness, and ratio of neighbouring panels farther away [-].
 _EVEN_PANELS, _PER_THICKNESS, _PANEL_GROWTH = 32, 8, 1.1
-#: Parts into which panels are cut for circles: the part of a circle on active texels has a kink wherever the circle
-#: touches the edge of a texel.
+#: Number of parts into which each panel is divided for integrals over circles.  The part of a circle on active texels
+#: has a kink, as a function of the radius, wherever the circle touches a texel edge [-].
 _CUTS = 4
-#: Gauss points along a texel's edge under uniform pressure, per thickness of the cover, and at least.
+#: Number of Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel, and smallest
+#: number of these points [-].
 _TEXEL_POINTS, _LEAST_POINTS = 6, 8
-#: Texel corners closer than this part of a texel are one point [-].
+#: Distance between texel corners, over the smaller side of a texel, below which the corners count as one point [-].
 _SAME_CORNER = 1e-6
 
 
 class TexelInfluence(Protocol):
-    """Texel forces of point loads anywhere on a cover."""
+    """Interface of a solution that gives the texel forces due to point loads anywhere on a cover."""
 
     @property
     def thickness(self) -> float:
         """Thickness of the cover [m]."""
 
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
-        """Force on every texel per unit point load at each position, shape (k, n) [-]."""
+        """Compute the force on each of n texels per unit point load at each of k positions, shape (k, n) [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,11 +59,11 @@ class PointSpread:
     """Axisymmetric base pressure per unit point load on a laterally wide cover.
 
     Attributes:
-        radius: Distances from the load along the base, from 0 to the outer boundary, shape (m,) [m].
-        pressure_per_force: Base pressure there, per unit load, shape (m,) [1/m2].
-        reaction: Sum of the base reactions per unit load; 1 up to the solver's rounding [-].
+        radius: Horizontal distances of m base points from the load, from 0 to the outer boundary, shape (m,) [m].
+        pressure_per_force: Base pressure at these points per unit load, shape (m,) [1/m2].
+        reaction: Sum of the base reactions per unit load, 1 except for rounding [-].
         thickness: Thickness of the cover [m].
-        coarse: The functions of the coarser grids, coarsest first; they give the error estimate.
+        coarse: Point spread functions of the coarser grids, coarsest first, for the error estimate.
     """
 
     radius: FloatArray
@@ -71,23 +74,23 @@ class PointSpread:
 
     @property
     def reach(self) -> float:
-        """Distance beyond which the response is zero [m]."""
+        """Distance from the load beyond which the base pressure is set to zero [m]."""
         return float(self.radius[-1])
 
     def pressure(self, radius: npt.ArrayLike) -> FloatArray:
-        """Base pressure per unit load at any distance, zero beyond `reach` [1/m2]."""
+        """Compute the base pressure per unit load at any distance from the load [m]; zero beyond `reach` [1/m2]."""
         r = np.asarray(radius, dtype=float)
         return np.where(r < self.reach, self._spline(np.minimum(r, self.reach)), 0.0)
 
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
-        """Force on every texel per unit point load at each position.
+        """Compute the force on every texel per unit point load at each position.
 
         Args:
-            array: A planar array; masked texels get 0.
-            positions: Points of the cover in the array's frame, shape (k, 2) [m].
+            array: Planar array; inactive texels get 0.
+            positions: k points on the cover in the frame of the array, shape (k, 2) [m].
 
         Returns:
-            Shape (k, n) [-].
+            Force on each of n texels per unit load at each position, shape (k, n) [-].
 
         Raises:
             ValueError: If the array is not planar.
@@ -101,34 +104,36 @@ class PointSpread:
     def texel_response(
         self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
     ) -> FloatArray:
-        """Force on every texel for a unit load over one texel.
+        """Compute the force on every texel for a unit load on the cover above one texel.
 
         Args:
-            array: A planar array.
-            load: A point load over the texel's centre, or the same force as uniform pressure over the texel.
-            texel: Which texel; `[rows // 2, columns // 2]` when not given.
+            array: Planar array.
+            load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
+            texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
 
         Returns:
-            Shape (n,) [-].
+            Force on each of n texels, shape (n,) [-].
         """
         return load_texel(self, array, load, texel, points_per_thickness=_TEXEL_POINTS)
 
     def outside(self, array: TexelArray, positions: npt.ArrayLike, *, angles: int = 360) -> FloatArray:
-        """Share of a unit point load that reaches no active texel, by quadrature over circles around the load.
+        """Compute the part of a unit point load that no active texel measures, by quadrature over circles.
 
-        The quadrature is independent of `texel_influence`: that the two add up to 1 checks both.
+        The circles are centred on the load.  The quadrature is independent of `texel_influence`; a sum of 1 of this
+        part and the texel forces verifies both.
 
         Args:
-            array: A planar array.
-            positions: Points of the cover in the array's frame, shape (k, 2) [m].
-            angles: Points on each circle [-].
+            array: Planar array.
+            positions: k points on the cover in the frame of the array, shape (k, 2) [m].
+            angles: Number of points on each circle [-].
 
         Returns:
-            Shape (k,) [-].
+            Part of the load for each position, shape (k,) [-].
         """
         place = np.atleast_2d(np.asarray(positions, dtype=float))
         radius, ring = self._rings
-        turn = np.arange(radius.size)[:, None] * (np.sqrt(5) - 1) / 2  # a different start on each circle: errors cancel
+        # A different first angle on each circle makes the quadrature errors of the circles cancel.
+        turn = np.arange(radius.size)[:, None] * (np.sqrt(5) - 1) / 2
         angle = 2 * np.pi * ((np.arange(angles) + turn) / angles)
         x, y = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
         x_edges, y_edges, active = _map_active_cells(array)
@@ -140,9 +145,10 @@ class PointSpread:
 
     @cached_property
     def error_estimate(self) -> dict[str, float]:
-        """Estimated relative errors: `total_force`, `peak_texel` and `sigma` [-].
+        """Estimated relative errors of the response: `total_force`, `peak_texel` and `sigma` [-].
 
-        The peak is that of a texel as wide as the cover is thick; the sigma is represented by the half width.
+        `peak_texel` is the error of the force on a square texel as wide as the cover is thick, under a point load.
+        `sigma`, the width of the response, is represented by the half width of the base pressure.
         """
         grids = (*self.coarse, self)
         sizes = [1 / n for n in GRIDS]
@@ -157,7 +163,7 @@ class PointSpread:
 
     @cached_property
     def half_width(self) -> float:
-        """Distance at which the pressure has fallen to half its peak [m]."""
+        """Distance from the load at which the base pressure is half its peak [m]."""
         radius = np.linspace(0, 4 * self.thickness, 4001)
         value = self.pressure(radius) / self.pressure(0.0)
         first = int(np.argmax(value < 0.5))  # noqa: PLR2004 -- half
@@ -165,12 +171,12 @@ class PointSpread:
 
     @cached_property
     def _spline(self) -> CubicSpline:
-        """Pressure over the distance [1/m2]."""
+        """Spline of the base pressure per unit load over the distance from the load [1/m2]."""
         return CubicSpline(self.radius, self.pressure_per_force, bc_type="clamped")
 
     @cached_property
     def _rings(self) -> tuple[FloatArray, FloatArray]:
-        """Radii of Gauss points [m], and the share of the load on the ring of each [-]."""
+        """Radii of the circles of a quadrature around the load [m], and the part of the load on each circle [-]."""
         panels = _cut_panels(self.thickness, self.reach)
         count = _CUTS * (len(panels) - 1) + 1
         edges = np.interp(np.arange(count) / _CUTS, np.arange(len(panels)), panels)
@@ -178,14 +184,14 @@ class PointSpread:
         return radius, weight * 2 * np.pi * radius * self.pressure(radius)
 
     def _integrate_corner(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Integral of the pressure over the rectangle from the load to (x, y), odd in both [-]."""
+        """Integrate the base pressure over the rectangle from the load to (x, y); the result is odd in x and y [-]."""
         limit = self.reach
         value = self._cumulative.ev(np.minimum(np.abs(x), limit), np.minimum(np.abs(y), limit))
         return np.asarray(np.sign(x) * np.sign(y) * value)
 
     @cached_property
     def _cumulative(self) -> RectBivariateSpline:
-        """Integral of the pressure over the rectangle from the load to (x, y), both positive, as a spline [-]."""
+        """Spline of the integral of the base pressure over the rectangle from the load to (x, y), x and y >= 0 [-]."""
         edges = _cut_panels(self.thickness, self.reach)
         points, share = gauss_points(edges, 4)
         density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
@@ -196,10 +202,10 @@ class PointSpread:
 
 
 def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None) -> PointSpread:
-    """Solve for the point spread function on three grids.  Results are kept in the store.
+    """Solve for the point spread function of a cover on three grids, or read it from the result store.
 
     Args:
-        cover: A laterally wide cover; hyperelastic materials are linearised at zero load.
+        cover: Laterally wide cover; hyperelastic materials are linearised at zero load.
         progress: Called with a line of text before each solve.
 
     Raises:
@@ -242,17 +248,18 @@ def load_texel(
     *,
     points_per_thickness: int,
 ) -> FloatArray:
-    """Force on every texel for a unit load over one texel.
+    """Compute the force on every texel for a unit load on the cover above one texel.
 
     Args:
-        source: Texel forces of point loads.
-        array: A planar array.
-        load: A point load over the texel's centre, or the same force as uniform pressure over the texel.
-        texel: Which texel; `[rows // 2, columns // 2]` when not given.
-        points_per_thickness: Gauss points of the uniform pressure, along a texel's edge as long as the thickness [-].
+        source: Solution that gives the texel forces due to point loads.
+        array: Planar array.
+        load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
+        texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
+        points_per_thickness: Number of Gauss points of the uniform pressure, per cover thickness along the longer side
+            of the texel [-].
 
     Returns:
-        Shape (n,) [-].
+        Force on each of n texels, shape (n,) [-].
     """
     centre = array.centres[array.middle if texel is None else texel, :2]
     if load == "point":
@@ -265,7 +272,7 @@ def load_texel(
 
 
 def _cut_panels(thickness: float, reach: float) -> FloatArray:
-    """Edges of integration panels from 0 to `reach`, even near the load and growing away from it [m]."""
+    """Compute the edges of integration panels from 0 to `reach`, equal near the load and growing away from it [m]."""
     step = thickness / _PER_THICKNESS
     even = np.arange(_EVEN_PANELS + 1) * step
     steps = growing_steps(_PANEL_GROWTH * step, reach - even[-1], lambda step: _PANEL_GROWTH * step)
@@ -275,9 +282,11 @@ def _cut_panels(thickness: float, reach: float) -> FloatArray:
 
 
 def _find_corners(array: TexelArray) -> tuple[FloatArray, IntArray]:
-    """Distinct texel corners, shape (c, 2) [m], and the four of each texel, shape (n, 4).
+    """Find the c distinct corners of the n texels of an array.
 
-    The four are those at low x and low y, high x and low y, low x and high y, high x and high y.
+    Returns:
+        Positions of the corners, shape (c, 2) [m], and indices of the four corners of each texel, shape (n, 4), in the
+        order low x and low y, high x and low y, low x and high y, high x and high y.
     """
     if not array.planar:
         raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
@@ -292,9 +301,11 @@ def _find_corners(array: TexelArray) -> tuple[FloatArray, IntArray]:
 
 
 def _map_active_cells(array: TexelArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """All texel edges along x and along y [m], and whether each cell between them lies on an active texel.
+    """Divide the plane of an array by all edges of active texels into rectangles, and mark those on active texels.
 
-    A cell is added on each side, so that `searchsorted` of any position among the edges is the number of its cell.
+    Returns:
+        Edges along x [m], edges along y [m], and whether each rectangle between them lies on an active texel, with one
+        more row and column on each side, so that `searchsorted` of a position gives the index of its rectangle.
     """
     grain = min(array.texel_size) * _SAME_CORNER
     low = np.round((array.centres[array.active, :2] - np.array(array.texel_size) / 2) / grain)

@@ -1,10 +1,10 @@
-"""Surface compliance of a laterally wide cover: finite elements through the thickness, Fourier series along it.
+"""Compute the compliance of the top of a laterally wide cover by finite elements in z and Fourier functions in x and y.
 
-A surface pressure cos(k x) moves an isotropic layered cover as (U(z) sin k x, W(z) cos k x) with mean pressure
-P(z) cos k x.  Each wave number k therefore needs one small one-dimensional mixed problem (quadratic U and W, linear P
-that may jump where materials meet).  A pressure of any shape follows by superposition, which is how the contact of
-shapes without an axis is solved on a wide cover.  The method is the semi-analytical finite-element method.  Beside the
-axisymmetric solution it is a second, independent discretisation of the same cover.
+A surface pressure cos(k x) displaces an isotropic layered cover by (U(z) sin k x, W(z) cos k x) with mean pressure
+P(z) cos k x.  For each wave number k, one small one-dimensional mixed problem is solved (quadratic U and W, linear P
+that may jump where materials meet).  The response to any pressure distribution follows by superposition; contacts of
+indenters at small strain are solved in this way.  The method is the semi-analytical finite-element method, a
+discretisation that is independent of the axisymmetric elements.
 """
 
 from __future__ import annotations
@@ -20,31 +20,32 @@ from fem_reference.elements.line import Line, gauss_points, line_matrix
 from meshes import Cover
 from meshes.array_types import FloatArray
 
-#: Product of wave number and thickness of the top layer beyond which the layers below have no effect: exp(-2 x) is
-#: below 1e-11 [-].
+#: Product x of wave number and thickness of the top layer above which the layers below have no effect, because
+#: exp(-2 x) is below 1e-11 [-].
 _SHORT_WAVES = 13.0
-#: Quadratic elements in each layer.
+#: Number of quadratic elements through each layer [-].
 _ELEMENTS = 16
-#: Panels in k: their longest length in half periods of J0(k reach); their length at k = 0 times the thickness; and
-#: their length over k beyond [-].
+#: Panels of the integral over the wave number k: largest length in half periods of J0(k reach), length at k = 0 times
+#: the cover thickness, and length over k at larger k [-].
 _PANEL_PERIODS, _FIRST_PANEL, _PANEL_RATIO = 4.0, 0.25, 0.3
-#: Gauss points in each panel.
+#: Number of Gauss points in each panel [-].
 _PANEL_POINTS = 8
-#: Points of the table per thickness of the thinnest layer, and their least and largest number.
+#: Number of points of the compliance table per thickness of the thinnest layer, and smallest and largest number of
+#: points [-].
 _TABLE_POINTS, _LEAST_POINTS, _MOST_POINTS = 10, 200, 2000
-#: Parts in which the table is computed, to bound the memory of the Bessel functions.
+#: Number of parts in which the compliance table is computed, to limit the memory of the Bessel functions [-].
 _BLOCKS = 8
-#: Smallest distance from the corner of a rectangle, to avoid the division by zero there [m].
+#: Number added to distances to avoid division by zero at the corners of a rectangle [m].
 _TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True)
 class WaveResponse:
-    """Response to a unit surface pressure cos(k x).
+    """Response of a cover to the surface pressure cos(k x) at m wave numbers k.
 
     Attributes:
-        compliance: Downward displacement of the top per pressure, shape (m,) [m/Pa].
-        base: Pressure on the base per pressure on the top, from the reaction, shape (m,) [-].
+        compliance: Downward displacement of the top per pressure on the top, shape (m,) [m/Pa].
+        base: Pressure on the base, from the reaction, per pressure on the top, shape (m,) [-].
     """
 
     compliance: FloatArray
@@ -52,11 +53,11 @@ class WaveResponse:
 
 
 def decay_length(cover: Cover) -> float:
-    """Distance over which the response to a point load decays: the thickness, or a stiff layer's bending length [m].
+    """Estimate the distance over which the response to a point load decays: thickness or bending length of layers [m].
 
-    The layers above each interface are taken as a plate of stiffness D = sum E t^3 / 12 (1 - nu^2) and those below as
-    springs of stiffness k, where 1 / k = sum t / E.  The bending length is (D / k)^(1/4) (Timoshenko and
-    Woinowsky-Krieger, Theory of Plates and Shells, section 57).
+    For each interface, the layers above are modelled as a plate of bending stiffness D = sum E t^3 / 12 (1 - nu^2) and
+    the layers below as an elastic foundation of stiffness k with 1 / k = sum t / E (modulus E, thickness t).  The
+    bending length is (D / k)^(1/4) (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells, section 57).
     """
     lengths = [cover.thickness]
     for split in range(1, len(cover.layers)):
@@ -71,12 +72,12 @@ def decay_length(cover: Cover) -> float:
 
 
 def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: int = _ELEMENTS) -> WaveResponse:
-    """Solve the through-thickness problem of every wave number.
+    """Solve the one-dimensional problem through the thickness of a cover for every wave number.
 
     Args:
-        cover: Layers; linear elastic at zero load.
+        cover: Cover; its layers have their linear elastic properties at zero load.
         wave_number: Wave numbers k > 0, shape (m,) [1/m].
-        elements_per_layer: Quadratic elements in each layer [-].
+        elements_per_layer: Number of quadratic elements through each layer [-].
     """
     constant, linear, square = _assemble(cover, elements_per_layer)
     nodes = 2 * elements_per_layer * len(cover.layers) + 1
@@ -96,14 +97,15 @@ def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceCompliance:
-    """Displacement of the top of a wide cover under pressure elsewhere on the top.
+    """Displacement of the top of a wide cover due to a normal load on the top, over the distance from the load.
 
-    The displacement under a point load is that of a half space of the top layer's material (closed form, singular)
-    plus a regular part due to the finite thickness and the other layers, tabulated from the elements.
+    The displacement is that of a half space of the top layer's material (closed form, singular) plus a regular part due
+    to the finite thickness and the other layers, tabulated from a finite-element solution.
 
     Attributes:
-        half_space: (1 - nu) / (2 pi mu) of the top layer; this over the distance is the displacement [m2/N].
-        regular: Regular part as a function of distance [m/N].
+        half_space: (1 - nu) / (2 pi mu) of the top layer; displacement of the half space per force, times the distance
+            from a point load [m2/N].
+        regular: Regular part of the displacement per force as a function of the distance [m/N].
         reach: Largest distance of the table [m].
         thickness: Thickness of the cover [m].
     """
@@ -114,22 +116,28 @@ class SurfaceCompliance:
     thickness: float
 
     def of_rectangle(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
-        """Displacement at (x, y) [m] under unit pressure on a small rectangle around the origin [m/Pa].
+        """Compute the downward displacement at (x, y) per pressure on a small rectangle around the origin [m/Pa].
 
         The half-space part is exact (Love 1929; Johnson, Contact Mechanics, 1985, eq. 3.25).  The regular part varies
-        over distances of the order of the thickness; it is taken at the distance between the centres.
+        over distances of the order of the cover thickness; its value at the distance from the centre is used.
+
+        Args:
+            x: x coordinates of the points, any shape [m].
+            y: y coordinates of the points, same shape [m].
+            width: Size of the rectangle along x [m].
+            height: Size of the rectangle along y [m].
         """
         near = self.half_space * _integrate_distance(x, y, width / 2, height / 2)
         return near + width * height * self.regular(np.minimum(np.hypot(x, y), self.reach))
 
 
 def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = _ELEMENTS) -> SurfaceCompliance:
-    """Tabulate the compliance of a wide cover's top.
+    """Tabulate the compliance of the top of a wide cover over the distance from a point load.
 
     Args:
-        cover: Layers; linear elastic at zero load.
+        cover: Cover; its layers have their linear elastic properties at zero load.
         reach: Largest distance of the table [m].
-        elements_per_layer: Quadratic elements in each layer [-].
+        elements_per_layer: Number of quadratic elements through each layer [-].
     """
     top = cover.layers[-1]
     k, weight = _wave_numbers(cover, reach)
@@ -148,7 +156,7 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
 
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Gauss points and weights in k that resolve J0(k r) up to r = `reach` and the layers' thicknesses [1/m]."""
+    """Compute Gauss points and weights in the wave number k, fine enough for J0(k r) up to r = `reach` [1/m]."""
     end = _SHORT_WAVES / cover.layers[-1].thickness
     longest = np.pi / reach * _PANEL_PERIODS
     edges = [0.0]
@@ -158,10 +166,13 @@ def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _assemble(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Matrices of k^0, k^1, k^2 over the nodal values of U, then W, then P, shape (n, n) each.
+    """Assemble the matrices of k^0, k^1 and k^2 of the problem through the thickness of a cover.
 
-    Energy density per wave: mu (2 exx^2 + 2 ezz^2 + gxz^2 - 2/3 div^2) / 2 - p div - p^2 / 2K with exx = k U,
+    The energy density per wave is mu (2 exx^2 + 2 ezz^2 + gxz^2 - 2/3 div^2) / 2 - p div - p^2 / 2K with exx = k U,
     ezz = W', gxz = U' - k W, div = k U + W'.
+
+    Returns:
+        Matrices over the nodal values of U, then W, then P, with n values in all, shape (n, n) each.
     """
     layers = cover.layers
     edges, layer = layer_heights([each.thickness for each in layers], [count] * len(layers))
@@ -181,10 +192,10 @@ def _assemble(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def _integrate_distance(x: FloatArray, y: FloatArray, a: float, b: float) -> FloatArray:
-    """Integral of 1 / distance over the rectangle |x'| < a, |y'| < b, at (x, y) [m]."""
+    """Integrate 1 / distance from (x, y) over the rectangle with half sides a and b around the origin [m]."""
 
     def antiderivative(u: FloatArray, v: FloatArray) -> FloatArray:
-        """Antiderivative of 1 / sqrt(u^2 + v^2) in u and v [m]."""
+        """Evaluate the antiderivative of 1 / sqrt(u^2 + v^2) with respect to u and v [m]."""
         return u * np.arcsinh(v / (np.abs(u) + _TINY)) + v * np.arcsinh(u / (np.abs(v) + _TINY))
 
     return (

@@ -1,13 +1,14 @@
-"""Pressure between rigid indenters and a compliant surface: the cells that touch are found, not assumed.
+"""Solve for the contact pressure between rigid indenters and an elastic surface by an active-set method.
 
-The surface is cut into square cells.  Their pressures p minimise p K p / 2 + p gap over p >= 0, where K maps pressures
-to displacements; the sums of the pressures with given columns (force and moments of each body) may be prescribed.  At
-the minimum, cells that touch have no overlap and cells with a gap have no pressure.
+The surface is divided into square cells.  The pressures p of the cells minimise p K p / 2 + p gap over p >= 0, where K
+maps pressures to displacements; weighted sums of the pressures (force and moments of each indenter) may be prescribed.
+At the minimum, cells in contact have no overlap and cells with a gap have no pressure.
 
-Method: for a guessed set of touching cells the pressures follow from linear systems, which conjugate gradients solve.
-Cells under tension then leave the set and cells that overlap join it, all of them at once while their number falls and
-one at a time otherwise (block principal pivoting: Judice and Pires 1994; Kim and Park 2011).  The number of exchanges
-is finite.  K is a convolution, applied with the fast Fourier transform; the inverse of its spectrum preconditions.
+Method: for a given set of cells in contact, conjugate gradients solve the linear systems for the pressures.  Cells
+under tension are then removed from the set and cells with overlap are added, all at once while the number of wrong
+cells decreases, otherwise one at a time (block principal pivoting: Judice and Pires 1994; Kim and Park 2011).  The
+method ends after a finite number of exchanges.  K is a convolution, applied by the fast Fourier transform; the inverse
+of the spectrum of K is the preconditioner.
 """
 
 from __future__ import annotations
@@ -23,28 +24,31 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from meshes.array_types import BoolArray, FloatArray
 
-#: Most exchanges of cells, and exchanges of all cells at once that may pass without fewer wrong cells than ever [-].
+#: Largest number of exchanges of cells, and largest number of exchanges of all wrong cells at once without a new
+#: minimum of the number of wrong cells [-].
 _EXCHANGES, _PATIENCE = 400, 10
-#: Overlap below which a cell counts as free of overlap, relative to the deepest penetration of the gap [-].
+#: Overlap of cover and indenter at a cell, over the largest penetration of the undeformed surface, below which the cell
+#: counts as free of overlap [-].
 _NEGLIGIBLE = 1e-8
-#: Most iterations of conjugate gradients, and the residual displacement, relative to the wanted one, at which they
-#: stop [-].
+#: Largest number of iterations of conjugate gradients, and norm of the residual displacement over that of the given
+#: displacement at which the iteration stops [-].
 _ITERATIONS, _RESIDUAL = 1000, 1e-8
-#: Smallest value of the spectrum in the preconditioner, relative to the largest [-].
+#: Smallest value of the spectrum of the compliance in the preconditioner, over its largest value [-].
 _SPECTRUM_FLOOR = 1e-4
-#: Relative deviation of the sums of pressures from the prescribed ones that is still an equilibrium [-].
+#: Largest difference between the sums of pressures and the prescribed sums, over the largest prescribed sum, in
+#: equilibrium [-].
 _BALANCE = 1e-6
 
 
 class ComplianceOperator:
-    """Map from pressures on a grid of cells to the downward displacements of their centres.
+    """Linear map from pressures on a grid of square cells to the downward displacements of the cell centres.
 
     Args:
-        surface: Compliance of a wide cover.
-        shape: Cells along x and y.
+        surface: Compliance of the top of a wide cover.
+        shape: Number of cells along x and along y.
         cell: Edge length of a cell [m].
-        addition: Displacements that free side edges add, from the forces on all cells [N] to [m]; None for a wide
-            cover.
+        addition: Function that computes the additional displacements [m] due to free side edges from the forces on all
+            cells [N]; None for a wide cover.
     """
 
     def __init__(
@@ -64,20 +68,22 @@ class ComplianceOperator:
         self._inverse = kernel[0, 0] / np.maximum(size, _SPECTRUM_FLOOR * size.max())
 
     def displace(self, pressure: FloatArray) -> FloatArray:
-        """Displacements under pressures [Pa], shape of the grid [m]."""
+        """Compute the downward displacements of all cells [m] under pressures on the cells [Pa], shape of the grid."""
         wide = self._filter(pressure, self._spectrum)
         if self._addition is None:
             return wide
         return wide + self._addition(pressure.ravel() * self._area).reshape(self._shape)
 
     def precondition(self, residual: FloatArray) -> FloatArray:
-        """Residual displacements with all wave lengths brought to the same weight [m].
+        """Multiply residual displacements by the scaled inverse of the compliance's spectrum [m].
 
-        Long waves yield far more than short ones, most of all under a stiff foil.
+        The compliance is much larger for long waves than for short waves, above all for covers with a stiff top layer;
+        the preconditioner gives all wave lengths similar weights.
         """
         return self._filter(residual, self._inverse)
 
     def _filter(self, values: FloatArray, spectrum: npt.NDArray[np.inexact[Any]]) -> FloatArray:
+        """Convolve values on the cells with the kernel of the given spectrum."""
         full = fft.irfft2(fft.rfft2(values, self._padded) * spectrum, self._padded)
         return np.asarray(full[: self._shape[0], : self._shape[1]])
 
@@ -90,23 +96,23 @@ def find_pressures(
     columns: FloatArray | None = None,
     sums: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Find the cells that touch, their pressures, and the motion of the indenters.
+    """Find the cells in contact, the contact pressures, and the motions of the indenters.
 
     Args:
-        compliance: Map from pressures to displacements.
-        gap: Distance of each cell from the indenters before they move; negative where they overlap, inf where no
+        compliance: Map from pressures to displacements of the cells.
+        gap: Gap between cover and indenters at each cell before the indenters move; negative for overlap, inf where no
             contact is possible, shape (rows, columns) [m].
-        touching: First guess of the cells that touch.
-        columns: Displacement of every cell's indenter per unit of each free motion, shape (k, rows, columns); without
-            them nothing moves.
-        sums: Prescribed sum of pressures times each column, shape (k,) [Pa] times the column's unit.
+        touching: Initial guess of the cells in contact, shape (rows, columns).
+        columns: Downward displacement of the indenter at every cell per unit of each of k free motions, shape
+            (k, rows, columns); None if the indenters cannot move.
+        sums: Prescribed sums of the pressures times each column, shape (k,) [Pa times the unit of the column].
 
     Returns:
-        Pressures, shape (rows, columns) [Pa], and the motions, shape (k,).
+        Pressures, shape (rows, columns) [Pa], and amounts of the k motions, shape (k,).
 
     Raises:
-        ConvergenceError: If the set of cells does not settle, the linear systems do not converge, or no motion
-            balances the prescribed sums.
+        ConvergenceError: If the active set or conjugate gradients do not converge, or if no motion balances the
+            prescribed sums.
     """
     allowed = np.isfinite(gap)
     gap = np.where(allowed, gap, 0.0)
@@ -140,19 +146,26 @@ def find_pressures(
 def _solve_touching(
     compliance: ComplianceOperator, gap: FloatArray, touching: BoolArray, columns: FloatArray, sums: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Pressures that close the gap of every touching cell and have the prescribed sums, and the motions."""
+    """Solve for pressures and motions with zero gap at every cell in contact and with the prescribed sums.
+
+    Arguments and results are those of `find_pressures`, but pressures may be negative.
+    """
     at_rest = _solve_displacement(compliance, gap, touching)
     per_motion = np.array([_solve_displacement(compliance, each, touching) for each in columns])
     if not len(columns):
         return -at_rest, np.zeros(0)
     stiffness = np.tensordot(columns, per_motion, ((1, 2), (1, 2)))
-    # Too few touching cells leave a tilt undetermined: the smallest motion is taken, and cells that overlap then join.
+    # With too few cells in contact a tilt is undetermined; lstsq returns the smallest motion, and cells that overlap
+    # are added to the set afterwards.
     motion: FloatArray = np.linalg.lstsq(stiffness, sums + np.tensordot(columns, at_rest, 2))[0].astype(float)
     return np.tensordot(motion, per_motion, 1) - at_rest, motion
 
 
 def _solve_displacement(compliance: ComplianceOperator, wanted: FloatArray, touching: BoolArray) -> FloatArray:
-    """Pressures on the touching cells that displace them by `wanted` [m], by preconditioned conjugate gradients."""
+    """Solve for the pressures [Pa] on the cells in contact that displace them by `wanted` [m], by conjugate gradients.
+
+    The preconditioner is that of `compliance`.
+    """
     pressure = np.zeros_like(wanted)
     residual = np.where(touching, wanted, 0.0)
     small = _RESIDUAL * float(np.linalg.norm(residual))

@@ -1,10 +1,10 @@
-"""Compliance that free side edges add to the top of a cover.
+"""Compute the additional compliance of the top of a cover due to free side edges.
 
-A cover of limited size is a wide cover with its surroundings cut away, which makes it softer.  The displacement that
-the cut adds is smooth away from the sides, while the wide cover's displacement is singular under a load.  The two are
-therefore computed apart.  The wide cover's compliance is the accurate one of `surface_compliance`.  The addition is the
-difference between the cover alone and the same cover with its surroundings, both from three-dimensional elements.
-Their meshes agree under the cover, so the singularity and most of the discretisation error cancel.
+A cover of limited size is more compliant than a wide cover.  The additional displacement under a load is smooth away
+from the sides, but the displacement of the wide cover is singular under the load, so the two are computed separately.
+The compliance of the wide cover is that of `surface_compliance`.  The additional compliance is the difference between
+the cover alone and the same cover with surroundings of the same layers, both from three-dimensional elements.  The two
+meshes agree under the cover, so the singularity and most of the discretisation error cancel.
 """
 
 from __future__ import annotations
@@ -25,38 +25,42 @@ from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import PlanarPose
 
-#: Elements through the cover on the three grids, and the element size of each over that of the finest.
+#: Number of elements through the cover on the three grids, and element size of each grid over that of the finest [-].
 THROUGH, COARSENING = (2, 3, 4), (2.25, 1.5, 1.0)
-#: Distance from the contact beyond which free edges are ignored, and width of the surroundings, in decay lengths [-].
-#: The effect of an edge decays on the way there and on the way back.
+#: Distance of a free edge from the contact above which the edge is neglected, and width of the meshed surroundings,
+#: over the decay length of the cover's response.  The effect of an edge decays from the contact to the edge and again
+#: from the edge to the contact [-].
 _NEAR, _FAR = 6.0, 8.0
-#: Element size at the sides of the cover over their distance from the contact, and the bounds of that element size over
-#: the thickness of the cover [-].
+#: Element size at the sides of the cover over the distance of the sides from the contact, and smallest and largest
+#: value of this element size over the cover thickness [-].
 _FINE, _SMALLEST, _LARGEST = 1 / 3, 1 / 8, 1 / 2
-#: Smallest distance from the sides that sets the element size, in widths of the contact [-].
+#: Smallest distance between contact and sides from which the element size is computed, over the width of the
+#: contact [-].
 _CLEARANCE = 0.15
-#: Least number of elements across a contact.
+#: Smallest number of elements across a contact [-].
 _LEAST = 6
-#: Growth of elements per distance from contact and sides, and growth from one to the next in the surroundings [-].
+#: Increase of the element size per distance from contact and sides, and relative increase from one element to the next
+#: in the surroundings [-].
 _GROWTH, _OUTWARD = 0.3, 0.6
-#: Samples from the middle to the side from which element edges are computed.
+#: Number of samples of the element size from the middle of the cover to its side [-].
 _SAMPLES = 2001
-#: Power of the depths of the elements in the top layer: above 1, they are small at the top [-].
+#: Exponent of the depths of the element edges in the top layer; values above 1 give small elements at the top [-].
 _CROWDING = 1.5
-#: Right-hand sides solved at once; bounds the memory.
+#: Number of right-hand sides solved at once, to limit the memory [-].
 _BLOCK = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideEdges:
-    """The free side edges of a cover, for one indenter at one place.
+    """Free side edges of a cover of limited size, under one indenter in one pose.
 
     Attributes:
-        cover: A cover with a size.
-        indenter: The shape.
-        pose: Position and turn of the indenter.
-        half: Half widths of a rectangle around the axis that holds the contact, in the indenter's frame [m].
-        grid: Number of the grid, 0 to 2.
+        cover: Cover with a size.
+        indenter: Indenter with its shape.
+        pose: Position and rotation of the indenter in the frame of the array.
+        half: Half widths of a rectangle around the axis of the indenter that contains the contact, in the frame of the
+            indenter [m].
+        grid: Index of the grid, 0 (coarsest) to 2.
     """
 
     cover: Cover
@@ -67,9 +71,9 @@ class SideEdges:
 
     @cached_property
     def window(self) -> tuple[FloatArray, FloatArray]:
-        """Centre and half widths of the rectangle that is cut into cells, in the indenter's frame [m].
+        """Centre and half widths of the rectangle that is divided into cells, in the frame of the indenter [m].
 
-        Under a flat face whose axes lie along the array's it is the part of the face on the cover.
+        Under a flat face with sides along those of the array, the rectangle is the part of the face on the cover.
         """
         middle, half = np.zeros(2), self.half
         if not (self.pose.is_aligned and self.indenter.is_flat):
@@ -80,20 +84,23 @@ class SideEdges:
 
     @property
     def near(self) -> bool:
-        """Whether the sides are near enough to matter."""
+        """Whether a side of the cover is so near that its effect on the contact is not neglected."""
         return bool(self._distance < _NEAR * decay_length(self.cover))
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Whether points of the indenter's frame [m] lie on the cover."""
+        """Return whether points in the frame of the indenter [m] lie on the cover."""
         u, v = self.pose.to_array(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
 
     def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Map from forces at points of the indenter's frame [N] to the displacement that the sides add there [m].
+        """Create the map from forces at m points to the additional displacements of these points due to the sides.
 
         Args:
-            x: Positions of the points, shape (m,) [m].
-            y: Positions of the points, shape (m,) [m].
+            x: x coordinates of the points in the frame of the indenter, shape (m,) [m].
+            y: y coordinates of the points in the frame of the indenter, shape (m,) [m].
+
+        Returns:
+            Function from forces, shape (m,) [N], to downward displacements, shape (m,) [m].
         """
         if not self.near:
             return np.zeros_like
@@ -105,7 +112,7 @@ class SideEdges:
         unit = self.cover.thickness * self.cover.layers[-1].material.shear_modulus
 
         def displace(force: FloatArray) -> FloatArray:
-            """Split forces by parity, spread them to nodes, and sum the displacements of all parities."""
+            """Compute additional displacements [m] from forces [N] as the sum over the parities of the forces."""
             out = np.zeros_like(force)
             for sign, flexibility in zip(signs, flexibilities, strict=True):
                 load = along[0].T @ (along[1] * (sign * force)[:, None])
@@ -116,18 +123,18 @@ class SideEdges:
         return displace
 
     def clip_to_cover(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Move points of the indenter's frame that lie beyond the side edges onto the edges [m]."""
+        """Move points in the frame of the indenter that lie outside the cover onto its side edges [m]."""
         u, v = self.pose.to_array(x, y)
         return self.pose.to_indenter(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
 
     @cached_property
     def _side(self) -> FloatArray:
-        """Half edges of the cover [m]."""
+        """Half the size of the cover along x and y [m]."""
         return np.array(self.cover.size) / 2
 
     @cached_property
     def _box(self) -> tuple[FloatArray, FloatArray]:
-        """Low and high ends along x and along y, in the array's frame, of the rectangle's part on the cover [m]."""
+        """Bounds along x and y, in the frame of the array, of the part of the contact rectangle on the cover [m]."""
         signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1]])
         corners = np.stack(self.pose.to_array(*(signs * self.half[:, None])))
         low, high = np.maximum(corners.min(axis=1), -self._side), np.minimum(corners.max(axis=1), self._side)
@@ -135,12 +142,12 @@ class SideEdges:
 
     @property
     def _distance(self) -> float:
-        """Distance from the rectangle to the nearest side [m]."""
+        """Distance from the contact rectangle to the nearest side of the cover [m]."""
         return min(float(side - np.abs(ends).max()) for side, ends in zip(self._side, self._box, strict=True))
 
     @cached_property
     def _parities(self) -> tuple[tuple[int, int], ...]:
-        """Parities that the contact forces can have: none is odd in an axis along which the contact is symmetric."""
+        """Parities in x and y that the contact forces can have: only even along an axis of mirror symmetry."""
         symmetric = find_mirror_planes(self.indenter, self.pose)
         return tuple(
             parity for parity in PARITIES if not any(p and even for p, even in zip(parity, symmetric, strict=True))
@@ -148,11 +155,11 @@ class SideEdges:
 
     @cached_property
     def _difference(self) -> tuple[list[Line], list[IntArray], list[FloatArray]]:
-        """Flexibility that the sides add around the contact.
+        """Additional flexibility of the cover around the contact, due to its sides.
 
         Returns:
-            Lines of the mesh along x and y, their nodes around the contact, and for each parity the flexibility between
-            these nodes, shape (k, k) [-].
+            Line elements of the mesh along x and y, indices of the k nodes around the contact, and for each parity the
+            displacements of these nodes per forces on them, shape (k, k) [-].
         """
         unit = self.cover.thickness
         spans = [_mirror_span(ends / unit) for ends in self._box]
@@ -169,7 +176,7 @@ class SideEdges:
             np.unique(line.index[(line.edges[:-1] <= high) & (line.edges[1:] >= low)])
             for line, (low, high) in zip(lines, spans, strict=True)
         ]
-        # The pressure may jump at the sides: then the energies of the two meshes differ by that of the surroundings.
+        # The pressure may jump at the sides, so that the energies of the two meshes differ by that of the surroundings.
         ends = (len(inner[0]) - 1,), (len(inner[1]) - 1,)
         alone, surrounded = (
             _solve_flexibility(
@@ -184,7 +191,7 @@ class SideEdges:
 
 
 def find_mirror_planes(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
-    """Whether shape and pose are symmetric about the cover's planes x = 0 and y = 0."""
+    """Return whether an indenter in a pose is symmetric about the planes x = 0 and y = 0 of the array."""
     if not pose.is_aligned:
         return False, False
     shape = indenter.mirror_symmetry
@@ -194,13 +201,20 @@ def find_mirror_planes(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool
 
 
 def _mirror_span(ends: FloatArray) -> tuple[float, float]:
-    """Smallest and largest distance from the middle of the points of a span with the given ends."""
+    """Return the smallest and the largest absolute value of the points between two ends."""
     low, high = ends
     return (0.0 if low <= 0 <= high else float(np.abs(ends).min())), float(np.abs(ends).max())
 
 
 def _grade_cover(low: float, high: float, end: float, size: float) -> FloatArray:
-    """Element edges from 0 to `end`: `size` apart at the end, growing inwards and away from `low` to `high`."""
+    """Place element edges from the middle of the cover, 0, to its side, `end`.
+
+    Args:
+        low: Smallest distance of the contact from the middle [thicknesses].
+        high: Largest distance of the contact from the middle [thicknesses].
+        end: Distance of the side from the middle [thicknesses].
+        size: Element size at the side; elements grow away from the side and from the contact [thicknesses].
+    """
     x = np.linspace(0, end, _SAMPLES)
     distance = np.maximum(np.maximum(low - x, x - high), 0)
     largest = max((high - low) / _LEAST, size) + _GROWTH * distance
@@ -208,7 +222,7 @@ def _grade_cover(low: float, high: float, end: float, size: float) -> FloatArray
 
 
 def _grade_surroundings(edges: FloatArray, length: float) -> FloatArray:
-    """Element edges beyond the side, at least up to `length` from it."""
+    """Place growing element edges outside the side of a cover, up to a distance of at least `length`."""
     first = (1 + _OUTWARD) * (edges[-1] - edges[-2])
     return np.asarray(edges[-1] + np.cumsum(growing_steps(first, length, lambda step: (1 + _OUTWARD) * step)))
 
@@ -216,7 +230,17 @@ def _grade_surroundings(edges: FloatArray, length: float) -> FloatArray:
 def _solve_flexibility(
     solid: TensorSolid, chosen: list[IntArray], parities: tuple[tuple[int, int], ...], *, sliding: bool
 ) -> list[FloatArray]:
-    """Downward displacements of chosen top nodes under unit forces on them, for each parity, shape (k, k) each."""
+    """Solve for the downward displacements of k top nodes under unit forces on these nodes, for each parity.
+
+    Args:
+        solid: Quarter of a block.
+        chosen: Indices of the nodes along x and along y whose grid forms the k nodes.
+        parities: Parities of the forces in x and y.
+        sliding: Whether the base slides.
+
+    Returns:
+        Displacements per force for each parity, shape (k, k) each.
+    """
     upper = solid.assemble_upper()
     _, rows, last = solid.field_shape(2)
     node = chosen[0][:, None] * rows + chosen[1]

@@ -1,7 +1,7 @@
-"""Frictionless contact of one rigid indenter at small strain.
+"""Solve the frictionless contact of one rigid indenter with a cover at small strain.
 
-The contact is solved on square cells in the indenter's frame.  Where the size of the contact is not known beforehand,
-the grid of cells is refined onto it, so that every contact is resolved by the same number of cells.
+The contact is solved on square cells in the frame of the indenter.  If the size of the contact is not known in advance,
+the grid of cells shrinks to the contact, so that every contact is resolved by the same number of cells.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray
 
-#: Samples of a round shape's height along its radius.
+#: Number of samples of the height of an axisymmetric indenter along its radius [-].
 _RADII = 10_001
-#: Samples along the longer side of a window, to measure the area of a flat face.
+#: Number of samples along the longer side of the grid with which the area of a flat face is measured [-].
 _AREA_SAMPLES = 1201
-#: Most refinements of the grid onto the contact; each of them shrinks the grid at most twentyfold.
+#: Largest number of solutions on successively smaller grids; a grid is at most twenty times smaller than the last [-].
 _REFINEMENTS = 8
-#: The grid is fine enough when the contact reaches this part of its half width [-].
+#: Half width of the contact over that of the grid above which the grid is fine enough [-].
 _FILLED = 0.8
-#: Margin around an expected contact, and smallest ratio of successive half widths of the grid [-].
+#: Half width of a new grid over that of the last contact, and smallest ratio of successive half widths of the grid [-].
 _MARGIN, _SHRINKING = 1.1, 0.05
-#: First guess of a contact under a given load: this part of all cells, those with the smallest gaps [-].
+#: Fraction of all cells, those with the smallest gaps, in the initial guess of a contact under a given load [-].
 _FIRST_SHARE = 0.2
-#: First guess of a contact at a given depth: cells with gaps up to this part of it [-].
+#: Largest gap over the depth of the cells in the initial guess of a contact at a given depth [-].
 _FIRST_DEPTH = 0.5
-#: First guess of a contact: at least this many cells.
+#: Smallest number of cells in the initial guess of a contact [-].
 _FIRST_CELLS = 9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactPatch:
-    """A solved contact in the indenter's frame.
+    """Solved contact of an indenter, as forces on square cells in the frame of the indenter.
 
     Attributes:
-        x: Centres of the touching cells, shape (m,) [m].
-        y: Centres of the touching cells, shape (m,) [m].
-        force: Force on each, shape (m,) [N].
+        x: x coordinates of the centres of the m cells in contact, shape (m,) [m].
+        y: y coordinates of these centres, shape (m,) [m].
+        force: Contact force on each of these cells, shape (m,) [N].
         cell: Edge length of a cell [m].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
     """
@@ -56,7 +56,7 @@ class ContactPatch:
 
     @property
     def total_force(self) -> float:
-        """Sum of the cells' forces [N]."""
+        """Normal force on the indenter, the sum of the forces on all cells [N]."""
         return float(self.force.sum())
 
     @property
@@ -74,19 +74,19 @@ def solve_contact(
     depth: float | None = None,
     sides: SideEdges | None = None,
 ) -> ContactPatch:
-    """Press an indenter, refining the grid onto the contact until `cells` span it.
+    """Press an indenter into a cover, on grids that shrink until about `cells` cells span the contact.
 
     Args:
         surface: Compliance of the top of a wide cover.
-        indenter: The shape.
-        cells: Cells across the longer side of the contact [-].
-        load: Force [N]; or
-        depth: Approach [m].  Exactly one of the two.
+        indenter: Indenter with its shape.
+        cells: Number of cells across the longer side of the contact [-].
+        load: Normal force [N].  Give either `load` or `depth`.
+        depth: Approach of the indenter from first touch [m].
         sides: Free side edges of the cover; None for a wide cover.
 
     Raises:
         ValueError: If not exactly one of load and depth is given, or no cell lies on a face with thin walls.
-        ConvergenceError: If the contact does not settle, or the approach is too small for any cell to touch.
+        ConvergenceError: If the contact does not converge, or the depth is too small for any cell to be in contact.
     """
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
@@ -96,7 +96,7 @@ def solve_contact(
     flat = indenter.is_flat
 
     def measure_gap(x: FloatArray, y: FloatArray) -> FloatArray:
-        """Gap of the indenter [m], inf beside it and beside the cover."""
+        """Compute the gap between indenter and cover [m]; inf beside the indenter and beside the cover."""
         value = indenter.gap(x, y)
         return value if sides is None else np.where(sides.contain(x, y), value, np.inf)
 
@@ -109,7 +109,7 @@ def solve_contact(
         gap = measure_gap(*grid.unscaled)
         pressure, approach = _solve(compliance, gap, grid.cell, load, depth)
         touching = pressure > 0
-        # Where the centres of all cells are higher than the approach, the contact is around the lowest of them.
+        # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
         near = touching if touching.any() else gap == gap.min()
         extent = np.array([np.abs(grid.x[near] - middle[0]).max(), np.abs(grid.y[near] - middle[1]).max()])
         extent += grid.cell / 2
@@ -123,9 +123,10 @@ def solve_contact(
 
 
 def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:
-    """Half widths that no contact exceeds before the indenter pierces the cover [m].
+    """Compute half widths along x and y that no contact exceeds before the indenter pierces the cover [m].
 
-    These are the half widths of the footprint; of a round shape only the part lower than the thickness [m] counts.
+    These are the half widths of the footprint, or for an axisymmetric indenter those of the part of its surface that is
+    lower than the cover thickness [m].
     """
     if not indenter.axisymmetric:
         return indenter.footprint
@@ -136,11 +137,14 @@ def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:
 
 
 def guess_touching(gap: FloatArray, depth: float | None) -> BoolArray:
-    """First guess of the touching cells: all of a plane, else those with the smallest gaps.
+    """Guess the cells in contact: all cells of a flat face, else those with the smallest gaps.
 
     Args:
-        gap: Gap of each cell before the indenter moves, inf where no contact is possible [m].
-        depth: Approach where it is given [m].
+        gap: Gap at each cell before the indenter moves, inf where no contact is possible, shape (rows, columns) [m].
+        depth: Approach of the indenter [m]; None if the load is given.
+
+    Returns:
+        Whether each cell is in the initial guess, shape (rows, columns).
     """
     allowed = np.isfinite(gap)
     heights = gap[allowed]
@@ -154,13 +158,13 @@ def guess_touching(gap: FloatArray, depth: float | None) -> BoolArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grid:
-    """Square cells around the middle of a window.
+    """Grid of square cells around the middle of a rectangle.
 
     Attributes:
-        x: Centres of the cells, shape (rows, columns) [m].
-        y: Centres of the cells, shape (rows, columns) [m].
+        x: x coordinates of the centres of the cells, shape (rows, columns) [m].
+        y: y coordinates of the centres of the cells, shape (rows, columns) [m].
         cell: Edge length of a cell [m].
-        middle: Middle of the window, shape (2,) [m].
+        middle: Middle of the rectangle, shape (2,) [m].
         scale: Factor by which the cells were scaled about the middle [-].
     """
 
@@ -172,7 +176,10 @@ class _Grid:
 
     @classmethod
     def span(cls, middle: FloatArray, half: FloatArray, cells: int) -> _Grid:
-        """Cells that fill the longer side of a window exactly, and the shorter one to the nearest whole cell."""
+        """Divide a rectangle of given middle and half widths into cells; `cells` is their number on the longer side.
+
+        The cells fill the longer side exactly and the shorter side to the nearest whole cell.
+        """
         cell = 2 * half.max() / cells
         count = np.maximum(1, np.round(2 * half / cell)).astype(int)
         axes = [start + (np.arange(n) - (n - 1) / 2) * cell for start, n in zip(middle, count, strict=True)]
@@ -180,10 +187,10 @@ class _Grid:
         return cls(x=x, y=y, cell=cell, middle=middle)
 
     def match_area(self, gap: Callable[[FloatArray, FloatArray], FloatArray], half: FloatArray) -> _Grid:
-        """The same cells scaled so that those inside a flat face have exactly its area.
+        """Scale the cells so that the cells inside a flat face have the same total area as the face.
 
-        A round edge cut into squares is too large or too small by chance; with the right area the error falls
-        smoothly with the cell and can be extrapolated.
+        The area of the squares inside a curved edge deviates irregularly from that of the face; with the right area the
+        error decreases smoothly with the cell size and can be extrapolated.
         """
         fine = _Grid.span(self.middle, half, _AREA_SAMPLES)
         area = np.isfinite(gap(fine.x, fine.y)).sum() * fine.cell**2
@@ -198,7 +205,7 @@ class _Grid:
 
     @property
     def unscaled(self) -> tuple[FloatArray, FloatArray]:
-        """Centres of the cells before they were scaled: these decide which cells lie on the indenter [m]."""
+        """Positions (x, y) of the cell centres before scaling, which determine the cells under the indenter [m]."""
         x, y = (m + (place - m) / self.scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
         return x, y
 
@@ -206,7 +213,7 @@ class _Grid:
 def _solve(
     compliance: ComplianceOperator, gap: FloatArray, cell: float, load: float | None, depth: float | None
 ) -> tuple[FloatArray, float]:
-    """Pressures on the grid [Pa] and the approach [m], at a given load or depth."""
+    """Solve for the pressures on the cells [Pa] and the approach of the indenter [m], at a given load or depth."""
     touching = guess_touching(gap, depth)
     if load is None and depth is not None:
         return find_pressures(compliance, gap - depth, touching)[0], depth

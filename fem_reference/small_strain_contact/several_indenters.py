@@ -1,8 +1,8 @@
-"""Several rigid indenters in one small-strain contact problem: each at its own depth, guided or free to tilt.
+"""Solve the small-strain contact of several rigid indenters with one cover, each guided or free to tilt.
 
-The bodies are coupled through the cover only.  The contact problem is that of `constrained_solver`, with the force of
-every body prescribed and, where it is free to tilt, both moments about the point its weight acts at; the motions are
-each body's approach and tilts.
+The indenters interact only through the cover.  `constrained_solver` solves the contact problem.  Prescribed are the
+force on every indenter and, for an indenter that is free to tilt, zero moments about x and y through the point where
+its weight acts.  The unknown motions are the approach of every indenter and its two tilts.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray, IntArray
 from meshes.pose import PlanarPose
 
-#: Cells along the thickness on the two grids; the error falls as the cell size under sharp edges.
+#: Number of cells per cover thickness on the two grids; under sharp edges the error is proportional to cell size [-].
 CELLS = (8, 16)
-#: Reach of the table of compliances, in diagonals of the rectangle around all bodies and in decay lengths, whichever
-#: is more [-].
+#: Reach of the table of compliances: the larger of these multiples of the diagonal of the rectangle around all
+#: indenters and of the decay length of the cover's response [-].
 _DIAGONALS, _DECAY_LENGTHS = 1.5, 4.0
-#: Cells whose base response is superposed at once: bounds the memory of the table of cells and texels.
+#: Number of cells whose texel forces are superposed at once, to limit the memory [-].
 _BLOCK = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """One rigid indenter on the cover.
+    """One of several rigid indenters on a cover, with its weight and pose.
 
     Attributes:
-        indenter: The shape.
-        load: Its weight [N].
-        at: Its axis in the array's frame [m].
-        yaw: Its turn about that axis [rad].
-        guided: Whether it can only move along the array's normal; else it tilts freely as well.
-        centre: Where its weight acts, from its axis, in its own frame [m].
+        indenter: Indenter with its shape.
+        load: Weight of the indenter [N].
+        at: Position of the indenter's axis in the frame of the array [m].
+        yaw: Rotation of the indenter about its axis [rad].
+        guided: Whether the indenter moves only along the normal of the array; otherwise it can also tilt freely.
+        centre: Point where the weight acts, in the frame of the indenter [m].
     """
 
     indenter: Indenter
@@ -51,32 +51,33 @@ class Body:
 
     @property
     def pose(self) -> PlanarPose:
-        """Position and turn of the indenter in the array's frame."""
+        """Position and rotation of the indenter in the frame of the array."""
         return PlanarPose(at=self.at, yaw=self.yaw)
 
     @property
     def corners(self) -> FloatArray:
-        """Corners of the footprint in the array's frame, shape (4, 2) [m]."""
+        """Corners of the indenter's footprint in the frame of the array, shape (4, 2) [m]."""
         signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
         return np.column_stack(self.pose.to_array(*(signs * self.indenter.footprint).T))
 
     @property
     def weight_point(self) -> FloatArray:
-        """Point of the array's frame where the weight acts, shape (2,) [m]."""
+        """Point where the weight acts, in the frame of the array, shape (2,) [m]."""
         return np.array(self.pose.to_array(*np.array(self.centre)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeveralIndentations:
-    """Result of several indenters on the cover at once.
+    """Result of pressing several indenters into a cover at once.
 
     Attributes:
-        texel_forces: Normal force on each texel, shape (n,) [N].
-        outside: Force that reaches no active texel [N].
-        depths: Approach of each body's axis from first touch, shape (bodies,) [m].
-        slopes: Tilts of each body: rise along x and along y, shape (bodies, 2) [-].
-        contact: Touching cells: x, y in the array's frame [m] and force [N], shape (m, 3).
-        error_estimate: Sum of texel changes between the grids over the load, `misplaced` [-].
+        texel_forces: Normal force on each of n texels, shape (n,) [N].
+        outside: Force that no active texel measures [N].
+        depths: Approach of each indenter from first touch, at its axis, shape (bodies,) [m].
+        slopes: Tilts of each indenter as slopes along x and along y, shape (bodies, 2) [-].
+        contact: Columns x, y in the frame of the array [m] and force [N] of the m cells in contact, shape (m, 3).
+        error_estimate: `misplaced`, half the sum of the absolute changes of texel forces between the two grids, over
+            the load [-].
     """
 
     texel_forces: FloatArray
@@ -88,12 +89,12 @@ class SeveralIndentations:
 
 
 def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> SeveralIndentations:
-    """Press frictionless, rigid indenters into a laterally wide cover at once (small strain).
+    """Press several frictionless, rigid indenters into a laterally wide cover at once, at small strain.
 
     Args:
-        cover: The cover; hyperelastic materials are linearised at zero load.
-        array: The texels under it.
-        bodies: The indenters; their footprints must not overlap.
+        cover: Cover; hyperelastic materials are linearised at zero load.
+        array: Array with the texels under the cover.
+        bodies: Indenters with weights and poses; their footprints must not overlap.
 
     Raises:
         ValueError: If a load is not positive.
@@ -107,7 +108,7 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     surface = surface_compliance(cover, max(_DIAGONALS * diagonal, _DECAY_LENGTHS * decay_length(cover)))
     solved = [_solve(surface, bodies, corners, cover.thickness / count) for count in CELLS]
     coarse, fine = (_superpose(spread, array, contact) for contact, _ in solved)
-    # The error is proportional to the cell: the difference of the grids tells how much is left.
+    # The error of the texel forces is proportional to the cell size, so they are extrapolated to cell size zero.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]
     load = sum(body.load for body in bodies)
@@ -122,7 +123,7 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
 
 
 def _superpose(spread: PointSpread, array: TexelArray, contact: FloatArray) -> FloatArray:
-    """Texel forces of all cells, shape (n,) [N]."""
+    """Compute the forces on n texels due to the forces on all cells in contact, by superposition, shape (n,) [N]."""
     blocks = np.array_split(contact, max(1, len(contact) // _BLOCK))
     return np.asarray(sum(block[:, 2] @ spread.texel_influence(array, block[:, :2]) for block in blocks))
 
@@ -130,9 +131,20 @@ def _superpose(spread: PointSpread, array: TexelArray, contact: FloatArray) -> F
 def _solve(
     surface: SurfaceCompliance, bodies: Sequence[Body], corners: FloatArray, cell: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Touching cells with their forces, shape (m, 3), and approach and slopes of each body, shape (bodies, 3)."""
+    """Solve the contact of all indenters on one grid of cells.
+
+    Args:
+        surface: Compliance of the top of the cover.
+        bodies: Indenters with weights and poses.
+        corners: Corners of all footprints in the frame of the array, shape (k, 2) [m].
+        cell: Edge length of a cell [m].
+
+    Returns:
+        Columns x, y [m] and force [N] of the m cells in contact, shape (m, 3), and approach [m] and slopes along x and
+        y [-] of each indenter, shape (bodies, 3).
+    """
     low, high = corners.min(axis=0), corners.max(axis=0)
-    # Whole cells from the lowest corner on, so that edges along the axes fall between cells.
+    # The grid starts at the lowest corner, so that edges of footprints along the axes coincide with cell edges.
     count = np.maximum(1, np.ceil((high - low) / cell - 1e-9)).astype(int)
     x, y = np.meshgrid(*(low[i] + (np.arange(count[i]) + 0.5) * cell for i in range(2)), indexing="ij")
     gaps = np.array([body.indenter.gap(*body.pose.to_indenter(x, y)) for body in bodies])
@@ -153,17 +165,19 @@ def _solve(
 def _constrain_bodies(
     bodies: Sequence[Body], owner: IntArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Free motions of all bodies: an approach each, and two tilts about its weight's point where it is not guided.
+    """List the k free motions of all indenters: an approach, and two tilts if the indenter is not guided.
+
+    The tilts are rotations about the point where the weight acts.
 
     Args:
-        bodies: The indenters.
-        owner: Body over each cell, -1 for none, shape (rows, columns).
-        x: Centres of the cells [m].
-        y: Centres of the cells [m].
+        bodies: Indenters with weights and poses.
+        owner: Index of the indenter above each cell, -1 for none, shape (rows, columns).
+        x: x coordinates of the centres of the cells, shape (rows, columns) [m].
+        y: y coordinates of the centres of the cells, shape (rows, columns) [m].
 
     Returns:
-        Displacement of the cells per motion, shape (k, rows, columns); force [N] or moment [N m] of each motion, shape
-        (k,); and the body that each motion belongs to, shape (k,).
+        Downward displacement of the indenter at each cell per unit of each motion, shape (k, rows, columns); prescribed
+        force [N] or moment [N m] of each motion, shape (k,); and index of the indenter of each motion, shape (k,).
     """
     columns, loads, movers = [], [], []
     for index, body in enumerate(bodies):
