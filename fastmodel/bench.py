@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
@@ -148,13 +149,18 @@ def indent_together(
         UnknownNameError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
-    started = time.perf_counter()
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
+    if not placements:
+        raise FastModelError("give at least one placement of an indenter")
     for placement in placements:
+        check_type("placement", placement, Placement, "a fastmodel.Placement")
         _check_placement(placement)
     name, chosen = choose_method(method, parameters)
     model = _build_model(parameters, placements, chosen)
     reader = chosen.bind(model, parameters.array, _ARRAY, cells=parameters.cells)
+    with report_slow_compilation("simulated bench test"):
+        reader.compile_kernels(mujoco.MjData(model))
+    started = time.perf_counter()
     reading, chatter = _settle(model, reader, sum(placement.load for placement in placements))
     texel_forces = reading.texel_forces
     if texel_forces is None:

@@ -6,18 +6,41 @@ functions that kernels call are marked with `called_by_kernels`.  Numba is impor
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import logging
+import threading
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, TypeVar
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
+_LOG = logging.getLogger(__name__)
+
+#: Compilation that takes longer is reported [s].
+_SLOW = 2.0
 #: Options of numba for every kernel.  Numpy's error model omits the check for division by zero, and the wrapper for
 #: calls from C, which nothing uses, is omitted.  Each of the two options shortens compilation.
 _OPTIONS: Any = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 #: Functions marked with `called_by_kernels` that are not registered with numba yet.
 _CALLED: list[Callable[..., Any]] = []
+
+
+@contextlib.contextmanager
+def report_slow_compilation(name: str) -> Iterator[None]:
+    """Log a message if the body of the `with` statement, which compiles kernels, takes longer than `_SLOW`.
+
+    Args:
+        name: Name of the sensor or test in the message.
+    """
+    text = "%s: compiling the contact kernels; later runs load them from disk"
+    timer = threading.Timer(_SLOW, lambda: _LOG.warning(text, name))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def called_by_kernels(function: _F) -> _F:

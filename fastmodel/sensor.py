@@ -11,17 +11,14 @@ physics step.  Frames are made at the sensor's own rate, and each frame contains
 
 from __future__ import annotations
 
-import contextlib
-import logging
 import math
-import threading
 import warnings
-from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.contact.overlap import refuse_overlaps
@@ -37,10 +34,6 @@ _CLOCK_TOLERANCE = 1e-3
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  With this value the highest frequency
 #: that samples can represent, which is half the sampling rate, is at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
-#: Time after which `Sensor.bind` logs a message that kernels are being compiled [s].
-_COMPILATION_TIME = 2.0
-
-_LOG = logging.getLogger(__name__)
 
 
 class OptionWarning(UserWarning):
@@ -90,7 +83,7 @@ def attach(
     _, method = choose_method(contact, parameters)
     if every is not None:
         check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
-        if every != int(every) or every < 1:
+        if not math.isfinite(every) or every != int(every) or every < 1:
             raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
@@ -158,7 +151,7 @@ class Sensor:
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
         parameters = self.parameters
         reader = self._contact.bind(model, parameters.array, self.name, cells=parameters.cells)
-        with _report_slow_compilation(self.name):
+        with report_slow_compilation(f"sensor {self.name!r}"):
             reader.compile_kernels(mujoco.MjData(model))
         every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
         self._running = _RunningSensor(self.name, parameters, reader, model, every)
@@ -225,7 +218,7 @@ class Sensor:
             LifeCycleError: If the sensor is not bound.
             StateError: If a force is not finite.
         """
-        self._bound().reset(np.asarray(contact_forces, dtype=np.float64))
+        self._bound().reset(np.array(contact_forces, dtype=np.float64))
 
     def _bound(self) -> _RunningSensor:
         """Return the state of the bound sensor, or raise an error if the sensor is not bound."""
@@ -331,20 +324,6 @@ def _find_body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBod
     if body not in spec.bodies:
         raise FastModelError(f"body {body.name!r} belongs to another spec than the one to attach to")
     return body
-
-
-@contextlib.contextmanager
-def _report_slow_compilation(name: str) -> Iterator[None]:
-    """Log a message if the body of the `with` statement takes longer than `_COMPILATION_TIME`."""
-    timer = threading.Timer(
-        _COMPILATION_TIME,
-        lambda: _LOG.warning("sensor %r: compiling the contact kernels; later runs load them from disk", name),
-    )
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 def _warn_of_options(parameters: Parameters, model: mujoco.MjModel, every: int) -> None:

@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
 ALLOWED = {
-    "meshes": {"meshes", "numpy", "trimesh", "manifold3d", "pytetwild"},
+    "meshes": {"meshes", "numpy", "trimesh", "manifold3d"},
     "fem_reference": {"meshes", "fem_reference", "numpy", "scipy", "skfem", "pypardiso", "pymetis", "trimesh"},
     "fastmodel": {"meshes", "fastmodel", "numpy", "scipy", "mujoco", "numba", "tomli_w", "gymnasium"},
     "validation/weiss": {"validation", "numpy", "serial"},
