@@ -176,10 +176,10 @@ class Sensor:
         return self._bound().step(data)
 
     def frame(self) -> Frame:
-        """Return the latest frame; before the first frame is made, return a frame of the array at rest.
+        """Return the latest frame, or a frame of the unloaded array if no frame has been made yet.
 
         Raises:
-            LifeCycleError: If the sensor is not bound.
+            LifeCycleError: If the sensor is not bound to a compiled model.
         """
         return self._bound().frame
 

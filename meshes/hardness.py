@@ -71,7 +71,9 @@ def modulus_from_hardness(shore_a: float) -> HardnessModulus:
 
 
 def modulus_by_gent(shore_a: float) -> float:
-    """Compute Young's modulus by Gent (1958): E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa [Pa].
+    """Compute Young's modulus [Pa] from Shore A hardness by Gent (1958).
+
+    In MPa it is E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)).
 
     Args:
         shore_a: Hardness S [Shore A].

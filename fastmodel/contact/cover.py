@@ -1,9 +1,9 @@
-"""Contact methods that distribute the force of each body over cells, by an elastic foundation or by the cover.
+"""Contact methods that distribute the force of each touching body over the cells of the contact grid.
 
 In MuJoCo each of the two contact methods has one rigid plate for each flat panel of the array.  After a simulation
 step, MuJoCo's force of each touching body is distributed over cells of the contact grid, which are smaller than a
-texel.  `Foundation` does so by an elastic foundation, and `CoverContact` by the compliance of the cover between cells;
-`CoverContact` also computes the forces on the texels at the base of the cover.
+texel.  `Foundation` uses an elastic foundation.  `CoverContact` uses the compliance of the cover, in which a force on
+one cell also displaces the other cells; `CoverContact` also computes the texel forces at the base of the cover.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ _CELLS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class _PlateMethod:
-    """Base of the contact methods with a rigid plate in place of the array.
+    """Base class of the contact methods that represent the array in MuJoCo by rigid plates, one for each flat panel.
 
     Attributes:
-        plate: Settings of the plate.
+        plate: Settings of the plates.
     """
 
     plate: Plate = field(default_factory=Plate)

@@ -21,7 +21,7 @@ Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 #: Smallest factor by which one correction multiplies the force on a cell; a positive factor keeps forces positive [-].
 #: Corrections restore the balance of force and moments between the cells and the bodies.
 _LEAST_FACTOR = 0.2
-#: Largest number of corrections of the balance of force and moments in one step of the iteration [-].
+#: Largest number of corrections, in one step of the iteration, that restore the balance of force and moments [-].
 _CORRECTIONS = 40
 #: Errors of the balance of force and moments, over the largest prescribed value [-]: below the first, corrections end;
 #: above the second, the iteration fails.

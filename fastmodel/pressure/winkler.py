@@ -20,7 +20,8 @@ from meshes.array_types import FloatArray
 
 #: Largest number of Newton steps [-].
 _STEPS = 60
-#: Error of force and moments, over the prescribed force, up to which the Newton iteration counts as converged [-].
+#: Tolerance of the Newton iteration: errors of the force, and of the moments divided by a typical length, over the
+#: prescribed force [-].
 _BALANCED = 1e-9
 #: Share of the full Newton step below which step halving ends [-].
 _SHORTEST = 1e-6

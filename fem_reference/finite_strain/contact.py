@@ -3,13 +3,14 @@
 Penalty method: the energy of a quadrature point per reference area is half the penalty times the squared penetration.
 Force and tangent are the exact derivatives of this energy, so Newton's method converges quadratically, and the force
 acts along the normal of the indenter.  The penalty is moderate, so that steps may be long.  Augmentation (Simo and
-Laursen 1992) reduces the penetration that remains; the effect of the rest is part of the error estimates.
+Laursen 1992) reduces the penetration further; the error estimates include the effect of what is left.
 
-Friction: a point in contact is connected by a tangential spring to the place of first contact, and a return mapping
-limits the traction of the spring to Coulomb's cone (Simo and Laursen 1992, section 3; Wriggers 2006, section 5.2).
-During Newton's method the cone follows from fixed contact pressures.  The tangent is then symmetric, and exact except
-for the rotation of the tangent plane on curved indenters.  The cone is then updated from the new pressures until it no
-longer changes.  Slip is measured from the last recorded state, so steps must be small while the contact grows.
+Friction: a tangential spring connects each point in contact to the position on the indenter where it first touched.  A
+return mapping limits the traction of the spring to Coulomb's cone (Simo and Laursen 1992, section 3; Wriggers 2006,
+section 5.2).  Within one Newton solution the friction limit is computed from fixed contact pressures.  The tangent is
+then symmetric, and exact except for the rotation of the tangent plane on curved indenters.  The cone is then updated
+from the new pressures until it no longer changes.  Slip is measured from the last recorded state, so steps must be
+small while the contact grows.
 """
 
 from __future__ import annotations

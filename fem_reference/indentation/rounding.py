@@ -43,15 +43,16 @@ def choose_fillet(thickness: float, indenter: Indenter) -> float:
 def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
     """Choose the radius of an indenter's rounded edges on the finest three-dimensional grid [m].
 
-    The radius is so small that part of the thickest wall of a face remains flat even with the larger radius on the
-    coarsest grid.
+    Radii are proportional to the element size, so coarser grids have larger radii.  A wall is a strip of the indenter's
+    flat face, such as a leg of the letter H.  The radius is limited so that the middle of the thickest wall stays flat
+    even with the radius of the coarsest grid.
 
     Args:
-        thickness: Thickness of the cover [m].
-        indenter: Indenter with its shape.
+        thickness: Thickness of the cover, which sets the element size [m].
+        indenter: Indenter with a flat face or with edges.
 
     Raises:
-        ValueError: If all walls of the face are too thin for the grids.
+        ValueError: If even the thickest wall is too thin.
     """
     within = min(indenter.footprint)
     if isinstance(indenter, FlatPunch):

@@ -87,7 +87,7 @@ class PointSpread:
 
         Args:
             array: Planar array; inactive texels get 0.
-            positions: k points on the cover in the frame of the array, shape (k, 2) [m].
+            positions: k positions of the load on the cover, in the frame of the array, shape (k, 2) [m].
 
         Returns:
             Force on each of n texels per unit load at each position, shape (k, n) [-].
@@ -119,8 +119,8 @@ class PointSpread:
     def outside(self, array: TexelArray, positions: npt.ArrayLike, *, angles: int = 360) -> FloatArray:
         """Compute the part of a unit point load that no active texel measures, by quadrature over circles.
 
-        The circles are centred on the load.  The quadrature is independent of `texel_influence`; a sum of 1 of this
-        part and the texel forces verifies both.
+        The circles are centred on the load.  The quadrature does not use `texel_influence`.  The sum of
+        `texel_influence` over the active texels plus this part must be 1, which verifies both functions.
 
         Args:
             array: Planar array.

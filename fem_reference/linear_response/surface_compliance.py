@@ -2,9 +2,9 @@
 
 A surface pressure cos(k x) displaces an isotropic layered cover by (U(z) sin k x, W(z) cos k x) with mean pressure
 P(z) cos k x.  For each wave number k, one small one-dimensional mixed problem is solved (quadratic U and W, linear P
-that may jump where materials meet).  The response to any pressure distribution follows by superposition; contacts of
-indenters at small strain are solved in this way.  The method is the semi-analytical finite-element method, a
-discretisation that is independent of the axisymmetric elements.
+that may jump where materials meet).  The surface displacement under any pressure distribution follows by
+superposition.  Contacts of indenters at small strain are solved in this way.  The method is the semi-analytical
+finite-element method, a discretisation that is independent of the axisymmetric elements.
 """
 
 from __future__ import annotations

@@ -28,7 +28,8 @@ _REFINEMENTS = 8
 _FILLED = 0.8
 #: Half width of a new grid over that of the last contact, and smallest ratio of successive half widths of the grid [-].
 _MARGIN, _SHRINKING = 1.1, 0.05
-#: Fraction of all cells, those with the smallest gaps, in the initial guess of a contact under a given load [-].
+#: Share of all cells that the initial guess of a contact under a given load contains [-].  The cells with the smallest
+#: gaps are taken.
 _FIRST_SHARE = 0.2
 #: Largest gap over the depth of the cells in the initial guess of a contact at a given depth [-].
 _FIRST_DEPTH = 0.5

@@ -241,8 +241,8 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
             after = following[here].pop()
             if not following[here]:
                 del following[here]
-            # When the chain returns to one of its points, the points since then are a closed outline; the rest of the
-            # chain continues from the same point.
+            # The chain is the list of points followed so far.  If the next point is already in the chain, the points
+            # from its first occurrence on form a closed outline.  They are removed, and the chain continues from there.
             if after in chain:
                 first = chain.index(after)
                 outlines.append(_remove_straight_corners(points[chain[first:]]))

@@ -189,10 +189,10 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
 
 
 def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:
-    """Tabulate the cover's response between the cells of the contact grid and the texels.
+    """Tabulate the displacements of cells of the contact grid and the texel forces under a unit load on one cell.
 
     Returns:
-        The kernels; None for a cover with free side edges over texels that do not form a regular grid.
+        Both tables; None for a cover with free side edges over texels that do not form a regular grid.
     """
     if (spread := radial_profile(influence)) is not None:
         return cover_cells(sensor.cover, sensor.array, spread)

@@ -125,9 +125,10 @@ def _describe_psf(material: Material) -> str:
 
 
 def _relative_width(poisson_ratio: float) -> float:
-    """Return the standard deviation of base pressure under a point load on a bonded layer, over the layer's thickness.
+    """Return the width of the base pressure under a point load on a bonded layer, divided by the layer's thickness.
 
-    It is sqrt(nu / (1 - nu)) for the Poisson ratio nu [-].
+    The width is the standard deviation of the position along one horizontal axis, weighted by the pressure.  For the
+    Poisson ratio nu the result is sqrt(nu / (1 - nu)) [-].
     """
     ratio = min(0.5, max(0.0, poisson_ratio))
     return math.sqrt(ratio / (1 - ratio))
