@@ -179,14 +179,14 @@ class BaseForces:
         row, rows, near_rows = self._clip(origin[0], shape[0], self._grid.rows, self._array.rows)
         column, columns, near_columns = self._clip(origin[1], shape[1], self._grid.columns, self._array.columns)
         height, width = rows.stop - rows.start, columns.stop - columns.start
-        along = self._rows[:, near_rows, row : row + height].transpose(1, 0, 2).reshape(-1, height)
+        along = self._rows[:, near_rows, row : row + height].transpose(1, 0, 2)
         across = self._columns[:, near_columns, column : column + width].transpose(0, 2, 1)
         return _Window(
             inside=(rows, columns),
             first=(row, column),
             texels=(near_rows, near_columns),
-            along=along,
-            across=across.reshape(-1, across.shape[2]),
+            along=along.reshape(along.shape[0] * along.shape[1], height),
+            across=across.reshape(across.shape[0] * width, across.shape[2]),
         )
 
     def _clip(self, start: int, length: int, cells: int, texels: int) -> tuple[int, slice, slice]:

@@ -71,6 +71,11 @@ def test_forces_at_the_base_are_linear_in_the_forces_at_the_top(a, b, factor, ro
     np.testing.assert_allclose(together, separately, atol=1e-12 * (1 + abs(factor)) * 35)
 
 
+@pytest.mark.parametrize("origin", [(-5, 0), (0, -7), (GRID.rows, 0), (0, GRID.columns), (-9, -9)])
+def test_a_window_beyond_the_grid_reaches_no_texel(origin):
+    assert (BASE.from_window(np.zeros((5, 7)), origin) == 0).all()
+
+
 @settings(max_examples=25, deadline=None)
 @given(window=WINDOWS, row=st.integers(8, 50), column=st.integers(8, 16))
 def test_forces_on_texels_add_up_to_those_on_cells_over_them(window, row, column):
