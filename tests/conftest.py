@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from validation.derivation.derive import Derivation
 
 # A property must hold, however long a busy machine takes to try an example.
-hypothesis.settings.register_profile("default", hypothesis.settings.get_profile("default"), deadline=None)
+# In CI the examples of property tests are the same on every run; elsewhere they differ from run to run.
+hypothesis.settings.register_profile(
+    "default", hypothesis.settings.get_profile("default"), deadline=None, derandomize="CI" in os.environ
+)
 hypothesis.settings.load_profile("default")
 
 

@@ -82,7 +82,8 @@ def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
     """
     digits = "".join(text.split())
     try:
-        tokens = np.frombuffer(bytes.fromhex(digits), dtype=">f4").astype(np.float64)
+        with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
+            tokens = np.frombuffer(bytes.fromhex(digits), dtype=">f4").astype(np.float64)
     except ValueError:
         fail(f"frame_data is not hexadecimal tokens of {_TOKEN_DIGITS} digits")
     # NaN and infinity fail these comparisons.  The number of texels is checked before runs of zeros are expanded, so

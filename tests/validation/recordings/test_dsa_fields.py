@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from validation.recordings.dsa_fields import decode_counts
@@ -49,6 +49,7 @@ def test_a_count_above_the_limit_of_its_texel_is_refused(parts, data):
         decode_counts(_encode(parts), limits, _fail)
 
 
+@example(bytes.fromhex("000000007f800001"), 2)  # a signalling NaN
 @given(st.binary(max_size=40), st.integers(0, 50))
 def test_any_tokens_are_refused_or_give_possible_counts(data, texels):
     limits = np.full(texels, FULL_SCALE, dtype=np.int16)
