@@ -15,13 +15,16 @@ from fem_reference.closed_form.layer import (
     one_layer_compliance,
     point_response,
     point_response_spline,
+    traction_compliance,
     transfer,
     variance,
 )
+from fem_reference.closed_form.no_slip import StuckPunch, stuck_punch, stuck_shape
 
 __all__ = [
     "LayerContact",
     "PressedCells",
+    "StuckPunch",
     "Transfer",
     "bonded_disk",
     "gent_lindley",
@@ -33,6 +36,9 @@ __all__ = [
     "pressed_shape",
     "punch",
     "sphere",
+    "stuck_punch",
+    "stuck_shape",
+    "traction_compliance",
     "transfer",
     "variance",
 ]

@@ -70,6 +70,27 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
     )
 
 
+def traction_compliance(cover: Cover, wave_number: npt.ArrayLike) -> FloatArray:
+    """Compute the displacements of the top of a wide cover under normal and shear tractions, for each wave number.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        wave_number: Wave numbers k > 0, shape (m,) [1/m].
+
+    Returns:
+        Symmetric matrix for each wave number, shape (m, 2, 2) [m/Pa].  Rows are the displacements downwards, times
+        cos(k x), and along +x, times sin(k x).  Columns are the pressure cos(k x) and the shear traction sin(k x) along
+        +x on the top.  For axisymmetric loads cos(k x) becomes J0(k r), and sin(k x) becomes J1(k r).
+    """
+    k = np.atleast_1d(np.asarray(wave_number, dtype=float))
+    # Below `_SMALL` the linear systems are ill-conditioned; there the compliances are constant on the diagonal and
+    # proportional to k off the diagonal.
+    solvable = np.maximum(k, _SMALL / cover.thickness)
+    ratio = k / solvable
+    one = np.ones_like(k)
+    return np.asarray(_solve_tractions(cover, solvable)[0] * np.array([[one, ratio], [ratio, one]]).T)
+
+
 def half_space_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
     """Compute the compliance of a half space under pressure cos(k x), (1 - nu) / (mu k) (Johnson 1985, eq. 2.61).
 
@@ -207,12 +228,25 @@ def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> Float
 
 
 def _solve(cover: Cover, k: FloatArray) -> Transfer:
-    """Assemble and solve, for every wave number, the linear system of 4 unknown coefficients per layer."""
+    """Compute the response to normal pressure for every wave number k > 0."""
+    displacement, base = _solve_tractions(cover, k)
+    return Transfer(compliance=displacement[:, 0, 0], base=base[:, 0])
+
+
+def _solve_tractions(cover: Cover, k: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Assemble and solve, for every wave number, the linear system of 4 unknown coefficients per layer.
+
+    The loads are the surface pressure cos(k x) and the shear traction sin(k x) along +x on the top.
+
+    Returns:
+        Displacements of the top, downwards times cos(k x) and along +x times sin(k x) (rows), per load (columns), shape
+        (m, 2, 2) [m/Pa], and base pressure per load, shape (m, 2) [-].
+    """
     layers = cover.layers
     scale = 2 * layers[-1].material.shear_modulus
     n = len(layers)
     matrix = np.zeros((k.size, 4 * n, 4 * n))
-    right = np.zeros((k.size, 4 * n, 1))
+    right = np.zeros((k.size, 4 * n, 2))
     bottom = _evaluate_face(layers[0], k, 0.0, scale)
     matrix[:, 0, :4] = bottom[:, 1]
     matrix[:, 1, :4] = bottom[:, 0] if cover.base == "bonded" else bottom[:, 3]
@@ -222,8 +256,8 @@ def _solve(cover: Cover, k: FloatArray) -> Transfer:
         matrix[:, rows, 4 * i + 4 : 4 * i + 8] = -_evaluate_face(layers[i + 1], k, 0.0, scale)
     top = _evaluate_face(layers[-1], k, layers[-1].thickness, scale)
     matrix[:, -2:, -4:] = top[:, 2:]
-    right[:, -2, 0] = -1.0
-    unknown = np.linalg.solve(matrix, right)[..., 0]
-    down = -np.einsum("mi,mi->m", top[:, 1], unknown[:, -4:]) / (k * scale)
-    base = -np.einsum("mi,mi->m", bottom[:, 2], unknown[:, :4])
-    return Transfer(compliance=down, base=base)
+    right[:, -2, 0], right[:, -1, 1] = -1.0, 1.0
+    unknown = np.linalg.solve(matrix, right)
+    horizontal, vertical = (np.einsum("mi,mij->mj", top[:, row], unknown[:, -4:]) for row in (0, 1))
+    displacement = np.stack([-vertical, horizontal], axis=1) / (k * scale)[:, None, None]
+    return displacement, -np.einsum("mi,mij->mj", bottom[:, 2], unknown[:, :4])

@@ -1,0 +1,70 @@
+"""Contacts without slip: integral equations against closed forms, and presses against the integral equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference.closed_form import (
+    half_space_compliance,
+    punch,
+    sphere,
+    stuck_punch,
+    stuck_shape,
+    traction_compliance,
+    transfer,
+)
+from meshes import Cover, Layer, Material
+
+THICKNESS = 2e-3
+
+
+def cover(nu, *, thickness=THICKNESS):
+    """A bonded layer with a Young's modulus of 1 MPa."""
+    material = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=nu)
+    return Cover(layers=(Layer(thickness=thickness, material=material),))
+
+
+def dimensionless_stiffness(nu, ratio):
+    """F (1 - nu) / (4 mu a d) of a flat punch of radius a without slip on a layer of thickness a / ratio [-]."""
+    layer, radius = cover(nu), ratio * THICKNESS
+    return stuck_punch(layer, radius).stiffness * (1 - nu) / (4 * layer.layers[0].material.shear_modulus * radius)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+def test_tractions_on_short_waves_displace_a_half_space(nu):
+    # Johnson 1985, section 2.5: c = (1 - nu) / mu k on the diagonal, -(1 - 2 nu) / 2 mu k off the diagonal.
+    k = np.array([40.0, 80.0]) / THICKNESS
+    found = traction_compliance(cover(nu), k) / half_space_compliance(cover(nu).layers[0], k)[:, None, None]
+    mixed = -(1 - 2 * nu) / (2 * (1 - nu))
+    assert found == pytest.approx(np.broadcast_to([[1, mixed], [mixed, 1]], (2, 2, 2)), abs=1e-9)
+
+
+def test_the_response_to_tractions_is_reciprocal_and_contains_that_to_pressure():
+    layers = cover(0.3).layers + cover(0.48, thickness=1e-3).layers
+    k = np.geomspace(1e-3, 60, 30) / 3e-3
+    found = traction_compliance(Cover(layers=layers), k)
+    assert found[:, 0, 1] == pytest.approx(found[:, 1, 0], rel=1e-6)
+    assert found[:, 0, 0] == pytest.approx(transfer(Cover(layers=layers), k).compliance, rel=1e-6)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.5])
+def test_a_small_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
+    # Johnson 1985, section 3.8: ln(3 - 4 nu) (1 - nu) / (1 - 2 nu) times the stiffness without friction.
+    radius = 1e-3 * THICKNESS
+    ratio = stuck_punch(cover(nu), radius).stiffness / punch(cover(nu), radius, 1.0).force
+    exact = np.log(3 - 4 * nu) * (1 - nu) / (1 - 2 * nu) if nu < 0.5 else 1.0
+    assert ratio == pytest.approx(exact, rel=2e-4)
+
+
+@pytest.mark.parametrize(("nu", "kappa"), [(0.49, 3.71350), (0.5, 3.92912)])
+def test_a_punch_as_wide_as_the_layer_is_thick_has_an_independently_computed_stiffness(nu, kappa):
+    assert dimensionless_stiffness(nu, 1.0) == pytest.approx(kappa, rel=5e-5)
+
+
+def test_an_incompressible_half_space_under_a_sphere_needs_no_friction():
+    radius, contact = 1.0, 1e-3
+    found = stuck_shape(cover(0.5, thickness=1.0), lambda r: r**2 / (2 * radius), contact, steps=32)
+    free = sphere(cover(0.5, thickness=1.0), radius, contact, paraboloid=True)
+    assert found.force == pytest.approx(free.force, rel=5e-4)
+    assert found.depth == pytest.approx(free.depth, rel=5e-4)
