@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
-
-from meshes.array_types import FloatArray
 
 #: Safety factors on the estimated error, for results that converge monotonically with an order in the accepted range,
 #: and for all others; values of Roache (1994) [-].
@@ -60,22 +57,3 @@ def grid_convergence(
     else:
         order = least if ratio <= predict_ratio(least) else most
     return float((_SAFETY if inside else _UNSURE) * fine / ((sizes[1] / sizes[2]) ** order - 1))
-
-
-def extrapolate(values: Sequence[npt.ArrayLike], sizes: Sequence[float]) -> FloatArray:
-    """Extrapolate results that converge with order 1 to element size 0, from the two finest grids (Richardson).
-
-    Where a third, coarser result shows that the sequence is not monotonic, the result on the finest grid is returned.
-
-    Args:
-        values: The same quantity computed on two or three grids, finest grid last; numbers or arrays of one shape.
-        sizes: Element sizes of the grids in the same order, descending.
-
-    Returns:
-        The extrapolated values, shape of one item of `values`.
-    """
-    known = np.asarray(values, dtype=float)
-    change = np.asarray(known[-1] - known[-2])
-    if len(known) > 2:  # noqa: PLR2004 -- coarse, middle, fine
-        change = np.where(change * (known[-2] - known[-3]) < 0, 0.0, change)
-    return np.asarray(known[-1] + change / (sizes[-2] / sizes[-1] - 1))

@@ -19,8 +19,8 @@ from fem_reference.finite_strain.block_path import BasePressure, Block, BlockSta
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
 from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.indentation.grid_solution import (
+    BaseForces,
     GridSolution,
-    TexelForces,
     correct_solution,
     distribute_force,
     extrapolate_solutions,
@@ -53,8 +53,8 @@ class BlockModel:
         pose: Pose of the indenter in the frame of the mesh.
         lay_out: Function that returns the block to mesh for a number of elements through the cover.
         recover_pressure: Function that computes the base pressure of a solved state.
-        integrate: Function that returns the texel forces due to a base pressure, themselves a function of array and
-            pose.
+        integrate: Function that returns the forces on and outside the texels due to a base pressure, themselves a
+            function of array and pose.
     """
 
     kind: str
@@ -62,7 +62,7 @@ class BlockModel:
     pose: PlanarPose
     lay_out: Callable[[int], Block]
     recover_pressure: Callable[[BlockState], BasePressure]
-    integrate: Callable[[BasePressure], TexelForces]
+    integrate: Callable[[BasePressure], BaseForces]
 
 
 def correct_path(
@@ -170,7 +170,7 @@ def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, 
         area=area,
         overlap=overlap,
         contact=distribute_force(force, base, path.indenter.footprint, model.pose),
-        texel_forces=model.integrate(base),
+        base_forces=model.integrate(base),
     )
 
 

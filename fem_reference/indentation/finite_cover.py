@@ -91,7 +91,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
 
 
 def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:  # noqa: ARG001 -- one signature
-    """Integrate a biquadratic base pressure, given in the frame of the array, over each of n texels.
+    """Integrate a biquadratic base pressure, given in the frame of the array, over each of n texels and over the rest.
 
     Args:
         base: Positions of the nodes along x and y over the whole cover [m], and pressures at the nodes [Pa].
@@ -99,17 +99,18 @@ def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> 
         pose: Not used; the base pressure is that of the pose for which it was solved.
 
     Returns:
-        Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
+        Force on each texel, 0 on inactive texels, and then the force outside the active texels, shape (n + 1,) [N].
     """
     *lines, pressure = base
-    integrals = []
+    integrals, whole = [], []
     for axis, nodes in enumerate(lines):
         line = Line(edges=nodes[::2], order=2)
         centres, half = array.centres[:, axis], array.texel_size[axis] / 2
         values, position = np.unique(centres, return_inverse=True)
         integrals.append(np.array([line.integral(c - half, c + half) for c in values])[position])
-    force = np.einsum("na,nb,ab->n", *integrals, pressure, optimize=True)
-    return np.where(array.active, force, 0.0)
+        whole.append(line.integral(nodes[0], nodes[-1]))
+    force = np.where(array.active, np.einsum("na,nb,ab->n", *integrals, pressure, optimize=True), 0.0)
+    return np.append(force, whole[0] @ pressure @ whole[1] - force.sum())
 
 
 def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: int, fillet: float) -> Block:

@@ -28,7 +28,7 @@ from fem_reference.indentation.correction import (
     correct_path,
     solve_block_pair,
 )
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy, TexelForces
+from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length
@@ -120,7 +120,7 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
 
 
 def _integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
-    """Integrate a base pressure, given in the frame of the indenter, over each of n texels, shape (n,) [N]."""
+    """Integrate a base pressure, given in the frame of the indenter, over n texels and the rest, shape (n + 1,) [N]."""
     nodes, weights = np.polynomial.legendre.leggauss(_TEXEL_POINTS)
     half = np.array(array.texel_size) / 2
     offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
@@ -128,9 +128,10 @@ def _integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -
     x, y = pose.to_indenter(position[..., 0], position[..., 1])
     grid_x, grid_y, pressure = base
     inside = (x > grid_x[0]) & (x < grid_x[-1]) & (y > grid_y[0]) & (y < grid_y[-1])
-    value = np.where(inside, RectBivariateSpline(grid_x, grid_y, pressure).ev(x, y), 0.0)
-    force = value @ np.outer(weights, weights).ravel() * half[0] * half[1]
-    return np.where(array.active, force, 0.0)
+    spline = RectBivariateSpline(grid_x, grid_y, pressure)
+    value = np.where(inside, spline.ev(x, y), 0.0)
+    force = np.where(array.active, value @ np.outer(weights, weights).ravel() * half[0] * half[1], 0.0)
+    return np.append(force, spline.integral(grid_x[0], grid_x[-1], grid_y[0], grid_y[-1]) - force.sum())
 
 
 def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progress) -> list[list[GridSolution]]:
@@ -190,13 +191,14 @@ def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> Grid
         area=area,
         overlap=overlap,
         contact=_fill_circle(force, area),
-        texel_forces=_integrate_rings(force, base),
+        base_forces=_integrate_rings(force, base),
     )
 
 
-def _integrate_rings(force: float, base: PointSpread) -> TexelForces:
-    """Return a function that computes the texel forces of an axisymmetric base pressure, for an array and a pose."""
-    return lambda array, pose: force * np.asarray(base.texel_influence(array, pose.at)[0])
+def _integrate_rings(force: float, base: PointSpread) -> BaseForces:
+    """Return a function that computes the forces on and outside the texels due to an axisymmetric base pressure."""
+    load = np.array([[force]])
+    return lambda array, pose: base.base_forces(array, np.array(pose.at[:1]), np.array(pose.at[1:]), load)
 
 
 def _fill_circle(force: float, area: float) -> FloatArray:

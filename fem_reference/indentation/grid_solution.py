@@ -15,17 +15,20 @@ import numpy.typing as npt
 
 from fem_reference.finite_strain.block_path import BasePressure
 from fem_reference.finite_strain.loading_path import Control
-from fem_reference.grid_convergence import extrapolate, grid_convergence
+from fem_reference.grid_convergence import grid_convergence
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
-#: Function that computes the normal force on each texel, shape (n,) [N], for an array and the pose of the indenter.
-TexelForces = Callable[[TexelArray, PlanarPose], FloatArray]
+#: Function that computes, for an array and the pose of the indenter, the normal force on each of n texels and then the
+#: force on the base outside the active texels, shape (n + 1,) [N].
+BaseForces = Callable[[TexelArray, PlanarPose], FloatArray]
 
 #: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
 #: ASME V&V 20-2009 uses 1.25 for three grids [-].
 _SAFETY = 1.25
+#: Smallest estimated error of an extrapolated result over its difference from the finest grid [-].
+_LEAST_SHARE = 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +42,7 @@ class GridSolution:
         overlap: Mean penetration of indenter and cover that the contact solver does not remove, over the depth [-].
         contact: Columns x, y [m] and force [N] of m contact points in the frame of the indenter, shape (m, 3).  If a
             solver returns no contact tractions, the points are a substitute with the same total force.
-        texel_forces: Function that computes the texel forces for an array and a pose of the indenter.
+        base_forces: Function that computes the forces on and outside the texels for an array and a pose.
     """
 
     total_force: float
@@ -47,7 +50,7 @@ class GridSolution:
     area: float
     overlap: float
     contact: FloatArray
-    texel_forces: TexelForces
+    base_forces: BaseForces
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,30 +77,64 @@ class GridStudy:
     base_error: float = 0.0
     assumptions: dict[str, str]
 
-    def combine(self, values: Sequence[npt.ArrayLike]) -> FloatArray:
-        """Compute the result from the values on the three grids: the value on the finest grid or the extrapolated one.
+    def combine(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], npt.ArrayLike]) -> FloatArray:
+        """Compute a quantity of the result from the solutions of one target on the three grids.
+
+        All quantities of a target are the same weighted mean of the values on the three grids, so that forces which
+        balance on every grid also balance in the result.
 
         Args:
-            values: The same quantity on each grid, as number or array, coarsest grid first.
+            grids: Solutions of one target, coarsest grid first.
+            quantity: Function that returns the quantity, a number or an array, of a solution.
         """
-        return extrapolate(values, self.sizes) if self.extrapolate else np.asarray(values[-1], dtype=float)
+        weights = weigh_grids(grids, self.sizes) if self.extrapolate else (0.0, 0.0, 1.0)
+        return _average(grids, weights, quantity)
 
-    def estimate_error(self, values: Sequence[float]) -> float:
-        """Estimate the relative discretisation error of `combine(values)` [-].
+    def estimate_error(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], float]) -> float:
+        """Estimate the relative discretisation error of `combine(grids, quantity)` [-].
 
-        The error of an extrapolated result is its change from the extrapolation of the two coarser grids, times a
-        safety factor.  In all other cases, also if the three values are not monotonic, the error is the grid
-        convergence index.
+        The error of an extrapolated result is its change from the extrapolation of the two coarser grids times a safety
+        factor, but at least a share of the extrapolation itself.  In all other cases the error is the grid convergence
+        index.
 
         Args:
-            values: The same quantity on each grid, coarsest grid first.
+            grids: Solutions of one target, coarsest grid first.
+            quantity: Function that returns the quantity of a solution.
         """
-        result = float(self.combine(values))
+        values = [float(quantity(each)) for each in grids]
+        result = float(self.combine(grids, quantity))
         if result == 0:
             return 0.0
-        if self.extrapolate and (values[1] - values[0]) * (values[2] - values[1]) >= 0:
-            return _SAFETY * abs(result - float(extrapolate(values[:2], self.sizes[:2]))) / abs(result)
+        if self.extrapolate and weigh_grids(grids, self.sizes)[1]:
+            coarse, middle, _ = self.sizes
+            before = values[1] + (values[1] - values[0]) * middle / (coarse - middle)
+            return max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2])) / abs(result)
         return grid_convergence(values, self.sizes, least=self.least_order) / abs(result)
+
+
+def weigh_grids(grids: Sequence[GridSolution], sizes: Sequence[float]) -> tuple[float, float, float]:
+    """Compute the weights of the solutions on three grids in the extrapolation to element size zero (Richardson).
+
+    The order of convergence is 1, and the two finest grids are used.  If the ratio of force and depth is not monotonic
+    over the grids, the finest grid has all the weight.
+
+    Args:
+        grids: Solutions of one target, coarsest grid first.
+        sizes: Element sizes of the grids in the same order; only the ratios of the sizes are used [-].
+    """
+    first, second, third = (each.total_force / each.depth for each in grids)
+    if (second - first) * (third - second) < 0:
+        return 0.0, 0.0, 1.0
+    share = sizes[2] / (sizes[1] - sizes[2])
+    return 0.0, -share, 1 + share
+
+
+def _average(
+    grids: Sequence[GridSolution], weights: Sequence[float], quantity: Callable[[GridSolution], npt.ArrayLike]
+) -> FloatArray:
+    """Compute the weighted mean of a quantity of several solutions; solutions of weight 0 are not evaluated."""
+    parts = [w * np.asarray(quantity(each), dtype=float) for each, w in zip(grids, weights, strict=True) if w]
+    return np.asarray(sum(parts))
 
 
 def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
@@ -111,7 +148,7 @@ def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
         total_force=factor * solution.total_force,
         depth=factor * solution.depth,
         contact=solution.contact * [1, 1, factor],
-        texel_forces=lambda array, pose: factor * solution.texel_forces(array, pose),
+        base_forces=lambda array, pose: factor * solution.base_forces(array, pose),
     )
 
 
@@ -124,11 +161,12 @@ def extrapolate_solutions(solutions: Sequence[GridSolution], sizes: Sequence[flo
         solutions: Solutions of one target on several grids, coarsest first.
         sizes: Element sizes of the grids in the same order; only the ratios of the sizes are used [-].
     """
+    weights = weigh_grids(solutions, sizes)
     return replace(
         solutions[-1],
-        total_force=float(extrapolate([each.total_force for each in solutions], sizes)),
-        depth=float(extrapolate([each.depth for each in solutions], sizes)),
-        texel_forces=lambda array, pose: extrapolate([each.texel_forces(array, pose) for each in solutions], sizes),
+        total_force=float(_average(solutions, weights, lambda each: each.total_force)),
+        depth=float(_average(solutions, weights, lambda each: each.depth)),
+        base_forces=lambda array, pose: _average(solutions, weights, lambda each: each.base_forces(array, pose)),
     )
 
 
@@ -169,10 +207,10 @@ def correct_solution(
         depth = share * full.depth
         force = depth * correct(lambda each: each.total_force / each.depth)
 
-    def texel_forces(array: TexelArray, pose: PlanarPose) -> FloatArray:
-        """Compute the corrected texel forces for an array and a pose of the indenter, shape (n,) [N]."""
+    def base_forces(array: TexelArray, pose: PlanarPose) -> FloatArray:
+        """Compute the corrected forces on n texels and outside them for an array and a pose, shape (n + 1,) [N]."""
         reference, before, after = (
-            each.texel_forces(array, pose) / each.total_force for each in (accurate, baseline, full)
+            each.base_forces(array, pose) / each.total_force for each in (accurate, baseline, full)
         )
         return np.asarray((reference + share * (after - before)) * force)
 
@@ -182,7 +220,7 @@ def correct_solution(
         area=correct(lambda each: each.area) if area is None else area,
         overlap=max(baseline.overlap, full.overlap),
         contact=full.contact * [1, 1, force / full.total_force],
-        texel_forces=texel_forces,
+        base_forces=base_forces,
     )
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, small_strain
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy
+from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
@@ -26,6 +26,10 @@ _SMALL_STRAIN_DEPTH = 0.3
 #: Relative error of a force per relative error of the depth.  The penetration that remains in the contact is an error
 #: of the depth, and contact forces increase at most with the square of the depth [-].
 _FORCE_PER_OVERLAP = 2.0
+#: Estimated relative error above which a result has a warning [-].
+_LARGE_ERROR = 0.05
+#: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
+_LARGE_IMBALANCE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,25 +38,29 @@ class Indentation:
 
     Attributes:
         texel_forces: Normal force on each of n texels, shape (n,) [N].
-        outside: Force that acts on the base outside the active texels [N].
+        outside: Force that acts on the base outside the active texels [N], computed independently of the load.
         total_force: Normal force on the indenter [N].
+        balance: Sum of `texel_forces` and `outside` over `total_force`, minus 1 [-].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         contact_area: Contact area [m2].
         contact: Columns x, y in the frame of the array [m] and force [N] of m contact points, shape (m, 3).
-        error_estimate: Estimated relative errors [-]: `total_force` at the result's depth, `peak_texel` (the largest
-            texel force), and `contact_area`.
+        error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
+            `contact_area`; 0 for the prescribed one of force and depth [-].
         assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
+        warnings: Sentences about large errors and other reasons not to rely on the result.
         seconds: Elapsed time of the computation, near zero for a stored result [s].
     """
 
     texel_forces: FloatArray
     outside: float
     total_force: float
+    balance: float
     depth: float
     contact_area: float
     contact: FloatArray
     error_estimate: dict[str, float]
     assumptions: dict[str, str]
+    warnings: tuple[str, ...]
     seconds: float
 
 
@@ -171,29 +179,57 @@ def _combine_grids(
         seconds: Time that the solutions took [s].
     """
     started = time.perf_counter()
+    # The base forces of each grid are computed once; they are needed for the result and for its error.
+    grids = [replace(each, base_forces=_keep(each.base_forces(place.array, place.pose))) for each in grids]
     finest = grids[-1]
-    texel_forces = [each.texel_forces(place.array, place.pose) for each in grids]
-    result = study.combine(texel_forces)
-    peak = int(np.argmax(np.abs(result)))
-    total = float(study.combine([each.total_force for each in grids]))
-    overlap_error = _FORCE_PER_OVERLAP * max(finest.overlap, study.least_overlap)
-    peak_error = study.estimate_error([float(each[peak]) for each in texel_forces])
+
+    def base_forces(solution: GridSolution) -> FloatArray:
+        return solution.base_forces(place.array, place.pose)
+
+    base = study.combine(grids, base_forces)
+    texel_forces, outside = base[:-1], float(base[-1])
+    peak = int(np.argmax(np.abs(texel_forces)))
+    total = float(study.combine(grids, lambda each: each.total_force))
+    balance = float(base.sum()) / total - 1
+    overlap = max(finest.overlap, study.least_overlap)
+    errors = {
+        "total_force": study.estimate_error(grids, lambda each: each.total_force) + _FORCE_PER_OVERLAP * overlap,
+        "depth": study.estimate_error(grids, lambda each: each.depth) + overlap,
+        "peak_texel": study.estimate_error(grids, lambda each: float(base_forces(each)[peak]))
+        + study.base_error
+        + _FORCE_PER_OVERLAP * overlap
+        + abs(balance),
+        "contact_area": study.estimate_error(grids, lambda each: each.area),
+    }
+    errors["total_force" if path.control == "load" else "depth"] = 0.0
     x, y, force = finest.contact.T
     return Indentation(
-        texel_forces=result,
-        outside=total - float(result.sum()),
+        texel_forces=texel_forces,
+        outside=outside,
         total_force=total,
-        depth=float(study.combine([each.depth for each in grids])),
-        contact_area=finest.area,
+        balance=balance,
+        depth=float(study.combine(grids, lambda each: each.depth)),
+        contact_area=float(study.combine(grids, lambda each: each.area)),
         contact=np.column_stack([*place.pose.to_array(x, y), force]),
-        error_estimate={
-            "total_force": study.estimate_error([each.total_force / each.depth for each in grids]) + overlap_error,
-            "peak_texel": peak_error + study.base_error + overlap_error,
-            "contact_area": study.estimate_error([each.area for each in grids]),
-        },
+        error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
+        warnings=_warn(errors, balance),
         seconds=seconds + time.perf_counter() - started,
     )
+
+
+def _keep(values: FloatArray) -> BaseForces:
+    """Return a function that returns the same forces for the one array and pose that they were computed for."""
+    return lambda _array, _pose: values
+
+
+def _warn(errors: dict[str, float], balance: float) -> tuple[str, ...]:
+    """State in words which estimated errors are large, and whether the forces on the base miss the load."""
+    large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
+    out = [f"large estimated error: {', '.join(large)}"] if large else []
+    if abs(balance) > _LARGE_IMBALANCE:
+        out.append(f"the forces on the base differ from the load by {balance:+.2%}")
+    return tuple(out)
 
 
 def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
-from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence
-from fem_reference.linear_response.point_spread import PointSpread, point_spread
+from fem_reference.linear_response.finite_cover import solid_influence
+from fem_reference.linear_response.point_spread import TexelInfluence, point_spread
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
@@ -39,9 +40,9 @@ _WINDOW = 1.35
 #: Size of the contact over that of the rectangle of cells above which the rectangle may be too small for the contact;
 #: one to two cells less than 1 [-].
 _FULL = 0.98
-#: Size of the bins over which contact forces are summed before superposition, over the cover thickness; much smaller
-#: than the width of the base response to a force, about one thickness [-].
-_BIN = 1 / 16
+#: Step of the grid to which contact forces are moved for the superposition, over the cover thickness, and number of
+#: grid points that replace one force along each axis [-].
+_GRID_STEP, _STENCIL = 1 / 8, 6
 
 
 def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy:
@@ -100,8 +101,8 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
     return np.column_stack([patch.x, patch.y])
 
 
-def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInfluence) -> GridSolution:
-    """Build the solution on one grid from a solved contact; texel forces of the last array and pose are cached."""
+def _build_solution(patch: ContactPatch, base_response: TexelInfluence) -> GridSolution:
+    """Build the solution on one grid from a solved contact."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     return GridSolution(
         total_force=patch.total_force,
@@ -109,35 +110,56 @@ def _build_solution(patch: ContactPatch, base_response: PointSpread | SolidInflu
         area=patch.area,
         overlap=0.0,
         contact=contact,
-        texel_forces=lru_cache(maxsize=1)(partial(_superpose, contact, base_response)),
+        base_forces=partial(_superpose, contact, base_response),
     )
 
 
-def _superpose(
-    contact: FloatArray, base_response: PointSpread | SolidInfluence, array: TexelArray, pose: PlanarPose
-) -> FloatArray:
-    """Compute the texel forces due to all contact forces by superposition.
+def _superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: PlanarPose) -> FloatArray:
+    """Compute the forces on n texels and outside them due to all contact forces by superposition, shape (n + 1,) [N].
 
-    Contact forces in the same bin are first replaced by their sum at their centroid.
+    The base response varies smoothly with the position of a force.  Contact forces are therefore replaced by forces on
+    a regular grid of points that have the same effect on every polynomial of a position up to degree 5.
 
     Args:
         contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).
-        base_response: Texel forces per unit point load.
+        base_response: Base forces per unit point load.
         array: Array with n texels.
         pose: Pose of the indenter in the frame of the array.
+    """
+    x, y, force = contact.T
+    step = base_response.thickness * _GRID_STEP
+    (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.to_array(x, y))
+    loads = (along.T @ sp.diags_array(force) @ across).toarray()
+    return base_response.base_forces(array, grid_x, grid_y, loads)
+
+
+def _interpolate(places: FloatArray, step: float) -> tuple[FloatArray, sp.csr_array]:
+    """Choose a regular grid over m places and interpolate from it, with Lagrange polynomials of degree 5.
+
+    Args:
+        places: Positions, shape (m,) [m].
+        step: Largest step of the grid [m].
 
     Returns:
-        Force on each texel, shape (n,) [N].
+        Points of the grid, shape (g,) [m], and the weight of every point at every place, shape (m, g) [-].
     """
-    x, y, cell_force = contact.T
-    position = np.column_stack(pose.to_array(x, y))
-    _, group = np.unique(np.round(position / (base_response.thickness * _BIN)), axis=0, return_inverse=True)
-    force = np.bincount(group, cell_force)
-    centroid = np.column_stack([np.bincount(group, position[:, i] * cell_force) / force for i in range(2)])
-    return np.asarray(force @ base_response.texel_influence(array, centroid))
+    low, high = float(places.min()), float(places.max())
+    count = max(_STENCIL, int(np.ceil((high - low) / step)) + 1)
+    if not high > low:
+        return np.array([low]), sp.csr_array(np.ones((len(places), 1)))
+    grid = np.linspace(low, high, count)
+    offset = (places - low) / (high - low) * (count - 1)
+    first = np.clip(np.floor(offset).astype(int) - _STENCIL // 2 + 1, 0, count - _STENCIL)
+    node = np.arange(_STENCIL)
+    local = (offset - first)[:, None]
+    weight = np.ones((len(places), _STENCIL))
+    for other in node:
+        weight *= np.where(node == other, 1.0, (local - other) / np.where(node == other, 1, node - other))
+    row = np.repeat(np.arange(len(places)), _STENCIL)
+    return grid, sp.csr_array((weight.ravel(), (row, (first[:, None] + node).ravel())), shape=(len(places), count))
 
 
-def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> PointSpread | SolidInfluence:
+def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:
     """Solve for the texel forces per unit point load on the cover, or read them from the result store."""
     if path.cover.size is None:
         return point_spread(path.cover, progress=progress)

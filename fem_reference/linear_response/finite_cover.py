@@ -49,6 +49,8 @@ _TEXEL_POINTS = 12
 #: Search for the half width of a texel's response: number of points, and distance beyond the edge of the texel over the
 #: cover thickness [-].
 _WIDTH_POINTS, _WIDTH_REACH = 400, 2.0
+#: Number of loads evaluated at once, to limit the memory [-].
+_BLOCK = 4000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,6 +137,27 @@ class SolidInfluence:
         x, y = np.abs(places / self.thickness).T
         whole = np.einsum("kx,ky,xy->k", grid.x.at(x), grid.y.at(y), grid.whole, optimize=True)
         return np.asarray(whole - self.texel_influence(array, places).sum(axis=1))
+
+    def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
+        """Compute the forces on the base under point loads on a grid of positions.
+
+        Args:
+            array: Array that was solved for, with n texels; its mask may differ, and inactive texels get 0.
+            x: Positions of the loads along x in the frame of the array, shape (m,) [m].
+            y: Positions of the loads along y, shape (p,) [m].
+            loads: Load at each position, shape (m, p) [N].
+
+        Returns:
+            Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
+        """
+        rows, columns = np.nonzero(loads)
+        places, force = np.column_stack([x[rows], y[columns]]), loads[rows, columns]
+        blocks = np.array_split(np.arange(len(force)), max(1, len(force) // _BLOCK))
+        texels = sum(force[block] @ self.texel_influence(array, places[block]) for block in blocks)
+        grid = self.grids[-1]
+        at_x, at_y = (line.at(np.abs(each) / self.thickness) for line, each in ((grid.x, x), (grid.y, y)))
+        whole = np.einsum("ax,by,ab,xy->", at_x, at_y, loads, grid.whole, optimize=True)
+        return np.append(texels, whole - np.sum(texels))
 
     @cached_property
     def error_estimate(self) -> dict[str, float]:

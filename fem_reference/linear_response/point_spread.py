@@ -14,33 +14,24 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, RectBivariateSpline
+from scipy.interpolate import CubicSpline
 
 from fem_reference import result_store
-from fem_reference.elements.grading import growing_steps
-from fem_reference.elements.line import gauss_points
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import solve_point_load
+from fem_reference.linear_response.radial_pressure import RadialPressure
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.array_types import FloatArray
 
 #: Number of elements through the cover on the three grids; the result is that of the finest grid [-].
 GRIDS = (8, 12, 18)
 #: Distance of the outer boundary from the load, over the decay length of the cover's response; the slowest mode of the
 #: response has decayed to 1e-5 at this distance [-].
 _REACH = 16.0
-#: Panels for integrals of the base pressure over the distance from the load: number of equal panels near the load,
-#: number of these per cover thickness, and ratio of neighbouring panels farther away [-].
-_EVEN_PANELS, _PER_THICKNESS, _PANEL_GROWTH = 32, 8, 1.1
-#: Number of parts into which each panel is divided for integrals over circles.  The part of a circle on active texels
-#: has a kink, as a function of the radius, wherever the circle touches a texel edge [-].
-_CUTS = 4
 #: Number of Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel, and smallest
 #: number of these points [-].
 _TEXEL_POINTS, _LEAST_POINTS = 6, 8
-#: Distance between texel corners, over the smaller side of a texel, below which the corners count as one point [-].
-_SAME_CORNER = 1e-6
 
 
 class TexelInfluence(Protocol):
@@ -50,8 +41,15 @@ class TexelInfluence(Protocol):
     def thickness(self) -> float:
         """Thickness of the cover [m]."""
 
+    @property
+    def error_estimate(self) -> dict[str, float]:
+        """Estimated relative errors `total_force`, `peak_texel` and `sigma` [-]."""
+
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the force on each of n texels per unit point load at each of k positions, shape (k, n) [-]."""
+
+    def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
+        """Compute the forces on n texels and outside them under loads on a grid of points, shape (n + 1,) [N]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,11 +93,21 @@ class PointSpread:
         Raises:
             ValueError: If the array is not planar.
         """
-        place = np.atleast_2d(np.asarray(positions, dtype=float))
-        corners, index = _find_corners(array)
-        volume = self._integrate_corner(corners[:, 0] - place[:, :1], corners[:, 1] - place[:, 1:])
-        low_low, high_low, low_high, high_high = (volume[:, index[:, i]] for i in range(4))
-        return np.asarray(np.where(array.active, high_high - high_low - low_high + low_low, 0.0))
+        return self._base.on_texels(array, np.atleast_2d(np.asarray(positions, dtype=float)))
+
+    def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
+        """Compute the forces on the base under point loads on a grid of positions.
+
+        Args:
+            array: Planar array with n texels; inactive texels get 0.
+            x: Positions of the loads along x in the frame of the array, shape (m,) [m].
+            y: Positions of the loads along y, shape (p,) [m].
+            loads: Load at each position, shape (m, p) [N].
+
+        Returns:
+            Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
+        """
+        return self._base.sum_loads(array, x, y, loads)
 
     def texel_response(
         self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
@@ -116,32 +124,20 @@ class PointSpread:
         """
         return load_texel(self, array, load, texel, points_per_thickness=_TEXEL_POINTS)
 
-    def outside(self, array: TexelArray, positions: npt.ArrayLike, *, angles: int = 360) -> FloatArray:
-        """Compute the part of a unit point load that no active texel measures, by quadrature over circles.
+    def outside(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
+        """Compute the part of a unit point load that no active texel measures, by integrals along the texels' outline.
 
-        The circles are centred on the load.  The quadrature does not use `texel_influence`.  The sum of
-        `texel_influence` over the active texels plus this part must be 1, which verifies both functions.
+        The integrals do not use `texel_influence`.  The sum of `texel_influence` over the active texels plus this part
+        must be 1, which verifies both functions.
 
         Args:
             array: Planar array.
             positions: k points on the cover in the frame of the array, shape (k, 2) [m].
-            angles: Number of points on each circle [-].
 
         Returns:
             Part of the load for each position, shape (k,) [-].
         """
-        place = np.atleast_2d(np.asarray(positions, dtype=float))
-        radius, ring = self._rings
-        # A different first angle on each circle makes the quadrature errors of the circles cancel.
-        turn = np.arange(radius.size)[:, None] * (np.sqrt(5) - 1) / 2
-        angle = 2 * np.pi * ((np.arange(angles) + turn) / angles)
-        x, y = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
-        x_edges, y_edges, active = _map_active_cells(array)
-        on_texels = [
-            ring @ active[np.searchsorted(x_edges, x + place_x), np.searchsorted(y_edges, y + place_y)].mean(axis=1)
-            for place_x, place_y in place
-        ]
-        return self.reaction - np.array(on_texels)
+        return self._base.outside(array, np.atleast_2d(np.asarray(positions, dtype=float)))
 
     @cached_property
     def error_estimate(self) -> dict[str, float]:
@@ -156,7 +152,7 @@ class PointSpread:
         peaks = [float(grid.texel_response(patch)[0]) for grid in grids]
         widths = [grid.half_width for grid in grids]
         return {
-            "total_force": abs(float(self._rings[1].sum()) - 1),
+            "total_force": abs(self._base.integral - 1),
             "peak_texel": grid_convergence(peaks, sizes) / peaks[-1],
             "sigma": grid_convergence(widths, sizes) / widths[-1],
         }
@@ -175,30 +171,11 @@ class PointSpread:
         return CubicSpline(self.radius, self.pressure_per_force, bc_type="clamped")
 
     @cached_property
-    def _rings(self) -> tuple[FloatArray, FloatArray]:
-        """Radii of the circles of a quadrature around the load [m], and the part of the load on each circle [-]."""
-        panels = _cut_panels(self.thickness, self.reach)
-        count = _CUTS * (len(panels) - 1) + 1
-        edges = np.interp(np.arange(count) / _CUTS, np.arange(len(panels)), panels)
-        radius, weight = gauss_points(edges, 6)
-        return radius, weight * 2 * np.pi * radius * self.pressure(radius)
-
-    def _integrate_corner(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Integrate the base pressure over the rectangle from the load to (x, y); the result is odd in x and y [-]."""
-        limit = self.reach
-        value = self._cumulative.ev(np.minimum(np.abs(x), limit), np.minimum(np.abs(y), limit))
-        return np.asarray(np.sign(x) * np.sign(y) * value)
-
-    @cached_property
-    def _cumulative(self) -> RectBivariateSpline:
-        """Spline of the integral of the base pressure over the rectangle from the load to (x, y), x and y >= 0 [-]."""
-        edges = _cut_panels(self.thickness, self.reach)
-        points, share = gauss_points(edges, 4)
-        density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
-        cells = density.reshape(len(edges) - 1, 4, len(edges) - 1, 4).sum(axis=(1, 3))
-        total = np.zeros((len(edges), len(edges)))
-        total[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
-        return RectBivariateSpline(edges, edges, total)
+    def _base(self) -> RadialPressure:
+        """Integrals of the base pressure per unit load over texels."""
+        return RadialPressure(
+            pressure=self.pressure, radius=self.radius, thickness=self.thickness, reaction=self.reaction
+        )
 
 
 def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None) -> PointSpread:
@@ -269,50 +246,3 @@ def load_texel(
     x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
     share = np.outer(weights, weights).ravel() / 4
     return np.asarray(share @ source.texel_influence(array, centre + np.column_stack([x.ravel(), y.ravel()])))
-
-
-def _cut_panels(thickness: float, reach: float) -> FloatArray:
-    """Compute the edges of integration panels from 0 to `reach`, equal near the load and growing away from it [m]."""
-    step = thickness / _PER_THICKNESS
-    even = np.arange(_EVEN_PANELS + 1) * step
-    steps = growing_steps(_PANEL_GROWTH * step, reach - even[-1], lambda step: _PANEL_GROWTH * step)
-    edges = np.append(even, even[-1] + np.cumsum(steps))
-    edges[-1] = reach
-    return edges
-
-
-def _find_corners(array: TexelArray) -> tuple[FloatArray, IntArray]:
-    """Find the c distinct corners of the n texels of an array.
-
-    Returns:
-        Positions of the corners, shape (c, 2) [m], and indices of the four corners of each texel, shape (n, 4), in the
-        order low x and low y, high x and low y, low x and high y, high x and high y.
-    """
-    if not array.planar:
-        raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
-    half = np.array(array.texel_size) / 2
-    signs = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
-    every = array.centres[:, None, :2] + signs * half
-    grain = min(array.texel_size) * _SAME_CORNER
-    _, first, inverse = np.unique(
-        np.round(every.reshape(-1, 2) / grain), axis=0, return_index=True, return_inverse=True
-    )
-    return every.reshape(-1, 2)[first], inverse.reshape(-1, 4)
-
-
-def _map_active_cells(array: TexelArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Divide the plane of an array by all edges of active texels into rectangles, and mark those on active texels.
-
-    Returns:
-        Edges along x [m], edges along y [m], and whether each rectangle between them lies on an active texel, with one
-        more row and column on each side, so that `searchsorted` of a position gives the index of its rectangle.
-    """
-    grain = min(array.texel_size) * _SAME_CORNER
-    low = np.round((array.centres[array.active, :2] - np.array(array.texel_size) / 2) / grain)
-    high = np.round((array.centres[array.active, :2] + np.array(array.texel_size) / 2) / grain)
-    edges = [np.unique(np.r_[low[:, axis], high[:, axis]]) for axis in range(2)]
-    first, last = (np.stack([np.searchsorted(edges[axis], side[:, axis]) for axis in range(2)]) for side in (low, high))
-    cells = np.zeros((edges[0].size + 1, edges[1].size + 1), dtype=bool)
-    for x_low, y_low, x_high, y_high in zip(*first, *last, strict=True):
-        cells[x_low + 1 : x_high + 1, y_low + 1 : y_high + 1] = True
-    return edges[0] * grain, edges[1] * grain, cells

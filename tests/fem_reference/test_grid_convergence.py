@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fem_reference.grid_convergence import extrapolate, grid_convergence
+from fem_reference.grid_convergence import grid_convergence
 
 SIZES = st.tuples(st.floats(1.3, 2.0), st.floats(1.3, 2.0)).map(lambda r: (r[0] * r[1], r[1], 1.0))
 ERRORS = st.floats(-2.0, 2.0).filter(lambda e: abs(e) > 1e-3)
@@ -46,14 +46,3 @@ def test_chance_agreement_of_the_finest_grids_is_not_taken_for_accuracy():
 def test_sizes_must_descend(values, sizes):
     with pytest.raises(ValueError, match="three values"):
         grid_convergence(values, sizes)
-
-
-@given(sizes=SIZES, limit=st.floats(-5, 5), error=ERRORS)
-def test_a_first_order_sequence_is_extrapolated_to_its_limit(sizes, limit, error):
-    values = [np.array([limit + error * h, limit - 2 * error * h]) for h in sizes]
-    assert extrapolate(values, sizes) == pytest.approx([limit, limit], abs=1e-9)
-    assert extrapolate(values[1:], sizes[1:]) == pytest.approx([limit, limit], abs=1e-9)
-
-
-def test_a_sequence_that_goes_back_and_forth_keeps_its_finest_value():
-    assert extrapolate([0.0, 1.0, 0.5], [4, 2, 1]) == 0.5

@@ -215,12 +215,6 @@ def _force_outside(influence: Influence, array: TexelArray) -> tuple[float, floa
         The force under a point load at the texel's centre, and under uniform pressure over the texel [-].
     """
     centre = array.centres[array.middle, :2]
-    if (spread := radial_profile(influence)) is not None:
-        points, weights = gauss_points(array.texel_size, 2)
-        return (
-            float(spread.outside(array, centre, angles=90)[0]),
-            float(weights @ spread.outside(array, centre + points, angles=40)),
-        )
     points, weights = gauss_points(array.texel_size, 12)
     return float(influence.outside(array, centre)[0]), float(weights @ influence.outside(array, centre + points))
 

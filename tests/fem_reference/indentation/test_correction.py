@@ -24,7 +24,7 @@ def make_solution(force, depth):
         area=1.0,
         overlap=0.0,
         contact=np.zeros((1, 3)),
-        texel_forces=lambda array, pose: np.array([force]),
+        base_forces=lambda array, pose: np.array([force, 0.0]),
     )
 
 

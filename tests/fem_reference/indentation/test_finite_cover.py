@@ -26,7 +26,7 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
     )
     felt = integrate_nodal(recover_nodal_pressure(state), array, PlanarPose())
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
-    assert array.image(felt)[:, ::-1] == pytest.approx(array.image(felt))
+    assert array.image(felt[:-1])[:, ::-1] == pytest.approx(array.image(felt[:-1]))
 
 
 @pytest.mark.parametrize("mirror", [True, False])

@@ -33,12 +33,12 @@ def make_solution(force=1.0, depth=1.0, area=1.0, shares=(0.4, 0.3, 0.2, 0.05), 
         area=area,
         overlap=overlap,
         contact=np.array([[0.0, 1.0, force / 2], [2.0, 3.0, force / 2]]),
-        texel_forces=lambda array, pose: force * np.array(shares),
+        base_forces=lambda array, pose: force * np.append(shares, 1 - sum(shares)),
     )
 
 
 def read_texels(solution):
-    return solution.texel_forces(ARRAY, PlanarPose())
+    return solution.base_forces(ARRAY, PlanarPose())[:4]
 
 
 @given(force=POSITIVE, depth=POSITIVE, first=POSITIVE, second=POSITIVE)
@@ -108,26 +108,44 @@ def make_study(**options):
 
 
 def test_the_finest_value_is_the_result_unless_the_study_extrapolates():
-    values = [1 + size for size in SIZES]
-    assert make_study().combine(values) == values[-1]
-    assert make_study(extrapolate=True).combine(values) == pytest.approx(1.0)
+    grids = [make_solution(1 + size) for size in SIZES]
+    assert make_study().combine(grids, read_force) == 1 + SIZES[-1]
+    assert make_study(extrapolate=True).combine(grids, read_force) == pytest.approx(1.0)
+
+
+def read_force(solution):
+    return solution.total_force
+
+
+@given(forces=st.lists(POSITIVE, min_size=3, max_size=3), swings=st.lists(st.floats(-0.1, 0.1), min_size=3, max_size=3))
+def test_forces_that_balance_on_every_grid_balance_in_the_result(forces, swings):
+    """Also if single texels go back and forth over the grids."""
+    grids = [
+        make_solution(force, shares=(0.4 + swing, 0.3 - 2 * swing, 0.2, 0.05))
+        for force, swing in zip(forces, swings, strict=True)
+    ]
+    for study in (make_study(), make_study(extrapolate=True)):
+        base = study.combine(grids, lambda each: each.base_forces(ARRAY, PlanarPose()))
+        assert base.sum() == pytest.approx(float(study.combine(grids, read_force)), rel=1e-12, abs=1e-12)
 
 
 @given(order=st.floats(1.0, 3.0), coefficient=st.floats(0.01, 0.5), sign=st.sampled_from([-1, 1]))
 def test_the_estimate_covers_the_error_of_a_convergent_sequence(order, coefficient, sign):
     values = [1 + sign * coefficient * size**order for size in SIZES]
-    assert make_study().estimate_error(values) * abs(values[-1]) >= abs(values[-1] - 1) * (1 - 1e-9)
+    grids = [make_solution(value) for value in values]
+    assert make_study().estimate_error(grids, read_force) * abs(values[-1]) >= abs(values[-1] - 1) * (1 - 1e-9)
 
 
 def test_equal_values_have_no_error_and_a_result_of_zero_neither():
-    assert make_study().estimate_error([2.0, 2.0, 2.0]) == 0
-    assert make_study().estimate_error([1.0, 0.5, 0.0]) == 0
+    assert make_study().estimate_error([make_solution(2.0)] * 3, read_force) == 0
+    assert make_study().estimate_error([make_solution(value) for value in (1.0, 0.5, 0.0)], read_force) == 0
 
 
 def test_values_that_go_back_and_forth_are_not_extrapolated():
     study = make_study(extrapolate=True)
-    assert study.combine([1.0, 1.2, 1.1]) == 1.1
-    assert study.estimate_error([1.0, 1.2, 1.1]) == pytest.approx(make_study().estimate_error([1.0, 1.2, 1.1]))
+    grids = [make_solution(value) for value in (1.0, 1.2, 1.1)]
+    assert study.combine(grids, read_force) == 1.1
+    assert study.estimate_error(grids, read_force) == pytest.approx(make_study().estimate_error(grids, read_force))
 
 
 def test_the_force_is_distributed_under_the_indenter_alone():

@@ -30,7 +30,7 @@ def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
 def test_results_name_their_assumptions(bonded, wts):
     found = press(bonded(0.3), wts, Cylinder(radius=5e-3), load=0.5)
     assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
-    assert set(found.error_estimate) == {"total_force", "peak_texel", "contact_area"}
+    assert set(found.error_estimate) == {"total_force", "depth", "peak_texel", "contact_area"}
 
 
 @pytest.mark.parametrize("friction", [-0.1, np.nan])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.options import Json, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
-from validation.cli.output import describe_cover, print_json, print_rows
+from validation.cli.output import describe_cover, print_json, print_rows, say
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
 
@@ -90,10 +90,7 @@ def press(
             parameters=find_parameters(found, progress) if "fast" in models else None,
             progress=progress,
         )
-    if json:
-        print_json(comparison.as_json())
-    else:
-        _print(comparison)
+    _show(comparison, json=json)
 
 
 def _check_position(array: TexelArray, position: tuple[float, float]) -> None:
@@ -167,6 +164,16 @@ def _read_force(load: str | None, depth: str | None) -> tuple[float | None, floa
     if depth is not None and load is None:
         return None, read_depth(depth)
     raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
+
+
+def _show(comparison: Comparison, *, json: bool) -> None:
+    """Print the results, and write the warnings of the finite-element result to standard error."""
+    if json:
+        print_json(comparison.as_json())
+    else:
+        _print(comparison)
+    for sentence in comparison.fem.warnings if comparison.fem is not None else ():
+        say(f"softcover: warning: {sentence}")
 
 
 def _print(comparison: Comparison) -> None:

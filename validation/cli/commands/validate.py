@@ -124,7 +124,7 @@ def _print(evaluation: Evaluation) -> None:
         ("model", *(METRICS[name].heading for name in _COLUMNS)),
         _list_scores(campaign),
         title=f"Against finite elements: {len(campaign.cases)} cases, means and 95 % intervals over cases",
-        caption=f"error estimate of the reference: total force {100 * floor['total_force']:.2g} %, "
+        caption=f"error estimate of the reference: depth {100 * floor['depth']:.2g} %, "
         f"peak texel {100 * floor['peak_texel']:.2g} %",
     )
     scores = evaluation.recordings

@@ -26,7 +26,7 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
     assert result["models"]["fem"]["depth"] > 0
     assert result["models"]["fast"]["method"] == "cover"
     assert result["models"]["fast"]["depth"] == pytest.approx(result["models"]["fem"]["depth"], rel=0.1)
-    assert result["models"]["fem"]["error_estimate"].keys() == {"total_force", "peak_texel", "contact_area"}
+    assert result["models"]["fem"]["error_estimate"].keys() == {"total_force", "depth", "peak_texel", "contact_area"}
     assert result["models"]["fem"]["assumptions"].keys() >= {"strain", "friction", "base"}
     assert result["scores"].keys() >= {
         "total_force_error",
