@@ -14,21 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.special import j0
 
-from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, point_response_spline, transfer
+from fem_reference.closed_form.active_set import solve_active_set
+from fem_reference.closed_form.influence import superpose, tabulate_excess
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 
-#: Largest number of iterations of the active-set method [-].
-_EXCHANGES = 60
-#: Overlap of cover and indenter at a cell, over the displacement that contact requires, below which the cell counts as
-#: free of overlap; far above rounding errors [-].
-_ROUNDING = 1e-9
-#: Points of the table of the compliance per thickness of the thinnest layer, and Gauss points along each side of a
-#: texel in the integral of its force [-].
-_TABLE, _POINTS = 16, 8
 #: Distance of the two Gauss points on a side of a cell from the middle of the side, over the length of the side [-].
 _GAUSS = 0.5 / np.sqrt(3)
 #: Second solution on a smaller grid: half width of the new grid over that of the contact, and half width of the contact
@@ -62,23 +53,10 @@ class PressedCells:
     def texel_forces(self, array: TexelArray) -> FloatArray:
         """Compute the forces on the n texels of an array, for the indenter above the origin of the array.
 
-        The exact base pressure under a point load (`point_response`) is integrated over each texel.
-
         Returns:
             Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
         """
-        half = np.array(array.texel_size) / 2
-        points, weights = np.polynomial.legendre.leggauss(_POINTS)
-        reach = float(np.hypot(*(np.abs(array.centres[:, :2]).max(axis=0) + half))) + float(
-            np.hypot(self.x, self.y).max()
-        )
-        response = point_response_spline(self.cover, reach)
-        out = np.empty(array.count)
-        for i, (cx, cy) in enumerate(array.centres[:, :2]):
-            x, y = cx + half[0] * points[:, None, None], cy + half[1] * points[:, None]
-            value = response(np.hypot(x - self.x, y - self.y)) @ self.force
-            out[i] = weights @ value @ weights * half[0] * half[1]
-        return np.where(array.active, out, 0.0)
+        return superpose(self.cover, array, self.x, self.y, self.force)
 
 
 def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 24) -> PressedCells:
@@ -102,7 +80,7 @@ def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int 
         centres = np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, indexing="ij")
         sizes = np.meshgrid(np.diff(x), np.diff(y), indexing="ij")
         u, v, wide, high = (each.ravel() for each in (*centres, *sizes))
-        pressure = _solve_active_set(_assemble(cover, u, v, wide, high), indenter.gap(u, v), depth)
+        pressure = solve_active_set(_assemble(cover, u, v, wide, high), depth - indenter.gap(u, v))
         hit = pressure > 0
         touched = np.array([(u + wide / 2)[hit].max(), (v + high / 2)[hit].max()])
         if (touched > _FILLED * half).all():
@@ -138,28 +116,16 @@ def _assemble(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high
         Displacement at each centre (rows) per pressure on each cell and its three mirror images (columns), shape (m, m)
         [m/Pa].
     """
-    top = cover.layers[-1].material
-    half_space = (1 - top.poisson_ratio) / (2 * np.pi * top.shear_modulus)
-    regular = _tabulate_regular(cover, 2.1 * float(np.hypot(u.max(), v.max())))
+    excess = tabulate_excess(cover)
     out = np.zeros((len(u), len(u)))
     for a in (1, -1):
         for b in (1, -1):
             dx, dy = u[:, None] - a * u, v[:, None] - b * v
-            out += half_space * _integrate_distance(dx, dy, wide / 2, high / 2)
+            out += excess.half_space * _integrate_distance(dx, dy, wide / 2, high / 2)
             for s in (_GAUSS, -_GAUSS):
                 for t in (_GAUSS, -_GAUSS):
-                    out += regular(np.hypot(dx + s * wide, dy + t * high)) * (wide * high / 4)
+                    out += excess(np.hypot(dx + s * wide, dy + t * high)) * (wide * high / 4)
     return out
-
-
-def _tabulate_regular(cover: Cover, reach: float) -> CubicSpline:
-    """Tabulate the cover's compliance less that of a half space, over the distance from a point load [m/N]."""
-    k, weight = hankel_nodes(cover, reach)
-    excess = (transfer(cover, k).compliance - half_space_compliance(cover.layers[-1], k)) * k * weight / (2 * np.pi)
-    thinnest = min(layer.thickness for layer in cover.layers)
-    radius = np.linspace(0, reach, int(_TABLE * reach / thinnest) + 16)
-    table = np.concatenate([j0(np.outer(part, k)) @ excess for part in np.array_split(radius, len(radius) // 64 + 1)])
-    return CubicSpline(radius, table)
 
 
 def _integrate_distance(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
@@ -171,28 +137,3 @@ def _integrate_distance(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArr
             r = np.hypot(p, q)
             out += s * t * (p * np.arctanh(q / r) + q * np.arctanh(p / r))
     return out
-
-
-def _solve_active_set(matrix: FloatArray, gap: FloatArray, depth: float) -> FloatArray:
-    """Find the contact pressures without tension and without overlap of cover and indenter.
-
-    Args:
-        matrix: Compliance matrix of the m cells, from `_assemble`, shape (m, m) [m/Pa].
-        gap: Gap at the centres of the cells, infinite beside the indenter, shape (m,) [m].
-        depth: Approach of the indenter from first touch [m].
-
-    Returns:
-        Pressure on each cell, 0 where cover and indenter do not touch, shape (m,) [Pa].
-    """
-    allowed = np.isfinite(gap)
-    wanted = np.where(allowed, depth - gap, 0.0)
-    touching = allowed & (wanted > 0)
-    for _ in range(_EXCHANGES):
-        pressure = np.zeros_like(gap)
-        pressure[touching] = np.linalg.solve(matrix[np.ix_(touching, touching)], wanted[touching])
-        under_tension = touching & (pressure < 0)
-        overlapping = allowed & ~touching & (matrix @ pressure < wanted * (1 - _ROUNDING))
-        if not (under_tension | overlapping).any():
-            return pressure
-        touching = touching ^ (under_tension | overlapping)
-    raise RuntimeError(f"the contact did not settle in {_EXCHANGES} exchanges on {len(gap)} cells")

@@ -1,27 +1,47 @@
-"""Solve the contact of a rigid frictionless flat punch or sphere with a layered cover, almost to machine precision.
+"""Solve the contact of a rigid frictionless indenter of revolution with a layered cover, almost to machine precision.
 
 The mixed boundary-value problem reduces to a Fredholm equation of the second kind (Lebedev and Ufliand 1958 for the
-punch; Hayes, Keer, Herrmann and Mockros 1972 for both).  With the compliance c L(k) / k of the cover's top, where
-c = (1 - nu) / mu of the top layer, and a contact pressure whose Hankel transform is int_0^a phi(t) cos(k t) dt,
+punch; Hayes, Keer, Herrmann and Mockros 1972 for punch and sphere).  With the compliance c L(k) / k of the cover's top,
+where c = (1 - nu) / mu of the top layer, and a contact pressure whose Hankel transform is int_0^a phi(t) cos(k t) dt,
 
     phi(x) + (2 / pi) int_0^a phi(t) M(x, t) dt = (2 / (pi c)) g(x),
-    M(x, t) = int_0^inf (L(k) - 1) cos(k x) cos(k t) dk,
+    M(x, t) = (m(x - t) + m(x + t)) / 2,   m(s) = int_0^inf (L(k) - 1) cos(k s) dk,
 
-where a is the radius of the contact and g(x) = depth for the punch, depth - x artanh(x / R) for a sphere of radius R,
-and depth - x^2 / R for a paraboloid of that radius.  The force is 2 pi int_0^a phi(t) dt.  For sphere and paraboloid
+where a is the radius of the contact and g(x) = depth - x int_0^x f'(r) / sqrt(x^2 - r^2) dr for a surface of height
+f(r): depth for the punch, depth - x artanh(x / R) for a sphere of radius R, depth - x^2 / R for a paraboloid of that
+radius, and depth - (pi / 2) x cot(angle / 2) for a cone.  The force is 2 pi int_0^a phi(t) dt.  For all but the punch
 the condition phi(a) = 0 determines the depth.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
+from scipy.fft import fht, fhtoffset
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+from scipy.special import j0
 
+from fem_reference.closed_form.influence import LOGARITHMIC_HALF_WIDTH, LOGARITHMIC_POINTS
 from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, transfer
-from meshes import Cover, Layer
+from meshes import Cone, Cover, Cylinder, Indenter, Layer, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
+
+#: Smallest number of Gauss points of the integral equation, number of points per thickness of the top layer, and
+#: largest number [-].
+_NODES, _NODES_PER_LAYER, _MOST_NODES = 96, 12, 1600
+#: Largest contact radius over the radius of the indenter, short of the sphere's vertical wall [-].
+_WIDEST = 0.95
+#: Product of wave number and thickness of the top layer at which the integral for m(s) ends: exp(-2 x 25) = 2e-22 [-].
+_DEEP = 25.0
+#: Number of rings in which the sign of the contact pressure is checked, and force on a ring over the total force below
+#: which the sign is rounding [-].
+_RINGS, _PULL = 48, 1e-7
+#: Gauss points along a panel in the integral of a texel's force, and panels per cover thickness [-].
+_POINTS, _PANELS = 8, 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,29 +52,79 @@ class LayerContact:
         force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch [m].
         contact_radius: Radius of the contact area [m].
+        cover: The cover that was pressed; None for a half space.
+        phi: Gauss points t, weights and values phi(t) of the solution, shape (3, n) [m, m, N/m].
     """
 
     force: float
     depth: float
     contact_radius: float
+    cover: Cover | None = None
+    phi: FloatArray = field(default_factory=lambda: np.zeros((3, 0)), repr=False, compare=False)
+
+    def force_within(self, radius: FloatArray) -> FloatArray:
+        """Compute the contact force within distances r <= a from the axis, shape of `radius` [N].
+
+        F(r) = 2 pi (int_0^a phi(t) dt - int_0^sqrt(a^2 - r^2) phi(sqrt(r^2 + s^2)) ds), because the pressure at r is
+        phi(a) / sqrt(a^2 - r^2) - int_r^a phi'(t) / sqrt(t^2 - r^2) dt.
+        """
+        t, _, value = self.phi
+        phi = CubicSpline(t, value)
+        nodes, weights = np.polynomial.legendre.leggauss(len(t))
+        half = np.sqrt(np.maximum(self.contact_radius**2 - radius[..., None] ** 2, 0.0)) / 2
+        beyond = (phi(np.hypot(radius[..., None], half * (nodes + 1))) * weights * half).sum(axis=-1)
+        return np.asarray(self.force - 2 * np.pi * beyond)
+
+    def base_pressure(self, reach: float) -> CubicSpline:
+        """Tabulate the pressure on the base over the distance from the axis, from 0 to `reach` [Pa].
+
+        Raises:
+            ValueError: If there is no base, or a contact of zero size.
+        """
+        if self.cover is None or not self.phi.size:
+            raise ValueError("only a solved contact with a layered cover has a base pressure")
+        k, weight = hankel_nodes(self.cover, reach + self.contact_radius)
+        t, dt, value = self.phi
+        transform = np.concatenate(
+            [np.cos(np.outer(part, t)) @ (dt * value) for part in np.array_split(k, len(k) // 4096 + 1)]
+        )
+        density = transfer(self.cover, k).base * transform * k * weight
+        finest = min(self.cover.thickness, max(self.contact_radius, self.cover.thickness / 4))
+        r = np.linspace(0, reach, int(40 * reach / finest) + 40)
+        pressure = np.concatenate([j0(np.outer(part, k)) @ density for part in np.array_split(r, len(r) // 256 + 1)])
+        return CubicSpline(r, pressure, bc_type=("clamped", "not-a-knot"))
+
+    def texel_forces(self, array: TexelArray, at: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+        """Compute the forces on the n texels of an array, for the indenter above the point `at` of the array [N]."""
+        half = np.array(array.texel_size) / 2
+        centres = array.centres[:, :2] - at
+        pressure = self.base_pressure(float(np.hypot(*(np.abs(centres).max(axis=0) + half))))
+        thickness = self.cover.thickness if self.cover else np.inf
+        points, weights = [], []
+        for edge in half:
+            panels = int(np.ceil(2 * edge / thickness * _PANELS))
+            nodes, weight = np.polynomial.legendre.leggauss(_POINTS)
+            ends = np.linspace(-edge, edge, panels + 1)[:-1, None]
+            points.append((ends + (nodes + 1) * edge / panels).ravel())
+            weights.append(np.tile(weight * edge / panels, panels))
+        out = [weights[0] @ pressure(np.hypot(x + points[0][:, None], y + points[1])) @ weights[1] for x, y in centres]
+        return np.where(array.active, out, 0.0)
 
 
-def punch(cover: Cover, radius: float, depth: float, *, nodes: int = 96) -> LayerContact:
+def punch(cover: Cover, radius: float, depth: float, *, nodes: int | None = None) -> LayerContact:
     """Press a flat-ended rigid cylinder into a laterally wide cover.
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
         radius: Radius of the cylinder [m].
         depth: Approach of the cylinder from first touch [m].
-        nodes: Number of Gauss points of the integral equation [-].
+        nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
     """
-    x, weight, matrix = _equation(cover, radius, nodes)
-    phi = np.linalg.solve(matrix, np.full_like(x, depth) * _scale(cover))
-    return LayerContact(force=float(2 * np.pi * weight @ phi), depth=depth, contact_radius=radius)
+    return _Equation(cover, radius, nodes).solve(radius, np.zeros_like, depth)
 
 
 def sphere(
-    cover: Cover, radius: float, contact_radius: float, *, paraboloid: bool = False, nodes: int = 96
+    cover: Cover, radius: float, contact_radius: float, *, paraboloid: bool = False, nodes: int | None = None
 ) -> LayerContact:
     """Press a rigid sphere into a laterally wide cover until the contact has the given radius.
 
@@ -63,27 +133,82 @@ def sphere(
         radius: Radius R of the sphere [m].
         contact_radius: Radius of the contact area, less than `radius` [m].
         paraboloid: Replace the sphere by the paraboloid r^2 / 2 R, as in Hertz's theory.
-        nodes: Number of Gauss points of the integral equation [-].
+        nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
 
     Raises:
         ValueError: If the contact is not smaller than the sphere.
     """
     if not 0 < contact_radius < radius:
         raise ValueError(f"the contact radius must lie in 0..{radius} m, not {contact_radius}")
-    x, weight, matrix = _equation(cover, contact_radius, nodes)
 
-    def transform_gap(t: npt.ArrayLike) -> FloatArray:
-        """Compute depth - g(t) of the module's integral equation, the part that depends on the indenter's shape [m]."""
-        t = np.asarray(t, dtype=float)
+    def profile(t: FloatArray) -> FloatArray:
         return t**2 / radius if paraboloid else t * np.arctanh(t / radius)
 
-    flat = np.linalg.solve(matrix, np.ones_like(x))
-    curved = np.linalg.solve(matrix, transform_gap(x))
-    edge = _kernel(cover, np.array([contact_radius]), x)[0] * weight * (2 / np.pi)
-    # The condition phi(a) = 0 reads g(a) = (2 / pi) int phi(t) M(a, t) dt, here with phi = depth * flat - curved.
-    depth = float((transform_gap(contact_radius) - edge @ curved) / (1 - edge @ flat))
-    phi = (depth * flat - curved) * _scale(cover)
-    return LayerContact(force=float(2 * np.pi * weight @ phi), depth=depth, contact_radius=contact_radius)
+    return _Equation(cover, contact_radius, nodes).solve(contact_radius, profile)
+
+
+def indent(
+    cover: Cover,
+    indenter: Indenter,
+    *,
+    load: float | None = None,
+    depth: float | None = None,
+    nodes: int | None = None,
+) -> LayerContact:
+    """Press an indenter of revolution into a laterally wide cover.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        indenter: Sphere, rounded tip, cone or cylinder.
+        load: Normal force on the indenter [N].  Give either `load` or `depth`.
+        depth: Approach of the indenter from first touch [m].
+        nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
+
+    Raises:
+        TypeError: If the indenter is of another shape.
+        ValueError: If not exactly one of load and depth is given, the contact reaches the rim of the indenter, or a
+            part of the contact would have to pull.
+    """
+    if (load is None) == (depth is None):
+        raise ValueError("give either a load or a depth")
+    if isinstance(indenter, Cylinder):
+        found = punch(cover, indenter.radius, 1.0 if depth is None else depth, nodes=nodes)
+        return _require_push(found if load is None else punch(cover, indenter.radius, load / found.force, nodes=nodes))
+    if not isinstance(indenter, Sphere | RoundedTip | Cone):
+        raise TypeError(f"no exact contact for {type(indenter).__name__}")
+    shape = indenter
+
+    def profile(t: FloatArray) -> FloatArray:
+        if isinstance(shape, Cone):
+            return np.asarray(np.pi / 2 * t / np.tan(shape.angle / 2))
+        return np.asarray(t * np.arctanh(t / shape.radius))
+
+    def miss(logarithm: float) -> float:
+        """Compute the logarithm of the load or depth at a contact radius over the one that is wanted [-]."""
+        a = float(np.exp(logarithm))
+        found = _Equation(cover, a, nodes).solve(a, profile)
+        return float(np.log(found.force / load) if load is not None else np.log(found.depth / (depth or 0.0)))
+
+    widest = float(np.log(_WIDEST * shape.radius))
+    smallest = widest - 1.0
+    while miss(smallest) > 0:
+        widest, smallest = smallest, smallest - 1.0
+    if miss(widest) < 0:
+        raise ValueError(f"the contact reaches the rim of the {type(shape).__name__}")
+    a = float(np.exp(brentq(miss, smallest, widest, xtol=1e-11, rtol=1e-14)))
+    return _require_push(_Equation(cover, a, nodes).solve(a, profile))
+
+
+def _require_push(contact: LayerContact) -> LayerContact:
+    """Return a contact whose pressure is nowhere negative.
+
+    Raises:
+        ValueError: If cover and indenter would have to pull on one another, as under a wide punch on a stiff foil.
+    """
+    rings = contact.force_within(contact.contact_radius * np.linspace(0.0, 1.0, _RINGS + 1))
+    if (np.diff(rings) < -_PULL * contact.force).any():
+        raise ValueError("the indenter would have to pull on a part of the contact, which separates instead")
+    return contact
 
 
 def hertz(layer: Layer, radius: float, force: float) -> LayerContact:
@@ -100,27 +225,69 @@ def hertz(layer: Layer, radius: float, force: float) -> LayerContact:
     return LayerContact(force=force, depth=contact**2 / radius, contact_radius=contact)
 
 
-def _scale(cover: Cover) -> float:
-    """Compute the factor 2 / (pi c) of the right-hand side of the integral equation [Pa]."""
-    material = cover.layers[-1].material
-    return 2 / np.pi * material.shear_modulus / (1 - material.poisson_ratio)
+class _Equation:
+    """Fredholm equation of a contact of radius a, discretised by Gauss points.
 
-
-def _equation(cover: Cover, radius: float, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Discretise the Fredholm equation of a contact of radius a by Gauss points.
-
-    Returns:
-        Gauss points and weights on 0..a, shape (nodes,) each [m], and the matrix of the equation, shape (nodes, nodes)
-        [-].
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        radius: Radius a of the contact [m].
+        nodes: Number of Gauss points; None to choose it from the thickness of the top layer [-].
     """
-    points, weights = np.polynomial.legendre.leggauss(nodes)
-    x = radius * (points + 1) / 2
-    weight = radius * weights / 2
-    return x, weight, np.eye(nodes) + 2 / np.pi * _kernel(cover, x, x) * weight
+
+    def __init__(self, cover: Cover, radius: float, nodes: int | None) -> None:
+        if nodes is None:
+            wanted = _NODES_PER_LAYER * radius / cover.layers[-1].thickness
+            nodes = int(min(max(_NODES, wanted), _MOST_NODES))
+        points, weights = np.polynomial.legendre.leggauss(nodes)
+        material = cover.layers[-1].material
+        self._cover = cover
+        self._x, self._weight = radius * (points + 1) / 2, radius * weights / 2
+        self._kernel = _tabulate_kernel(cover)
+        self._matrix = np.eye(nodes) + 2 / np.pi * self._evaluate(self._x) * self._weight
+        self._scale = 2 / np.pi * material.shear_modulus / (1 - material.poisson_ratio)
+
+    def solve(
+        self, radius: float, profile: Callable[[FloatArray], FloatArray], depth: float | None = None
+    ) -> LayerContact:
+        """Solve for the shape depth - g(t), and for the depth at which phi(a) = 0 if it is None."""
+        x, weight = self._x, self._weight
+        flat, curved = np.linalg.solve(self._matrix, np.column_stack([np.ones_like(x), profile(x)])).T
+        if depth is None:
+            edge = self._evaluate(np.array([radius]))[0] * weight * (2 / np.pi)
+            # The condition phi(a) = 0 reads g(a) = (2 / pi) int phi(t) M(a, t) dt, with phi = depth * flat - curved.
+            depth = float((profile(np.array([radius]))[0] - edge @ curved) / (1 - edge @ flat))
+        phi = (depth * flat - curved) * self._scale
+        return LayerContact(
+            force=float(2 * np.pi * weight @ phi),
+            depth=depth,
+            contact_radius=radius,
+            cover=self._cover,
+            phi=np.stack([x, weight, phi]),
+        )
+
+    def _evaluate(self, x: FloatArray) -> FloatArray:
+        """Evaluate the kernel M(x, t) at the Gauss points t, shape (len(x), nodes) [1/m]."""
+        smallest, largest = np.exp(self._kernel.x[[0, -1]])
+        near, far = np.abs(x[:, None] - self._x), x[:, None] + self._x
+        return np.asarray(sum(self._kernel(np.log(np.clip(s, smallest, largest))) for s in (near, far)) / 2)
 
 
-def _kernel(cover: Cover, x: FloatArray, t: FloatArray) -> FloatArray:
-    """Evaluate the kernel M(x, t) of the Fredholm equation, shape (len(x), len(t)) [1/m]."""
-    k, weight = hankel_nodes(cover, float(x.max() + t.max()))
-    relative = transfer(cover, k).compliance / half_space_compliance(cover.layers[-1], k) - 1
-    return np.asarray((np.cos(np.outer(x, k)) * (relative * weight)) @ np.cos(np.outer(k, t)))
+@lru_cache(maxsize=8)
+def _tabulate_kernel(cover: Cover) -> CubicSpline:
+    """Tabulate m(s) of the module's integral equation over the logarithm of s [1/m].
+
+    The cosine transform is a Hankel transform of order -1/2.  The integrand is -1 at k = 0; the transform
+    -b / (b^2 + s^2) of -exp(-b k) is separated to make it vanish there.
+    """
+    top, b = cover.layers[-1], cover.thickness
+    step = 2 * LOGARITHMIC_HALF_WIDTH / LOGARITHMIC_POINTS
+    k = np.exp(step * (np.arange(LOGARITHMIC_POINTS) + 0.5) - LOGARITHMIC_HALF_WIDTH) / np.sqrt(top.thickness * b)
+    deep = k * top.thickness > _DEEP
+    safe = np.where(deep, _DEEP / top.thickness, k)
+    relative = np.where(deep, 0.0, transfer(cover, safe).compliance / half_space_compliance(top, safe) - 1)
+    offset = fhtoffset(step, -0.5)
+    s = np.exp(offset) / k[::-1]
+    transform = fht((relative + np.exp(-k * b)) * np.sqrt(k), step, -0.5, offset=offset)
+    value = np.sqrt(np.pi / (2 * s)) * transform - b / (b**2 + s**2)
+    inside = (s > 1e-4 * top.thickness) & (s < 1e4 * b)
+    return CubicSpline(np.log(s[inside]), value[inside])

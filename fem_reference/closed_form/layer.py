@@ -184,12 +184,18 @@ def variance(layer: Layer) -> float:
 
 
 def _compute_uniform_limit(cover: Cover) -> tuple[float, float]:
-    """Compute compliance [m/Pa] and base pressure [-] for k = 0: uniform pressure, layers without lateral strain."""
-    total = 0.0
+    """Compute compliance [m/Pa] and base pressure [-] in the limit k = 0.
+
+    On a bonded base the layers have no lateral strain.  On a sliding base they extend together along the wave, so that
+    the lateral forces of all layers, sum of h (2 mu strain - nu pressure) / (1 - nu), vanish.
+    """
+    confined = ratio = stiffness = 0.0
     for layer in cover.layers:
-        nu, mu = layer.material.poisson_ratio, layer.material.shear_modulus
-        total += layer.thickness * (1 - 2 * nu) / (2 * mu * (1 - nu))
-    return total, 1.0
+        h, nu, mu = layer.thickness, layer.material.poisson_ratio, layer.material.shear_modulus
+        confined += h * (1 - 2 * nu) / (2 * mu * (1 - nu))
+        ratio += h * nu / (1 - nu)
+        stiffness += 2 * mu * h / (1 - nu)
+    return confined + (ratio**2 / stiffness if cover.base == "sliding" else 0.0), 1.0
 
 
 def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> FloatArray:
