@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
-from fem_reference.elements.grading import layer_heights
+from fem_reference.elements.grading import growing_steps, layer_heights
 from fem_reference.elements.line import Line, gauss_points, line_matrix
 from meshes import Cover
 from meshes.array_types import FloatArray
@@ -30,9 +30,16 @@ _ELEMENTS = 16
 _PANEL_PERIODS, _FIRST_PANEL, _PANEL_RATIO = 4.0, 0.25, 0.3
 #: Number of Gauss points in each panel [-].
 _PANEL_POINTS = 8
-#: Number of points of the compliance table per thickness of the thinnest layer, and smallest and largest number of
-#: points [-].
-_TABLE_POINTS, _LEAST_POINTS, _MOST_POINTS = 10, 200, 2000
+#: Number of points of the compliance table per thickness of the thinnest layer, and largest number per thickness of the
+#: top layer; smallest number of points to the reach, and ratio of neighbouring steps far from the load [-].
+_TABLE_POINTS, _MOST_PER_LAYER, _LEAST_POINTS, _TABLE_GROWTH = 10, 40, 200, 1.02
+#: Distance over the decay length at which the displacement counts as zero [-].
+_DECAY = 16.0
+#: Distance between cells over their larger side below which their compliance is integrated exactly [-].
+_NEIGHBOURS = 8.0
+#: Length of the panels of quadratures, and size of a cell below which a pair of points suffices, over the thickness of
+#: the top layer [-].
+_PANEL, _SMALL_CELL = 0.6, 0.2
 #: Number of parts in which the compliance table is computed, to limit the memory of the Bessel functions [-].
 _BLOCKS = 8
 #: Number added to distances to avoid division by zero at the corners of a rectangle [m].
@@ -106,20 +113,24 @@ class SurfaceCompliance:
         half_space: (1 - nu) / (2 pi mu) of the top layer; displacement of the half space per force, times the distance
             from a point load [m2/N].
         regular: Regular part of the displacement per force as a function of the distance [m/N].
-        reach: Largest distance of the table [m].
+        reach: Largest distance of the table [m].  Where it is `decayed`, the displacement beyond is zero.
+        decayed: Whether the displacement has decayed to zero at `reach`.
+        scale: Distance over which the regular part varies, the thickness of the top layer [m].
         thickness: Thickness of the cover [m].
     """
 
     half_space: float
     regular: CubicSpline
     reach: float
+    decayed: bool
+    scale: float
     thickness: float
 
     def of_rectangle(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
         """Compute the downward displacement at (x, y) per pressure on a small rectangle around the origin [m/Pa].
 
-        The half-space part is exact (Love 1929; Johnson, Contact Mechanics, 1985, eq. 3.25).  The regular part varies
-        over distances of the order of the cover thickness; its value at the distance from the centre is used.
+        The half-space part is exact (Love 1929; Johnson, Contact Mechanics, 1985, eq. 3.25).  The regular part is
+        averaged over the rectangle by Gauss quadrature.
 
         Args:
             x: x coordinates of the points, any shape [m].
@@ -128,7 +139,48 @@ class SurfaceCompliance:
             height: Size of the rectangle along y [m].
         """
         near = self.half_space * _integrate_distance(x, y, width / 2, height / 2)
-        return near + width * height * self.regular(np.minimum(np.hypot(x, y), self.reach))
+        rules = [_cut_uniform(size, self.scale) for size in (width, height)]
+        return near + width * height * self._average_regular(x, y, rules)
+
+    def average_over_cells(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
+        """Compute the mean displacement of a cell per uniform pressure on an equal cell around the origin [m/Pa].
+
+        The half-space part is exact for neighbouring cells and expanded to second order in the cell size, with relative
+        error below 1e-4, for distant ones.  The regular part is averaged over both cells by Gauss quadrature.
+
+        Args:
+            x: x coordinates of the middle of the displaced cell, any shape [m].
+            y: y coordinates of the middle of the displaced cell, same shape [m].
+            width: Size of both cells along x [m].
+            height: Size of both cells along y [m].
+        """
+        out = np.zeros(np.shape(x))
+        beside = np.hypot(np.maximum(np.abs(x) - width, 0), np.maximum(np.abs(y) - height, 0))
+        within = beside < self.reach if self.decayed else np.ones_like(out, dtype=bool)
+        x, y = x[within], y[within]
+        distance = np.maximum(np.hypot(x, y), min(width, height))
+        spread = (width**2 * (3 * (x / distance) ** 2 - 1) + height**2 * (3 * (y / distance) ** 2 - 1)) / 12
+        value = width * height / distance * (1 + spread / distance**2)
+        near = distance < _NEIGHBOURS * max(width, height)
+        value[near] = _integrate_twice(x[near], y[near], width, height) / (width * height)
+        rules = [_cut_triangular(size, self.scale) for size in (width, height)]
+        out[within] = self.half_space * value + width * height * self._average_regular(x, y, rules)
+        return out
+
+    def _average_regular(self, x: FloatArray, y: FloatArray, rules: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+        """Average the regular part over offsets from the points (x, y), with a quadrature rule along each axis."""
+        out = np.zeros(np.shape(x))
+        for move, share in zip(*rules[0], strict=True):
+            for rise, part in zip(*rules[1], strict=True):
+                out += share * part * self._evaluate_regular(np.hypot(x + move, y + rise))
+        return out
+
+    def _evaluate_regular(self, distance: FloatArray) -> FloatArray:
+        """Evaluate the regular part; beyond the reach it cancels the displacement of the half space, if decayed."""
+        value = self.regular(np.minimum(distance, self.reach))
+        if not self.decayed:
+            return np.asarray(value)
+        return np.where(distance < self.reach, value, -self.half_space / np.maximum(distance, self.reach))
 
 
 def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = _ELEMENTS) -> SurfaceCompliance:
@@ -136,21 +188,28 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
-        reach: Largest distance of the table [m].
+        reach: Largest distance of interest [m].  The table ends where the displacement has decayed, if that is nearer.
         elements_per_layer: Number of quadratic elements through each layer [-].
     """
     top = cover.layers[-1]
+    farthest = _DECAY * decay_length(cover)
+    decayed, reach = reach >= farthest, min(reach, farthest)
     k, weight = _wave_numbers(cover, reach)
     solved = solve_waves(cover, k, elements_per_layer=elements_per_layer).compliance
     half_space = (1 - top.material.poisson_ratio) / (top.material.shear_modulus * k)  # Johnson 1985, eq. 2.61
     excess = (solved - half_space) * k * weight / (2 * np.pi)
-    step = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
-    radius = np.linspace(0, reach, int(min(max(reach / step, _LEAST_POINTS), _MOST_POINTS)))
+    fine = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
+    step = min(max(fine, top.thickness / _MOST_PER_LAYER), reach / _LEAST_POINTS)
+    growing = growing_steps(step, reach, lambda each: max(step, min(_TABLE_GROWTH * each, reach / _LEAST_POINTS)))
+    radius = np.append(0.0, np.cumsum(growing))
+    radius *= reach / radius[-1]
     table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _BLOCKS)])
     return SurfaceCompliance(
         half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
-        regular=CubicSpline(radius, table, bc_type="clamped"),
+        regular=CubicSpline(radius, table, bc_type=("clamped", "not-a-knot")),
         reach=reach,
+        decayed=decayed,
+        scale=top.thickness,
         thickness=cover.thickness,
     )
 
@@ -204,3 +263,42 @@ def _integrate_distance(x: FloatArray, y: FloatArray, a: float, b: float) -> Flo
         - antiderivative(x + a, y - b)
         + antiderivative(x - a, y - b)
     )
+
+
+def _integrate_twice(x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
+    """Integrate 1 / distance over all pairs of points of two equal rectangles whose middles are (x, y) apart [m3].
+
+    The integral is the second difference along x and y of the function whose fourth derivative, twice along x and twice
+    along y, is 1 / sqrt(x^2 + y^2).
+    """
+
+    def antiderivative(u: FloatArray, v: FloatArray) -> FloatArray:
+        """Evaluate that function; even in u and v [m3]."""
+        u, v = np.abs(u) + _TINY, np.abs(v) + _TINY
+        distance = np.hypot(u, v)
+        return (u**2 * v * np.arcsinh(v / u) + v**2 * u * np.arcsinh(u / v)) / 2 - distance**3 / 6
+
+    out = np.zeros_like(x)
+    for i, a in ((-1, 1), (0, -2), (1, 1)):
+        for j, b in ((-1, 1), (0, -2), (1, 1)):
+            out += a * b * antiderivative(x + i * width, y + j * height)
+    return out
+
+
+def _cut_uniform(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Return points and weights of a quadrature for the mean over an interval of a size around 0, weights sum to 1."""
+    points, weights = gauss_points(np.linspace(-size / 2, size / 2, int(np.ceil(size / scale / _PANEL)) + 1), 2)
+    return points, weights / size
+
+
+def _cut_triangular(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Return points and weights of a quadrature for the mean difference of positions in two intervals of a size.
+
+    The difference of two positions, each distributed evenly over an interval, has a triangular distribution.
+    """
+    if size < _SMALL_CELL * scale:  # exact up to degree 3
+        return size / np.sqrt(6) * np.array([-1.0, 1.0]), np.array([0.5, 0.5])
+    half = np.linspace(0, size, int(np.ceil(size / scale / _PANEL)) + 1)
+    points, weights = gauss_points(half, 3)
+    weights = weights * (1 - points / size) / size
+    return np.concatenate([-points, points]), np.concatenate([weights, weights])

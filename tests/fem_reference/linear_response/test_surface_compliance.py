@@ -57,3 +57,26 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
     plate, springs = 1e11 * 0.2e-3**3 / (12 * (1 - 0.3**2)), 1e5 / 2e-3
     assert decay_length(cover) == pytest.approx((plate / springs) ** 0.25)
     assert decay_length(cover) > cover.thickness
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.45, 0.499])
+@pytest.mark.parametrize("ratio", [0.2, 3.0, 30.0])
+def test_the_compliance_of_a_cell_is_that_of_the_same_cell_cut_into_parts(bonded, nu, ratio):
+    """Cells from a fifth of the thickness to thirty times the thickness, wide and narrow ones."""
+    width, height, parts = 3e-3, 1e-3, 5
+    surface = surface_compliance(bonded(nu, thickness=width / ratio), 40e-3)
+    offset = np.arange(1 - parts, parts)
+    share = (parts - np.abs(offset)) / parts
+    for place in ([0.0, 0.0], [width, 0.0], [2 * width, -3 * height]):
+        x, y = np.meshgrid(place[0] + offset * width / parts, place[1] + offset * height / parts, indexing="ij")
+        cut = np.sum(surface.average_over_cells(x, y, width / parts, height / parts) * np.outer(share, share))
+        whole = surface.average_over_cells(np.array(place[:1]), np.array(place[1:]), width, height)[0]
+        own = surface.average_over_cells(np.zeros(1), np.zeros(1), width, height)[0]
+        assert whole == pytest.approx(cut, rel=1e-3, abs=3e-4 * own)
+
+
+def test_distant_cells_are_displaced_like_the_middle_of_one(bonded):
+    surface = surface_compliance(bonded(0.3, thickness=20e-3), 30e-3)
+    x, y = np.array([4e-3, 0.0, 9e-3]), np.array([0.0, 5e-3, 9e-3])
+    near = surface.of_rectangle(x, y, 0.1e-3, 0.2e-3)
+    assert surface.average_over_cells(x, y, 0.1e-3, 0.2e-3) == pytest.approx(near, rel=2e-3)
