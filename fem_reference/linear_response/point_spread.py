@@ -159,11 +159,12 @@ class PointSpread:
 
     @cached_property
     def half_width(self) -> float:
-        """Distance from the load at which the base pressure is half its peak [m]."""
-        radius = np.linspace(0, 4 * self.thickness, 4001)
-        value = self.pressure(radius) / self.pressure(0.0)
-        first = int(np.argmax(value < 0.5))  # noqa: PLR2004 -- half
-        return float(np.interp(0.5, value[[first, first - 1]], radius[[first, first - 1]]))
+        """Smallest distance from the load at which the base pressure is half that under the load [m].
+
+        The distance is `reach` if the pressure does not fall to half.
+        """
+        crossings = self._spline.solve(float(self._spline(0.0)) / 2, extrapolate=False)
+        return float(crossings.min()) if crossings.size else self.reach
 
     @cached_property
     def _spline(self) -> CubicSpline:

@@ -29,7 +29,7 @@ FloatArray = npt.NDArray[np.float64]
 #: Target edge length of a cell of the contact grid, over the thickness of the cover [-].
 _CELL_SIZE = 0.45
 #: Least and greatest number of cells of the contact grid along one pitch of the texels [-].
-_CELLS_PER_PITCH = (4, 8)
+_CELLS_PER_PITCH = (4, 12)
 #: Radius of the kernels, over the decay length of the cover's response: at larger distances the response is negligible
 #: [-].
 _KERNEL_RADIUS = 8.0
@@ -50,7 +50,7 @@ def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_tex
     cell = (array.pitch[0] / count, array.pitch[1] / count)
     reach = math.ceil(_KERNEL_RADIUS * decay_length(cover) / min(cell))
     reach = min(reach, (max(array.rows, array.columns) + 2) * count)
-    surface = surface_compliance(cover, 1.5 * reach * max(cell))
+    surface = surface_compliance(cover, (1.5 * reach + 1) * max(cell))
     offsets = np.meshgrid(np.arange(reach + 1) * cell[0], np.arange(reach + 1) * cell[1])
     return CoverCells(
         per_texel=count,

@@ -1,10 +1,14 @@
 """Kernels between cells add up to what whole texels do."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from meshes import TexelArray
+from fem_reference.linear_response.surface_compliance import surface_compliance
+from meshes import Cover, Layer, TexelArray
 from validation.derivation.cover_kernels import cover_cells
+from validation.derivation.derive import derive
 
 
 @pytest.fixture(scope="module")
@@ -29,5 +33,31 @@ def test_kernels_are_symmetric_and_fall_from_the_loaded_cell(cells):
 def test_number_of_cells_follows_the_thickness_within_its_limits(derivation, bonded):
     spread, array = derivation.influence, TexelArray.grid(3, 3, 3.4e-3)
     assert cover_cells(bonded(0.49, thickness=5e-3), array, spread).per_texel == 4
-    assert cover_cells(bonded(0.49, thickness=0.8e-3), array, spread).per_texel == 8
+    assert cover_cells(bonded(0.49, thickness=0.8e-3), array, spread).per_texel == 10
+    assert cover_cells(bonded(0.49, thickness=0.2e-3), array, spread).per_texel == 12
     assert cover_cells(bonded(0.49), array, spread, per_texel=5).cell == pytest.approx((0.68e-3, 0.68e-3))
+
+
+@pytest.mark.parametrize("poisson_ratio", [0.0, 0.3, 0.49, 0.499])
+@pytest.mark.parametrize("pitch_by_thickness", [0.2, 3.0, 10.0, 30.0])
+def test_a_cell_yields_under_its_own_pressure_as_its_parts_together(
+    derivation, bonded, poisson_ratio, pitch_by_thickness
+):
+    array = TexelArray.grid(3, 3, (3.4e-3, 5e-3))
+    cover = bonded(poisson_ratio, thickness=3.4e-3 / pitch_by_thickness)
+    cells = cover_cells(cover, array, derivation.influence)
+    parts, surface = 21, surface_compliance(cover, 4 * max(cells.cell))
+    along, across = ((np.arange(parts) - parts // 2) * edge / parts for edge in cells.cell)
+    x, y = np.meshgrid(along, across)
+    cut = surface.of_rectangle(x, y, cells.cell[0] / parts, cells.cell[1] / parts).sum()
+    assert cells.compliance[0, 0] == pytest.approx(cut, rel=5e-3)
+
+
+def test_a_very_soft_layer_between_stiff_ones_is_derived(derivation, bonded):
+    """The base pressure falls to half only at four thicknesses from the load."""
+    stack = ((3.5e-3, 5.8e9), (5.1e-3, 3e3), (1.9e-3, 1e9))
+    layers = tuple(Layer(thickness=h, material=bonded(0.3, youngs_modulus=e).layers[0].material) for h, e in stack)
+    cover = Cover(layers=layers)
+    found = derive(dataclasses.replace(derivation.sensor, cover=cover, array=TexelArray.grid(4, 4, 2.5e-3)))
+    assert found.point_spread.half_width > 3 * cover.thickness
+    assert found.error_estimate["sigma"] < 1e-3
