@@ -11,15 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem_reference.elements.grading import grade_around_edge, grade_outward
-from fem_reference.elements.taylor_hood import MixedElements, prepare_elements
+from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain.contact import SurfaceContact
+from fem_reference.finite_strain.contact_points import collect_points
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
-from meshes import FlatPunch
+from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
 
 #: Contact penalty: contact pressure per penetration, in shear moduli per element size.  A high contact pressure reduces
@@ -55,6 +56,9 @@ class PressedState:
         area: Contact area in the deformed state [m2].
         overlap: Mean penetration of indenter and cover that remains with the penalty method [m].
         base: Pressure on the base of the cover over the radius.
+        rings: Radius [m], force along z and radial frictional force on the cover [N] of k rings of the contact, shape
+            (k, 3).
+        energy: Elastic energy stored in the cover [J].
     """
 
     depth: float
@@ -62,6 +66,8 @@ class PressedState:
     area: float
     overlap: float
     base: BaseResponse
+    rings: FloatArray
+    energy: float
 
 
 def press_axisymmetric(
@@ -95,21 +101,15 @@ def press_axisymmetric(
     units = path.units
     thin = units.scale_cover(path.cover)
     fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
-    # Mesh: small elements at a sharp edge, or in the whole contact of a curved shape.
     size = min(1.0, radius) / elements_per_thickness
-    growth = 1 + _GROWTH / elements_per_thickness
-    top = size
-    if isinstance(path.indenter, FlatPunch):
-        top = _EDGE_ELEMENT * fillet
-        radii = grade_around_edge(top, size, radius, reach, growth)
-    else:
-        radii = grade_outward(size, _FINE_REGION * radius, reach, growth)
+    radii, top = _grade_radii(path.indenter, elements_per_thickness, radius, fillet, reach)
     mesh, region = mesh_cover(thin, elements_per_thickness, radii, surface_size=top)
     elements = prepare_elements(mesh, region=region, axisymmetric=True)
     # Contact problem in units of the cover's thickness and shear modulus.
     surface = IndenterSurface(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
+    solid = Solid.from_cover(elements, path.cover, units)
     problem = ContactProblem(
-        solid=Solid.from_cover(elements, path.cover, units),
+        solid=solid,
         contact=SurfaceContact(elements, 1.0, surface, penalty=PENALTY / size, friction=path.friction),
         constrained=find_constrained(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
@@ -122,19 +122,43 @@ def press_axisymmetric(
         guesses=() if coarse is None or path.friction else coarse.transfer_guesses(elements),
         progress=progress,
     )
-    states = [_describe_state(elements, units, surface, each) for each in reached]
-    return states, SolvedPath(elements=elements, equilibria=reached)
+    return [_describe_state(solid, units, surface, each) for each in reached], SolvedPath(
+        elements=elements, equilibria=reached
+    )
 
 
-def _describe_state(
-    elements: MixedElements, units: Units, surface: IndenterSurface, reached: ContactEquilibrium
-) -> PressedState:
+def _grade_radii(
+    indenter: Indenter, count: int, radius: float, fillet: float, reach: float
+) -> tuple[FloatArray, float]:
+    """Place element edges along the radius, with small elements at a sharp edge or in the contact of a curved shape.
+
+    Args:
+        indenter: Indenter with its shape.
+        count: Number of elements through the cover [-].
+        radius: Estimated radius of the largest contact [thicknesses].
+        fillet: Radius of rounded edges of the indenter [thicknesses].
+        reach: Radius of the outer boundary [thicknesses].
+
+    Returns:
+        Element edges, and the height of the elements at the top [thicknesses].
+    """
+    size, growth = min(1.0, radius) / count, 1 + _GROWTH / count
+    if isinstance(indenter, FlatPunch):
+        top = _EDGE_ELEMENT * fillet
+        return grade_around_edge(top, size, radius, reach, growth), top
+    return grade_outward(size, _FINE_REGION * radius, reach, growth), size
+
+
+def _describe_state(solid: Solid, units: Units, surface: IndenterSurface, reached: ContactEquilibrium) -> PressedState:
     """Convert the converged state at one target to SI units."""
+    elements = solid.elements
     r, z = elements.nodes.T
     base, top = np.flatnonzero(z < _ON_BOUNDARY), np.flatnonzero(z > 1 - _ON_BOUNDARY)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
     below = recover_base_response(r[base], reached.reaction[2 * base + 1])
+    # Scaled strains are so small that the stored energy of finite strain is lost in rounding.
+    stored = solid if surface.load_scale == 1 else solid.linearise_at_rest()
     return PressedState(
         depth=reached.depth * units.length,
         load=reached.load * units.force,
@@ -145,6 +169,8 @@ def _describe_state(
             pressure=below.pressure * units.stress,
             reaction=below.reaction * units.force,
         ),
+        rings=collect_points(reached.contact) * [units.length, units.force, units.force],
+        energy=stored.energy(reached.state) * units.force * units.length,
     )
 
 

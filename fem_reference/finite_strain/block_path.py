@@ -15,7 +15,9 @@ import numpy as np
 from fem_reference.elements.grading import grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
 from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, prepare_elements
+from fem_reference.finite_strain.contact_points import collect_points, unfold_points
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium
+from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from meshes import Cover, FlatPunch
@@ -54,6 +56,8 @@ class BlockState:
         lines: Positions of the base nodes of the meshed part along x, shape (m,), and along y, shape (n,) [m].
         forces: Normal reactions of the base at these nodes, shape (m, n) [N].
         symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
+        contact: Points of the whole contact in the frame of the mesh, see `contact_points`, shape (k, 5).
+        energy: Elastic energy stored in the whole cover [J].
     """
 
     depth: float
@@ -63,6 +67,8 @@ class BlockState:
     lines: tuple[FloatArray, FloatArray]
     forces: FloatArray
     symmetric: tuple[bool, bool]
+    contact: FloatArray
+    energy: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,9 +161,11 @@ def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> 
     return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
 
 
-def describe_state(elements: MixedElements, units: Units, reached: ContactEquilibrium, block: Block) -> BlockState:
+def describe_state(
+    solid: Solid | SmallStrainSolid, units: Units, reached: ContactEquilibrium, block: Block
+) -> BlockState:
     """Convert the converged state at one target to SI units, with the base reactions on a grid of nodes."""
-    x, y, z = elements.nodes.T
+    x, y, z = solid.elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
     # Nodes lie on the element edges and midway between edges.  Coordinates of nodes on one mesh line differ by
     # rounding; each node is assigned to the nearest line.
@@ -167,6 +175,7 @@ def describe_state(elements: MixedElements, units: Units, reached: ContactEquili
         np.searchsorted((line[1:] + line[:-1]) / 2, each[base]) for line, each in zip(lines, (x, y), strict=True)
     ]
     forces[nearest[0], nearest[1]] = reached.reaction[3 * base + 2]
+    columns = np.repeat([units.length, units.force], [2, 3])
     return BlockState(
         depth=reached.depth * units.length,
         load=reached.load * units.force,
@@ -175,6 +184,8 @@ def describe_state(elements: MixedElements, units: Units, reached: ContactEquili
         lines=(lines[0] * units.length, lines[1] * units.length),
         forces=forces * units.force,
         symmetric=block.symmetric,
+        contact=unfold_points(collect_points(reached.contact), block.symmetric) * columns,
+        energy=solid.energy(reached.state) * block.multiple * units.force * units.length,
     )
 
 

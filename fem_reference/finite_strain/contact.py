@@ -56,6 +56,7 @@ class ContactState:
         pressure: Contact pressure per reference area, shape (f, q) [Pa].
         traction: Frictional traction per reference area, shape (f, q, d); None without friction [Pa].
         position: Positions of the quadrature points in the frame of the indenter, shape (f, q, d) [m].
+        weight: Reference area that belongs to each quadrature point of the meshed part, shape (f, q) [m2].
         sticking: Whether each point is in contact and does not slide, shape (f, q).
     """
 
@@ -69,6 +70,7 @@ class ContactState:
     pressure: FloatArray
     traction: FloatArray | None
     position: FloatArray
+    weight: FloatArray
     sticking: BoolArray
 
 
@@ -162,6 +164,7 @@ class SurfaceContact:
             pressure=pressure / self.weight,
             traction=traction,
             position=position,
+            weight=self.weight,
             sticking=sticking,
         )
 

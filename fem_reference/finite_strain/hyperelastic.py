@@ -174,6 +174,10 @@ class SmallStrainSolid:
         """Compute the residual of equilibrium and the constant stiffness matrix; see `Solid.linearise`."""
         return np.asarray(self.stiffness @ state), self.stiffness
 
+    def energy(self, state: FloatArray) -> float:
+        """Compute the elastic energy stored in equilibrium [J]; see `Solid.energy`."""
+        return float(state @ (self.stiffness @ state)) / 2
+
 
 def _count_threads() -> int:
     """Return the number of threads for assembly: `OMP_NUM_THREADS` if set, else one per available processor core."""

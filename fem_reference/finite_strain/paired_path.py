@@ -100,9 +100,11 @@ def press_paired(
     # Full path.
     ratio = path.load_scale / scale
     guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
-    full = _follow(path, block, small_strain_solid if path.load_scale == scale else solid, guesses, progress)
-    states = [[describe_state(elements, units, each, block) for each in reached] for reached in (baseline, full)]
-    return states[0], states[1], PairedPath(elements=elements, baseline=baseline, full=full, ratio=ratio)
+    full_solid = small_strain_solid if path.load_scale == scale else solid
+    full = _follow(path, block, full_solid, guesses, progress)
+    before = [describe_state(small_strain_solid, units, each, block) for each in baseline]
+    after = [describe_state(full_solid, units, each, block) for each in full]
+    return before, after, PairedPath(elements=elements, baseline=baseline, full=full, ratio=ratio)
 
 
 def _guess_full(

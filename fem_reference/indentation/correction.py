@@ -22,7 +22,6 @@ from fem_reference.indentation.grid_solution import (
     BaseForces,
     GridSolution,
     correct_solution,
-    distribute_force,
     extrapolate_solutions,
 )
 from fem_reference.indentation.small_strain import CELLS
@@ -33,6 +32,10 @@ from meshes.pose import PlanarPose
 #: are lists with one list per target, which holds one solution per grid.
 SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
 
+#: Statement about the contact tractions of a corrected solution, by topic.
+CONTACT_ASSUMPTION = {
+    "contact": "tractions of the finest mesh of finite strain and friction, multiplied by one factor to the total force"
+}
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
 #: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
@@ -145,7 +148,10 @@ def solve_block_pair(
                     key = f"{name}_{count}_{i}"
                     x, y, pressure = model.recover_pressure(state)
                     out |= {f"x_{key}": x, f"y_{key}": y, f"pressure_{key}": pressure}
-                    out[f"scalars_{key}"] = np.array([state.load, state.depth, state.area, state.overlap / state.depth])
+                    out[f"contact_{key}"] = state.contact
+                    out[f"scalars_{key}"] = np.array(
+                        [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
+                    )
         return out
 
     data = result_store.fetch(model.kind, {"path": path, "grids": SOLID_GRIDS, **model.inputs}, compute)
@@ -161,16 +167,21 @@ def solve_block_pair(
 
 def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, model: BlockModel) -> GridSolution:
     """Build one solution from stored arrays; forces and depth are divided by the load scale of the loading path."""
-    load, depth, area, overlap = (float(value) for value in data[f"scalars_{key}"])
+    load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
     force = load / path.load_scale
     base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
+    x, y, *forces = data[f"contact_{key}"].T
+    normal, *shear = np.array(forces) / path.load_scale
+    turn = replace(model.pose, at=(0.0, 0.0))
     return GridSolution(
         total_force=force,
         depth=depth / path.load_scale,
         area=area,
         overlap=overlap,
-        contact=distribute_force(force, base, path.indenter.footprint, model.pose),
+        contact=np.column_stack([*model.pose.to_indenter(x, y), normal]),
         base_forces=model.integrate(base),
+        energy=energy / path.load_scale**2,
+        shear=np.column_stack(turn.to_indenter(*shear)) if path.friction else None,
     )
 
 

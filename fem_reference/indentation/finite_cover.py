@@ -22,6 +22,7 @@ from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
+    CONTACT_ASSUMPTION,
     SOLID_GRIDS,
     BlockModel,
     correct_path,
@@ -86,7 +87,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         sizes=[1 / count for count in SOLID_GRIDS],
         least_order=1.0 if path.friction else 2.0,
         least_overlap=OVERLAP,
-        assumptions=state_rounding(indenter, fillet),
+        assumptions=state_rounding(indenter, fillet) | CONTACT_ASSUMPTION,
     )
 
 

@@ -18,10 +18,12 @@ from scipy.interpolate import RectBivariateSpline
 from fem_reference import result_store
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import BasePressure, Block, lay_out_block, recover_gauss_pressure
+from fem_reference.finite_strain.contact_points import divide_rings
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
+    CONTACT_ASSUMPTION,
     SOLID_GRIDS,
     BlockModel,
     SolvedPair,
@@ -48,8 +50,6 @@ _REACH, _SOLID_REACH = 12.0, 7.0
 _REACH_RADII = 1.5
 #: Number of Gauss points along each side of a texel, for the integral of the base pressure [-].
 _TEXEL_POINTS = 16
-#: Number of points that represent an axisymmetric contact in the result [-].
-_CONTACT_POINTS = 400
 
 
 def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
@@ -78,7 +78,8 @@ def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
         sizes=[1 / count for count in (GRIDS if path.indenter.axisymmetric else SOLID_GRIDS)],
         least_order=2.0 if corrected and not path.friction else 1.0,
         least_overlap=OVERLAP,
-        assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter)),
+        assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
+        | (CONTACT_ASSUMPTION if corrected else {}),
     )
 
 
@@ -167,8 +168,9 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
                 for name, values in state.base.extend(reach).items():
                     out[f"{name}_{count}_{i}"] = values
                 out[f"scalars_{count}_{i}"] = np.array(
-                    [state.load, state.depth, state.area, state.overlap / state.depth]
+                    [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
                 )
+                out[f"rings_{count}_{i}"] = state.rings
         return out
 
     data = result_store.fetch("finite-press", {"path": path, "grids": GRIDS, "fillet": fillet}, compute)
@@ -177,7 +179,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
 
 def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> GridSolution:
     """Build one axisymmetric solution from stored arrays; forces and depth are divided by the load scale."""
-    load, depth, area, overlap = (float(value) for value in data[f"scalars_{key}"])
+    load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
     base = PointSpread(
         radius=data[f"radius_{key}"],
         pressure_per_force=data[f"pressure_{key}"] / load,
@@ -185,12 +187,15 @@ def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> Grid
         thickness=path.cover.thickness,
     )
     force = load / path.load_scale
+    points = divide_rings(data[f"rings_{key}"] / [1, path.load_scale, path.load_scale])
     return GridSolution(
         total_force=force,
         depth=depth / path.load_scale,
         area=area,
         overlap=overlap,
-        contact=_fill_circle(force, area),
+        contact=points[:, :3],
+        shear=points[:, 3:] if path.friction else None,
+        energy=energy / path.load_scale**2,
         base_forces=_integrate_rings(force, base),
     )
 
@@ -199,22 +204,3 @@ def _integrate_rings(force: float, base: PointSpread) -> BaseForces:
     """Return a function that computes the forces on and outside the texels due to an axisymmetric base pressure."""
     load = np.array([[force]])
     return lambda array, pose: base.base_forces(array, np.array(pose.at[:1]), np.array(pose.at[1:]), load)
-
-
-def _fill_circle(force: float, area: float) -> FloatArray:
-    """Distribute a force equally over points that fill a circle evenly.
-
-    The points lie on a spiral with steps of the golden angle (Vogel 1979).
-
-    Args:
-        force: Force to distribute [N].
-        area: Area of the circle [m2].
-
-    Returns:
-        Columns x, y [m] and force [N] of the m points, shape (m, 3).
-    """
-    number = np.arange(_CONTACT_POINTS)
-    angle = number * np.pi * (3 - np.sqrt(5))
-    radius = np.sqrt((number + 0.5) / _CONTACT_POINTS * area / np.pi)
-    share = np.full(_CONTACT_POINTS, force / _CONTACT_POINTS)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), share])

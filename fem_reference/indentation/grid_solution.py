@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.finite_strain.block_path import BasePressure
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
 from meshes import TexelArray
@@ -40,9 +39,11 @@ class GridSolution:
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
         overlap: Mean penetration of indenter and cover that the contact solver does not remove, over the depth [-].
-        contact: Columns x, y [m] and force [N] of m contact points in the frame of the indenter, shape (m, 3).  If a
-            solver returns no contact tractions, the points are a substitute with the same total force.
+        contact: Columns x, y [m] and normal force [N] of m contact points in the frame of the indenter, shape (m, 3).
         base_forces: Function that computes the forces on and outside the texels for an array and a pose.
+        energy: Elastic energy stored in the cover [J].
+        shear: Components x and y of the frictional force on the cover at the contact points, in the frame of the
+            indenter, shape (m, 2) [N]; None without friction.
     """
 
     total_force: float
@@ -51,6 +52,8 @@ class GridSolution:
     overlap: float
     contact: FloatArray
     base_forces: BaseForces
+    energy: float
+    shear: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,11 +152,12 @@ def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
         depth=factor * solution.depth,
         contact=solution.contact * [1, 1, factor],
         base_forces=lambda array, pose: factor * solution.base_forces(array, pose),
+        energy=factor**2 * solution.energy,
     )
 
 
 def extrapolate_solutions(solutions: Sequence[GridSolution], sizes: Sequence[float]) -> GridSolution:
-    """Extrapolate force, depth and texel forces to element size zero with order of convergence 1 (Richardson).
+    """Extrapolate force, depth, energy and texel forces to element size zero with order of convergence 1 (Richardson).
 
     Contact area, overlap and contact points are those of the finest grid.
 
@@ -167,6 +171,7 @@ def extrapolate_solutions(solutions: Sequence[GridSolution], sizes: Sequence[flo
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
         depth=float(_average(solutions, weights, lambda each: each.depth)),
         base_forces=lambda array, pose: _average(solutions, weights, lambda each: each.base_forces(array, pose)),
+        energy=float(_average(solutions, weights, lambda each: each.energy)),
     )
 
 
@@ -183,7 +188,8 @@ def correct_solution(
 
     Solutions with finite strain or friction use coarse grids and rounded edges, and converge slowly.  The frictionless
     small-strain solution on the same grid, under the same rounded indenter, has nearly the same discretisation error.
-    The difference of the two solutions is therefore much more accurate than each of them (a control variate).
+    The difference of the two solutions is therefore much more accurate than each of them (a control variate).  The
+    contact tractions are not corrected: they are those of `full`, multiplied by one factor to the force of the result.
 
     Args:
         accurate: Converged frictionless small-strain solution at the target load or depth.
@@ -214,32 +220,14 @@ def correct_solution(
         )
         return np.asarray((reference + share * (after - before)) * force)
 
+    scale = force / full.total_force
     return GridSolution(
         total_force=force,
         depth=depth,
         area=correct(lambda each: each.area) if area is None else area,
         overlap=max(baseline.overlap, full.overlap),
-        contact=full.contact * [1, 1, force / full.total_force],
+        contact=full.contact * [1, 1, scale],
         base_forces=base_forces,
+        energy=force * depth * correct(lambda each: each.energy / (each.total_force * each.depth)),
+        shear=None if full.shear is None else full.shear * scale,
     )
-
-
-def distribute_force(total_force: float, base: BasePressure, half: tuple[float, float], pose: PlanarPose) -> FloatArray:
-    """Distribute the force on an indenter over points under its footprint, in proportion to the base pressure.
-
-    These forces replace the contact tractions, which the three-dimensional solvers do not return.
-
-    Args:
-        total_force: Force on the indenter [N].
-        base: Base pressure on a grid of points.
-        half: Half widths of the footprint of the indenter along x and y [m].
-        pose: Pose of the indenter in the frame of the base pressure.
-
-    Returns:
-        Columns x, y in the frame of the indenter [m] and force [N] of k points, shape (k, 3).
-    """
-    x, y, pressure = base
-    local_x, local_y = pose.to_indenter(*np.meshgrid(x, y, indexing="ij"))
-    weight = np.outer(np.gradient(x), np.gradient(y)) * np.maximum(pressure, 0)
-    under = (np.abs(local_x) <= half[0]) & (np.abs(local_y) <= half[1])
-    return np.column_stack([local_x[under], local_y[under], weight[under] * total_force / weight[under].sum()])

@@ -43,7 +43,12 @@ class Indentation:
         balance: Sum of `texel_forces` and `outside` over `total_force`, minus 1 [-].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         contact_area: Contact area [m2].
-        contact: Columns x, y in the frame of the array [m] and force [N] of m contact points, shape (m, 3).
+        contact: Columns x, y in the frame of the array [m] and normal force [N] of m contact points, shape (m, 3).  The
+            points are those of the finest grid and lie on the deformed cover: cells at small strain without friction,
+            else quadrature points.  Their forces, multiplied by one factor near 1, add up to `total_force`.
+        shear: Components x and y, in the frame of the array, of the frictional force that the indenter exerts on the
+            cover at these points, multiplied by the same factor, shape (m, 2) [N]; None without friction.
+        energy: Elastic energy stored in the cover [J].  Without friction it equals the work of the load.
         error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
             `contact_area`; 0 for the prescribed one of force and depth [-].
         assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
@@ -58,6 +63,8 @@ class Indentation:
     depth: float
     contact_area: float
     contact: FloatArray
+    shear: FloatArray | None
+    energy: float
     error_estimate: dict[str, float]
     assumptions: dict[str, str]
     warnings: tuple[str, ...]
@@ -203,6 +210,9 @@ def _combine_grids(
     }
     errors["total_force" if path.control == "load" else "depth"] = 0.0
     x, y, force = finest.contact.T
+    scale = total / force.sum()
+    turn = replace(place.pose, at=(0.0, 0.0))
+    shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
     return Indentation(
         texel_forces=texel_forces,
         outside=outside,
@@ -210,7 +220,9 @@ def _combine_grids(
         balance=balance,
         depth=float(study.combine(grids, lambda each: each.depth)),
         contact_area=float(study.combine(grids, lambda each: each.area)),
-        contact=np.column_stack([*place.pose.to_array(x, y), force]),
+        contact=np.column_stack([*place.pose.to_array(x, y), force * scale]),
+        shear=shear,
+        energy=float(study.combine(grids, lambda each: each.energy)),
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
         warnings=_warn(errors, balance),

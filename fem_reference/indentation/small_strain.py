@@ -23,7 +23,7 @@ from fem_reference.linear_response.point_spread import TexelInfluence, point_spr
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import TexelArray
+from meshes import Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
@@ -79,7 +79,9 @@ def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> li
 
     def solve(target: LoadingPath) -> list[GridSolution]:
         """Solve a loading path of one target on the three grids."""
-        return [_build_solution(patch, base_response) for patch in _solve_contact(target, place, progress)]
+        return [
+            _build_solution(patch, path.indenter, base_response) for patch in _solve_contact(target, place, progress)
+        ]
 
     if not path.indenter.is_flat:
         return [solve(replace(path, targets=(target,))) for target in path.targets]
@@ -101,9 +103,11 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
     return np.column_stack([patch.x, patch.y])
 
 
-def _build_solution(patch: ContactPatch, base_response: TexelInfluence) -> GridSolution:
+def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: TexelInfluence) -> GridSolution:
     """Build the solution on one grid from a solved contact."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
+    gap = indenter.gap(patch.x, patch.y)
+    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)  # centres of scaled cells may lie outside a flat face
     return GridSolution(
         total_force=patch.total_force,
         depth=patch.depth,
@@ -111,6 +115,7 @@ def _build_solution(patch: ContactPatch, base_response: TexelInfluence) -> GridS
         overlap=0.0,
         contact=contact,
         base_forces=partial(_superpose, contact, base_response),
+        energy=float(patch.force @ work) / 2,
     )
 
 

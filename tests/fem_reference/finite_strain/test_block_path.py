@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -31,7 +33,17 @@ def lay_out(shape, count=2):
 
 
 def make_state(lines, forces, symmetric=(False, False)):
-    return BlockState(depth=1e-4, load=1.0, area=1e-6, overlap=0.0, lines=lines, forces=forces, symmetric=symmetric)
+    return BlockState(
+        depth=1e-4,
+        load=1.0,
+        area=1e-6,
+        overlap=0.0,
+        lines=lines,
+        forces=forces,
+        symmetric=symmetric,
+        contact=np.empty((0, 5)),
+        energy=0.0,
+    )
 
 
 class Wedge:
@@ -79,11 +91,19 @@ def test_every_reaction_belongs_to_the_node_it_acts_on(shape, count):
     x, y, _ = elements.nodes.T
     reaction = np.zeros(elements.displacements + elements.pressures)
     reaction[2 : elements.displacements : 3] = 10 * x + y
-    contact = type("Contact", (), {"area": 0.0, "overlap": 0.0})
+    contact = SimpleNamespace(
+        area=0.0,
+        overlap=0.0,
+        pressure=np.zeros((1, 1)),
+        weight=np.ones((1, 1)),
+        position=np.zeros((1, 1, 3)),
+        traction=None,
+    )
     reached = ContactEquilibrium(
         state=np.zeros_like(reaction), depth=0.1, load=1.0, reaction=reaction, iterations=1, contact=contact
     )
-    state = describe_state(elements, UNITS, reached, block)
+    solid = SimpleNamespace(elements=elements, energy=lambda _: 0.0)
+    state = describe_state(solid, UNITS, reached, block)
     expected = 10 * state.lines[0][:, None] + state.lines[1]
     assert state.forces / UNITS.force == pytest.approx(expected / UNITS.length, abs=1e-9)
 

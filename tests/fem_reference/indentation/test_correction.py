@@ -25,6 +25,7 @@ def make_solution(force, depth):
         overlap=0.0,
         contact=np.zeros((1, 3)),
         base_forces=lambda array, pose: np.array([force, 0.0]),
+        energy=force * depth / 2,
     )
 
 

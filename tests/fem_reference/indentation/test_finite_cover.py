@@ -22,7 +22,15 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
     whole = np.linspace(-5e-3, 5e-3, 7)
     forces = np.random.default_rng(2).uniform(0, 1, (9, 7))
     state = BlockState(
-        depth=1e-3, load=1.0, area=1e-6, overlap=0.0, lines=(half, whole), forces=forces, symmetric=(True, False)
+        depth=1e-3,
+        load=1.0,
+        area=1e-6,
+        overlap=0.0,
+        lines=(half, whole),
+        forces=forces,
+        symmetric=(True, False),
+        contact=np.empty((0, 5)),
+        energy=0.0,
     )
     felt = integrate_nodal(recover_nodal_pressure(state), array, PlanarPose())
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +11,6 @@ from fem_reference.indentation.grid_solution import (
     GridSolution,
     GridStudy,
     correct_solution,
-    distribute_force,
     extrapolate_solutions,
     scale_solution,
 )
@@ -34,6 +31,8 @@ def make_solution(force=1.0, depth=1.0, area=1.0, shares=(0.4, 0.3, 0.2, 0.05), 
         overlap=overlap,
         contact=np.array([[0.0, 1.0, force / 2], [2.0, 3.0, force / 2]]),
         base_forces=lambda array, pose: force * np.append(shares, 1 - sum(shares)),
+        energy=force * depth / 2,
+        shear=np.array([[0.1, 0.0], [-0.1, 0.2]]) * force,
     )
 
 
@@ -52,6 +51,7 @@ def test_scaling_is_linear_and_keeps_the_contact_area(force, depth, first, secon
         assert each.contact[:, 2].sum() == pytest.approx(each.total_force)
         assert (each.contact[:, :2] == solution.contact[:, :2]).all()
         assert each.area == solution.area
+        assert each.energy == pytest.approx(each.total_force * each.depth / 2)
 
 
 @given(limit=POSITIVE, slope=st.floats(-0.5, 0.5))
@@ -146,14 +146,3 @@ def test_values_that_go_back_and_forth_are_not_extrapolated():
     grids = [make_solution(value) for value in (1.0, 1.2, 1.1)]
     assert study.combine(grids, read_force) == 1.1
     assert study.estimate_error(grids, read_force) == pytest.approx(make_study().estimate_error(grids, read_force))
-
-
-def test_the_force_is_distributed_under_the_indenter_alone():
-    x, y = np.linspace(-2, 2, 21), np.linspace(-1, 1, 11)
-    pressure = np.maximum(0, 1 - x[:, None] ** 2 / 2 - y**2)
-    pose = PlanarPose(at=(0.5, 0.0), yaw=np.pi / 2)
-    found = distribute_force(3.0, (x, y, pressure), (0.6, 0.4), pose)
-    assert found[:, 2].sum() == pytest.approx(3.0)
-    assert (np.abs(found[:, :2]) <= [0.6, 0.4]).all()
-    assert (found[:, 2] >= 0).all()
-    assert replace(make_solution(), contact=found).contact.shape[1] == 3
