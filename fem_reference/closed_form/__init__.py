@@ -21,12 +21,11 @@ from fem_reference.closed_form.layer import (
     variance,
 )
 from fem_reference.closed_form.no_slip import StuckPunch, stuck_punch, stuck_shape
-from fem_reference.closed_form.outline import PressedFace, press_face
+from fem_reference.closed_form.outline import press_face
 
 __all__ = [
     "LayerContact",
     "PressedCells",
-    "PressedFace",
     "StuckPunch",
     "Transfer",
     "bonded_disk",

@@ -12,6 +12,7 @@ x = 0 and y = 0; one quarter is solved.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -19,44 +20,115 @@ from fem_reference.closed_form.active_set import solve_active_set
 from fem_reference.closed_form.influence import superpose, tabulate_excess
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
+from meshes.pose import PlanarPose
 
 #: Distance of the two Gauss points on a side of a cell from the middle of the side, over the length of the side [-].
 _GAUSS = 0.5 / np.sqrt(3)
-#: Second solution on a smaller grid: half width of the new grid over that of the contact, and half width of the contact
-#: over that of the first grid below which the second solution is needed [-].
-_MARGIN, _FILLED = 1.1, 0.8
+#: Half width of the grid over that of the contact, and range of their ratio outside which the grid is changed [-].
+_MARGIN, _FILLED, _TIGHT = 1.1, 0.8, 0.999
+#: Largest number of grids that are tried [-].
+_GRIDS = 12
+#: Number of points along each axis at which the first estimate of the contact is sought [-].
+_SAMPLES = 4001
+#: Largest size of a cell over the thickness of the cover, times the number of cells along a side [-].
+_LARGEST = 7.2
+#: Gauss points along each side of a cell for the superposition of texel forces [-].
+_TEXEL_POINTS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressedCells:
-    """Solved contact of a rigid indenter with a cover, as forces at points in the frame of the indenter.
+    """Solved contact of a rigid indenter with a cover, as pressures on quadrangles in the frame of the indenter.
 
     Attributes:
         cover: The cover that was pressed.
         depth: Approach of the indenter from first touch [m].
-        x: x coordinates of the centres of the m cells in contact, shape (m,) [m].
-        y: y coordinates of these centres, shape (m,) [m].
-        force: Contact force on each of these cells, shape (m,) [N].
+        corners: Corners (x, y) of the m quadrangles in contact, shape (m, 4, 2) [m].
+        pressure: Contact pressure on each, shape (m,) [Pa].
+        contact_area: Contact area, with the edge of a curved contact found between cells [m2].
     """
 
     cover: Cover
     depth: float
-    x: FloatArray
-    y: FloatArray
-    force: FloatArray
+    corners: FloatArray
+    pressure: FloatArray
+    contact_area: float
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """Contact force on each quadrangle, shape (m,) [N]."""
+        return np.asarray(self.pressure * measure_areas(self.corners))
 
     @property
     def total_force(self) -> float:
         """Normal force on the indenter [N]."""
-        return float(self.force.sum())
+        return float(np.sum(self.force))
 
-    def texel_forces(self, array: TexelArray) -> FloatArray:
-        """Compute the forces on the n texels of an array, for the indenter above the origin of the array.
+    @property
+    def centres(self) -> FloatArray:
+        """Centres (x, y) of the quadrangles, shape (m, 2) [m]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    def texel_forces(self, array: TexelArray, pose: PlanarPose | None = None) -> FloatArray:
+        """Compute the forces on the n texels of an array by superposition of exact texel responses.
+
+        Args:
+            array: Array with the texels.
+            pose: Pose of the indenter in the frame of the array; the indenter is above its origin if None.
 
         Returns:
             Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
         """
-        return superpose(self.cover, array, self.x, self.y, self.force)
+        points, weights = place_gauss_points(self.corners, _TEXEL_POINTS)
+        x, y = points.reshape(-1, 2).T
+        if pose is not None:
+            x, y = pose.to_array(x, y)
+        return superpose(self.cover, array, x, y, (self.pressure[:, None] * weights).ravel())
+
+
+def measure_areas(corners: FloatArray) -> FloatArray:
+    """Measure the areas of quadrangles from their corners in order, shape (m, 4, 2) [m].
+
+    Returns:
+        Areas, shape (m,) [m2].
+    """
+    x, y = (corners[:, 2] - corners[:, 0]).T
+    u, v = (corners[:, 3] - corners[:, 1]).T
+    return np.asarray(np.abs(x * v - y * u) / 2)
+
+
+def place_gauss_points(corners: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Place Gauss points in quadrangles.
+
+    Args:
+        corners: Corners of the quadrangles, shape (m, 4, 2) [m].
+        count: Number of points along each side [-].
+
+    Returns:
+        Points, shape (m, count^2, 2) [m], and weights, shape (m, count^2) [m2].
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    s, t = (each.ravel()[:, None] for each in np.meshgrid((nodes + 1) / 2, (nodes + 1) / 2, indexing="ij"))
+    a, b, c, d = (corners[:, i, None] for i in range(4))
+    along, across = (b - a) * (1 - t) + (c - d) * t, (d - a) * (1 - s) + (c - b) * s
+    jacobian = np.abs(along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0])
+    points = a * (1 - s) * (1 - t) + b * s * (1 - t) + c * s * t + d * (1 - s) * t
+    return points, jacobian * np.outer(weights, weights).ravel() / 4
+
+
+def collect_rectangles(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Collect the corners of the cells of a tensor grid, x slowest, from its nodes.
+
+    Args:
+        x: Nodes along x, ascending, shape (i + 1,) [m].
+        y: Nodes along y, ascending, shape (j + 1,) [m].
+
+    Returns:
+        Corners, shape (i * j, 4, 2) [m].
+    """
+    ends = ((x[:-1], y[:-1]), (x[1:], y[:-1]), (x[1:], y[1:]), (x[:-1], y[1:]))
+    grids = [np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1) for u, v in ends]
+    return np.stack(grids, axis=2).reshape(-1, 4, 2)
 
 
 def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 24) -> PressedCells:
@@ -66,40 +138,79 @@ def pressed_shape(cover: Cover, indenter: Indenter, depth: float, *, cells: int 
         cover: Cover; its layers have their linear elastic properties at zero load.
         indenter: Indenter with its shape.
         depth: Approach of the indenter from first touch [m].
-        cells: Number of boundary elements along each side of the solved quarter [-].
+        cells: Number of boundary elements along each side of the solved quarter; more where these would be larger than
+            `_LARGEST / cells` thicknesses of the cover [-].
 
     Returns:
-        The contact forces on the cells in contact.
+        The contact pressures on the cells in contact.
 
     Raises:
-        RuntimeError: If the active-set method does not converge.
+        RuntimeError: If the active-set method or the search for the extent of the contact does not converge.
     """
-    half = np.array(indenter.footprint)
-    for _ in range(2):  # the second grid covers the contact of the first solution
-        x, y = (_grade_toward_edge(extent, cells) for extent in half)
-        centres = np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, indexing="ij")
-        sizes = np.meshgrid(np.diff(x), np.diff(y), indexing="ij")
-        u, v, wide, high = (each.ravel() for each in (*centres, *sizes))
+    largest = _LARGEST / cells * cover.thickness
+    footprint = np.array(indenter.footprint)
+    half = np.minimum(_MARGIN * _estimate_contact(indenter, depth), footprint)
+    for _ in range(_GRIDS):
+        x, y = (_grade_toward_edge(extent, cells, largest) for extent in half)
+        u, v = (each.ravel() for each in np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, indexing="ij"))
+        wide, high = (each.ravel() for each in np.meshgrid(np.diff(x), np.diff(y), indexing="ij"))
         pressure = solve_active_set(_assemble(cover, u, v, wide, high), depth - indenter.gap(u, v))
         hit = pressure > 0
         touched = np.array([(u + wide / 2)[hit].max(), (v + high / 2)[hit].max()])
-        if (touched > _FILLED * half).all():
+        full = (touched > _TIGHT * half) & (half < footprint)
+        if not full.any() and (touched > _FILLED * half).all():
             break
-        half = np.minimum(_MARGIN * touched, half)
-    force = (pressure * wide * high)[hit]
-    signs = [(a, b) for a in (1, -1) for b in (1, -1)]
+        half = np.minimum(np.where(full, 1.4, _MARGIN) * touched, footprint)
+    else:
+        raise RuntimeError(f"no grid fits the contact after {_GRIDS} attempts")
+    quarter = collect_rectangles(x, y)[hit]
+    images = [quarter * [a, b] for a in (1, -1) for b in (1, -1)]
     return PressedCells(
         cover=cover,
         depth=depth,
-        x=np.concatenate([a * u[hit] for a, _ in signs]),
-        y=np.concatenate([b * v[hit] for _, b in signs]),
-        force=np.concatenate([force for _ in signs]),
+        corners=np.concatenate(images),
+        pressure=np.tile(pressure[hit], 4),
+        contact_area=4 * _measure_contact(x, y, pressure.reshape(len(x) - 1, -1), indenter),
     )
 
 
-def _grade_toward_edge(extent: float, cells: int) -> FloatArray:
+def _estimate_contact(indenter: Indenter, depth: float) -> FloatArray:
+    """Estimate half widths of the contact along x and y: where the undeformed surfaces would meet, shape (2,) [m]."""
+    out = []
+    for axis, extent in enumerate(indenter.footprint):
+        points = np.zeros((2, _SAMPLES))
+        points[axis] = extent * np.linspace(0, 1, _SAMPLES) ** 2
+        below = np.flatnonzero(indenter.gap(*points) < depth)
+        out.append(points[axis, min(below[-1] + 1, _SAMPLES - 1)])
+    return np.array(out)
+
+
+def _measure_contact(x: FloatArray, y: FloatArray, pressure: FloatArray, indenter: Indenter) -> float:
+    """Measure the contact area of the solved quarter [m2].
+
+    Along x the contact ends where the square of the pressure, extrapolated from the last two cells, is zero: at the
+    edge of a curved contact the pressure grows with the square root of the distance.  A contact that reaches the
+    outline of the indenter ends there.
+    """
+    middle = (x[1:] + x[:-1]) / 2
+    width = np.zeros(len(y) - 1)
+    for j, column in enumerate(pressure.T):
+        hit = np.flatnonzero(column > 0)
+        if not len(hit):
+            continue
+        last = hit[-1]
+        width[j] = x[last + 1]
+        if x[last + 1] < indenter.footprint[0] * _TIGHT and last > 0 and column[last - 1] > column[last]:
+            before, after = column[last - 1] ** 2, column[last] ** 2
+            edge = middle[last] + after * (middle[last] - middle[last - 1]) / (before - after)
+            width[j] = min(edge, x[min(last + 2, len(x) - 1)])
+    return float(width @ np.diff(y))
+
+
+def _grade_toward_edge(extent: float, cells: int, largest: float) -> FloatArray:
     """Place nodes from 0 to `extent`, spaced for a pressure with a square-root singularity at `extent` [m]."""
-    return extent * np.sin(np.linspace(0, np.pi / 2, cells + 1))
+    count = max(cells, int(np.ceil(np.pi / 2 * extent / largest)))
+    return extent * np.sin(np.linspace(0, np.pi / 2, count + 1))
 
 
 def _assemble(cover: Cover, u: FloatArray, v: FloatArray, wide: FloatArray, high: FloatArray) -> FloatArray:

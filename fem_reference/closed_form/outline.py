@@ -10,21 +10,19 @@ the face separates from the cover.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from fem_reference.closed_form.active_set import solve_active_set
-from fem_reference.closed_form.influence import Excess, superpose, tabulate_excess
-from meshes import Box, Cover, Indenter, TexelArray
+from fem_reference.closed_form.boundary import PressedCells, collect_rectangles, measure_areas, place_gauss_points
+from fem_reference.closed_form.influence import Excess, tabulate_excess
+from meshes import Box, Cover, Indenter
 from meshes.array_types import FloatArray
 from meshes.indenters.polygonal_punch import PolygonalPunch
-from meshes.pose import PlanarPose
 
-#: Gauss points along each side of a quadrangle: for distances above `_NEAR` diagonals, for smaller ones, and for the
-#: superposition of texel forces [-].
-_FAR_POINTS, _NEAR_POINTS, _TEXEL_POINTS = 2, 6, 3
+#: Gauss points along each side of a quadrangle: for distances above `_NEAR` diagonals, and for smaller ones [-].
+_FAR_POINTS, _NEAR_POINTS = 2, 6
 _NEAR = 2.5
 #: Largest size of a quadrangle over the thickness of the cover [-].
 _LARGEST = 0.6
@@ -34,49 +32,7 @@ _COINCIDENT = 1e-9
 _ROWS = 64
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PressedFace:
-    """Solved contact of a rigid flat face with a wide cover.
-
-    Attributes:
-        cover: The cover that was pressed.
-        depth: Approach of the indenter from first touch [m].
-        corners: Corners (x, y) of the m quadrangles in the frame of the indenter, shape (m, 4, 2) [m].
-        pressure: Contact pressure on each, 0 where face and cover are apart, shape (m,) [Pa].
-    """
-
-    cover: Cover
-    depth: float
-    corners: FloatArray
-    pressure: FloatArray
-
-    @property
-    def total_force(self) -> float:
-        """Normal force on the indenter [N]."""
-        return float(self.pressure @ measure_areas(self.corners))
-
-    @property
-    def contact_area(self) -> float:
-        """Area on which face and cover touch [m2]."""
-        return float(measure_areas(self.corners)[self.pressure > 0].sum())
-
-    def texel_forces(self, array: TexelArray, pose: PlanarPose | None = None) -> FloatArray:
-        """Compute the forces on the n texels of an array by superposition of exact texel responses.
-
-        Args:
-            array: Array with the texels.
-            pose: Pose of the indenter in the frame of the array; its origin if None.
-
-        Returns:
-            Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
-        """
-        points, weights = place_gauss_points(self.corners, _TEXEL_POINTS)
-        force = (self.pressure[:, None] * weights).ravel()
-        x, y = points.reshape(-1, 2).T
-        return superpose(self.cover, array, *(pose or PlanarPose()).to_array(x, y), force)
-
-
-def press_face(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 12) -> PressedFace:
+def press_face(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 12) -> PressedCells:
     """Press a rigid indenter with a flat face into a laterally wide cover.
 
     Args:
@@ -94,7 +50,9 @@ def press_face(cover: Cover, indenter: Indenter, depth: float, *, cells: int = 1
     corners = split_face(indenter, cells, _LARGEST * cover.thickness * 12 / cells)
     matrix = assemble_compliance(tabulate_excess(cover), corners)
     pressure = solve_active_set(matrix, np.full(len(corners), depth))
-    return PressedFace(cover=cover, depth=depth, corners=corners, pressure=pressure)
+    hit = pressure > 0
+    area = float(measure_areas(corners[hit]).sum())
+    return PressedCells(cover=cover, depth=depth, corners=corners[hit], pressure=pressure[hit], contact_area=area)
 
 
 def split_face(indenter: Indenter, cells: int, largest: float) -> FloatArray:
@@ -139,12 +97,7 @@ def _split_rectilinear(
         lines = values[np.concatenate([[True], np.diff(values) > _COINCIDENT])]
         parts = [_grade(a, b, cells, largest)[:-1] for a, b in pairwise(lines)]
         nodes.append(np.concatenate([*parts, lines[-1:]]))
-    x, y = nodes
-    corners = np.stack(
-        [np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1) for u, v in
-         ((x[:-1], y[:-1]), (x[1:], y[:-1]), (x[1:], y[1:]), (x[:-1], y[1:]))],
-        axis=-2,
-    ).reshape(-1, 4, 2)  # fmt: skip
+    corners = collect_rectangles(*nodes)
     middle = corners.mean(axis=1)
     return corners[np.isfinite(indenter.gap(*middle.T))]
 
@@ -166,32 +119,6 @@ def _split_frame(outer: FloatArray, inner: FloatArray, cells: int, largest: floa
 def _collect_quadrangles(grid: FloatArray) -> FloatArray:
     """Collect the quadrangles of a structured grid of points, shape (rows, columns, 2), as shape (m, 4, 2)."""
     return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 2)
-
-
-def measure_areas(corners: FloatArray) -> FloatArray:
-    """Measure the areas of quadrangles, shape (m,) [m2]."""
-    x, y = (corners[:, 2] - corners[:, 0]).T
-    u, v = (corners[:, 3] - corners[:, 1]).T
-    return np.asarray(np.abs(x * v - y * u) / 2)
-
-
-def place_gauss_points(corners: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Place Gauss points in quadrangles.
-
-    Args:
-        corners: Corners of the quadrangles, shape (m, 4, 2) [m].
-        count: Number of points along each side [-].
-
-    Returns:
-        Points, shape (m, count^2, 2) [m], and weights, shape (m, count^2) [m2].
-    """
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    s, t = (each.ravel()[:, None] for each in np.meshgrid((nodes + 1) / 2, (nodes + 1) / 2, indexing="ij"))
-    a, b, c, d = (corners[:, i, None] for i in range(4))
-    along, across = (b - a) * (1 - t) + (c - d) * t, (d - a) * (1 - s) + (c - b) * s
-    jacobian = np.abs(along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0])
-    points = a * (1 - s) * (1 - t) + b * s * (1 - t) + c * s * t + d * (1 - s) * t
-    return points, jacobian * np.outer(weights, weights).ravel() / 4
 
 
 def assemble_compliance(excess: Excess, corners: FloatArray) -> FloatArray:

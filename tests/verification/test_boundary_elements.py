@@ -63,9 +63,10 @@ def test_a_long_roller_presses_its_middle_evenly(bonded):
     more = (longer.total_force - long.total_force) / 12e-3
     width = 1e-3
     for found in (long, longer):
-        band = np.abs(found.y) < width
-        reach = np.abs(found.y[band]).max()
-        rows = np.unique(np.abs(found.y[band]).round(9))
+        y = np.abs(found.centres[:, 1])
+        band = y < width
+        reach = y[band].max()
+        rows = np.unique(y[band].round(9))
         assert len(rows) >= 1
         assert found.force[band].sum() / (2 * (reach + rows[0])) == pytest.approx(more, rel=0.03)
 
