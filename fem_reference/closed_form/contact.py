@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 from scipy.special import j0
 
 from fem_reference.closed_form.influence import LOGARITHMIC_HALF_WIDTH, LOGARITHMIC_POINTS
-from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, transfer
+from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, transfer, transfer_to_base
 from meshes import Cone, Cover, Cylinder, Indenter, Layer, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
 
@@ -53,7 +53,9 @@ class LayerContact:
         depth: Approach of the indenter from first touch [m].
         contact_radius: Radius of the contact area [m].
         cover: The cover that was pressed; None for a half space.
-        phi: Gauss points t, weights and values phi(t) of the solution, shape (3, n) [m, m, N/m].
+        phi: Points t, weights and values phi(t) of the solution, shape (3, n) [m, m, N/m].
+        psi: Values psi(t) at the same points, where int psi(t) sin(k t) dt is the Hankel transform of order 1 of the
+            shear traction, outward positive; None without friction, shape (n,) [N/m].
     """
 
     force: float
@@ -61,6 +63,7 @@ class LayerContact:
     contact_radius: float
     cover: Cover | None = None
     phi: FloatArray = field(default_factory=lambda: np.zeros((3, 0)), repr=False, compare=False)
+    psi: FloatArray | None = field(default=None, repr=False, compare=False)
 
     def force_within(self, radius: FloatArray) -> FloatArray:
         """Compute the contact force within distances r <= a from the axis, shape of `radius` [N].
@@ -85,10 +88,12 @@ class LayerContact:
             raise ValueError("only a solved contact with a layered cover has a base pressure")
         k, weight = hankel_nodes(self.cover, reach + self.contact_radius)
         t, dt, value = self.phi
-        transform = np.concatenate(
-            [np.cos(np.outer(part, t)) @ (dt * value) for part in np.array_split(k, len(k) // 4096 + 1)]
-        )
-        density = transfer(self.cover, k).base * transform * k * weight
+        normal, shear = transfer_to_base(self.cover, k)
+        parts = np.array_split(k, len(k) * len(t) // 1_000_000 + 1)
+        density = normal * np.concatenate([np.cos(np.outer(part, t)) @ (dt * value) for part in parts])
+        if self.psi is not None:
+            density += shear * np.concatenate([np.sin(np.outer(part, t)) @ (dt * self.psi) for part in parts])
+        density *= k * weight
         finest = min(self.cover.thickness, max(self.contact_radius, self.cover.thickness / 4))
         r = np.linspace(0, reach, int(40 * reach / finest) + 40)
         pressure = np.concatenate([j0(np.outer(part, k)) @ density for part in np.array_split(r, len(r) // 256 + 1)])

@@ -91,6 +91,21 @@ def traction_compliance(cover: Cover, wave_number: npt.ArrayLike) -> FloatArray:
     return np.asarray(_solve_tractions(cover, solvable)[0] * np.array([[one, ratio], [ratio, one]]).T)
 
 
+def transfer_to_base(cover: Cover, wave_number: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Compute the pressure cos(k x) on the base of a wide cover per normal and per shear traction on its top.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        wave_number: Wave numbers k > 0, shape (m,) [1/m].
+
+    Returns:
+        Pressure on the base per pressure cos(k x), and per shear traction sin(k x) along +x, shape (m,) each [-].
+    """
+    solvable = np.maximum(wave_number, _SMALL / cover.thickness)
+    shear = _solve_tractions(cover, solvable)[1][:, 1] * wave_number / solvable
+    return transfer(cover, wave_number).base, shear
+
+
 def half_space_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
     """Compute the compliance of a half space under pressure cos(k x), (1 - nu) / (mu k) (Johnson 1985, eq. 2.61).
 

@@ -20,7 +20,7 @@ function of the contact radius, a Volterra equation of the first kind.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import j0
@@ -61,6 +61,17 @@ class StuckPunch:
     def stiffness(self) -> float:
         """Force on the punch per depth [N/m]."""
         return float(2 * np.pi * self.weights @ self.normal)
+
+    def press(self, depth: float) -> LayerContact:
+        """Return the contact at a depth [m]."""
+        return LayerContact(
+            force=self.stiffness * depth,
+            depth=depth,
+            contact_radius=self.radius,
+            cover=self.cover,
+            phi=np.stack([self.places, self.weights, self.normal * depth]),
+            psi=self.shear * depth,
+        )
 
     def top_displacement(self, radius: FloatArray) -> FloatArray:
         """Compute the downward displacement of the top per depth at m distances beyond the punch, shape (m,) [-]."""
@@ -114,15 +125,22 @@ def stuck_shape(
         contact_radius: Radius of the contact area [m].
         steps: Even number of increments of the contact radius [-].
     """
-    coarse, fine = (np.array(_grow_contact(cover, gap, contact_radius, count)) for count in (steps // 2, steps))
-    force, depth = fine + (fine - coarse) / (2**_ORDER - 1)
-    return LayerContact(force=float(force), depth=float(depth), contact_radius=contact_radius)
+    coarse, fine = (_grow_contact(cover, gap, contact_radius, count) for count in (steps // 2, steps))
+    weight = 1 / (2**_ORDER - 1)
+    force = fine.force + weight * (fine.force - coarse.force)
+    return replace(
+        fine,
+        force=force,
+        depth=fine.depth + weight * (fine.depth - coarse.depth),
+        phi=fine.phi * [[1], [1], [force / fine.force]],
+        psi=None if fine.psi is None else fine.psi * force / fine.force,
+    )
 
 
 def _grow_contact(
     cover: Cover, gap: Callable[[FloatArray], FloatArray], contact_radius: float, steps: int
-) -> tuple[float, float]:
-    """Compute force [N] and depth [m] of a growing contact without slip from equal increments of its radius."""
+) -> LayerContact:
+    """Solve a growing contact without slip with equal increments of its radius."""
     edges = contact_radius * np.arange(1, steps + 1) / steps
     middles = edges - edges[0] / 2
     punches = [stuck_punch(cover, float(radius)) for radius in middles]
@@ -131,8 +149,15 @@ def _grow_contact(
     for i, punch in enumerate(punches):
         lift[i:, i] = 1 - punch.top_displacement(edges[i:])
     increments = np.linalg.solve(lift, gap(edges))
-    stiffness = np.array([punch.stiffness for punch in punches])
-    return float(stiffness @ increments), float(increments.sum())
+    parts = [punch.press(float(depth)) for punch, depth in zip(punches, increments, strict=True)]
+    return LayerContact(
+        force=sum(each.force for each in parts),
+        depth=float(increments.sum()),
+        contact_radius=contact_radius,
+        cover=cover,
+        phi=np.concatenate([each.phi for each in parts], axis=1),
+        psi=np.concatenate([each.psi for each in parts if each.psi is not None]),
+    )
 
 
 def _hilbert(s: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

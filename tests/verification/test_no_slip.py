@@ -14,7 +14,7 @@ from fem_reference.closed_form import (
     traction_compliance,
     transfer,
 )
-from meshes import Cover, Layer, Material
+from meshes import Cover, Layer, Material, TexelArray
 
 THICKNESS = 2e-3
 
@@ -68,3 +68,14 @@ def test_an_incompressible_half_space_under_a_sphere_needs_no_friction():
     free = sphere(cover(0.5, thickness=1.0), radius, contact, paraboloid=True)
     assert found.force == pytest.approx(free.force, rel=5e-4)
     assert found.depth == pytest.approx(free.depth, rel=5e-4)
+
+
+def test_texels_carry_the_force_of_contacts_without_slip():
+    array = TexelArray.grid(21, 21, 3.4e-3)
+    stuck = stuck_punch(cover(0.3), 3e-3).press(1e-4)
+    grown = stuck_shape(cover(0.3), lambda r: r**2 / 10e-3, 1.5e-3, steps=8)
+    for contact in (stuck, grown):
+        assert contact.texel_forces(array).sum() == pytest.approx(contact.force, rel=2e-5)
+    smooth = punch(cover(0.3), 3e-3, 1e-4)
+    ratio = stuck.texel_forces(array).max() / smooth.texel_forces(array).max()
+    assert ratio == pytest.approx(stuck.force / smooth.force, rel=0.02)
