@@ -12,12 +12,13 @@ import numpy as np
 
 from fem_reference.elements.grading import grade_around_edge, grade_outward
 from fem_reference.elements.taylor_hood import prepare_elements
+from fem_reference.fields.cover_fields import CoverFields, recover_fields
 from fem_reference.finite_strain.contact import SurfaceContact
 from fem_reference.finite_strain.contact_points import collect_points
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import LoadingPath, Units
+from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
 from meshes import FlatPunch, Indenter
@@ -59,6 +60,7 @@ class PressedState:
         rings: Radius [m], force along z and radial frictional force on the cover [N] of k rings of the contact, shape
             (k, 3).
         energy: Elastic energy stored in the cover [J].
+        fields: Displacement and stress in the cover, if the loading path asks for them.
     """
 
     depth: float
@@ -68,6 +70,7 @@ class PressedState:
     base: BaseResponse
     rings: FloatArray
     energy: float
+    fields: CoverFields | None
 
 
 def press_axisymmetric(
@@ -122,7 +125,7 @@ def press_axisymmetric(
         guesses=() if coarse is None or path.friction else coarse.transfer_guesses(elements),
         progress=progress,
     )
-    return [_describe_state(solid, units, surface, each) for each in reached], SolvedPath(
+    return [_describe_state(solid, path, surface, each) for each in reached], SolvedPath(
         elements=elements, equilibria=reached
     )
 
@@ -149,16 +152,21 @@ def _grade_radii(
     return grade_outward(size, _FINE_REGION * radius, reach, growth), size
 
 
-def _describe_state(solid: Solid, units: Units, surface: IndenterSurface, reached: ContactEquilibrium) -> PressedState:
+def _describe_state(
+    solid: Solid, path: LoadingPath, surface: IndenterSurface, reached: ContactEquilibrium
+) -> PressedState:
     """Convert the converged state at one target to SI units."""
-    elements = solid.elements
+    elements, units, scale = solid.elements, path.units, path.load_scale
     r, z = elements.nodes.T
     base, top = np.flatnonzero(z < _ON_BOUNDARY), np.flatnonzero(z > 1 - _ON_BOUNDARY)
     base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
     below = recover_base_response(r[base], reached.reaction[2 * base + 1])
     # Scaled strains are so small that the stored energy of finite strain is lost in rounding.
-    stored = solid if surface.load_scale == 1 else solid.linearise_at_rest()
+    stored = solid if scale == 1 else solid.linearise_at_rest()
+    fields = None
+    if path.fields:
+        fields = recover_fields(solid, reached.state, units, load_scale=scale, linear=scale != 1)
     return PressedState(
         depth=reached.depth * units.length,
         load=reached.load * units.force,
@@ -171,6 +179,7 @@ def _describe_state(solid: Solid, units: Units, surface: IndenterSurface, reache
         ),
         rings=collect_points(reached.contact) * [units.length, units.force, units.force],
         energy=stored.energy(reached.state) * units.force * units.length,
+        fields=fields,
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from fem_reference.elements.grading import grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
 from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, prepare_elements
+from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.contact_points import collect_points, unfold_points
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
@@ -58,6 +59,7 @@ class BlockState:
         symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
         contact: Points of the whole contact in the frame of the mesh, see `contact_points`, shape (k, 5).
         energy: Elastic energy stored in the whole cover [J].
+        fields: Displacement and stress in the whole cover in the frame of the mesh, if the loading path asks for them.
     """
 
     depth: float
@@ -69,6 +71,7 @@ class BlockState:
     symmetric: tuple[bool, bool]
     contact: FloatArray
     energy: float
+    fields: CoverFields | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

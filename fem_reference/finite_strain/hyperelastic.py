@@ -27,6 +27,8 @@ from meshes.array_types import FloatArray
 
 #: Number of quadrature points that are evaluated together, so small that their tensors fit in the processor cache [-].
 _POINTS = 1152
+#: Largest displacement gradient to which a state is scaled to compute the stress of linear elasticity [-].
+_LINEAR_STRAIN = 1e-6
 
 
 class InvertedElementError(ConvergenceError):
@@ -130,6 +132,26 @@ class Solid:
         inverse = self.bulk_compliance[self.elements.region][:, None]
         density = self._evaluate_isochoric(F, J, whole).energy - p * (J.value - 1) - p**2 * inverse / 2
         return float((density * self.elements.weight).sum())
+
+    def cauchy_stress(self, state: FloatArray, *, linear: bool = False) -> FloatArray:
+        """Compute the Cauchy stress at the quadrature points, P F^T / J, shape (e, q, 3, 3) [Pa].
+
+        Args:
+            state: Displacements [m], then mean pressures [Pa], shape (n,).
+            linear: Whether to return the stress of linear elasticity, the limit of a small factor on the state.
+        """
+        factor = _LINEAR_STRAIN / np.abs(self.elements.compute_gradient(state)).max() if linear else 1.0
+        e, q = self.elements.weight.shape
+        out = np.zeros((e, q, 3, 3))
+        size = max(1, _POINTS // q)
+        for part in (slice(start, start + size) for start in range(0, e, size)):
+            F, J, p = self._evaluate_fields(factor * state, part)
+            flat = self._evaluate_isochoric(F, J, part).stress - p[..., None] * J.first
+            first = np.zeros_like(F)
+            for g, (i, j) in enumerate(self.elements.places):
+                first[..., i, j] = flat[..., g]
+            out[part] = np.einsum("eqik,eqjk,eq->eqij", first, F, 1 / (factor * J.value))
+        return out
 
     def _evaluate_fields(self, state: FloatArray, part: slice) -> tuple[FloatArray, Invariant, FloatArray]:
         """Compute deformation gradient, its determinant and mean pressure at the quadrature points of some elements."""

@@ -62,6 +62,7 @@ class LoadingPath:
         control: Whether the targets are loads or depths.
         friction: Coefficient of Coulomb friction, inf for no slip [-].
         load_scale: Factor on the targets and on the heights of the indenter [-].
+        fields: Whether displacement and stress in the cover are part of the solution.
     """
 
     cover: Cover
@@ -70,6 +71,7 @@ class LoadingPath:
     control: Control
     friction: float = 0.0
     load_scale: float = 1.0
+    fields: bool = False
 
     @property
     def units(self) -> Units:

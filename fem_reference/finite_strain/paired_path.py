@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem_reference.elements.taylor_hood import MixedElements
+from fem_reference.fields.cover_fields import CoverFields, recover_fields
 from fem_reference.finite_strain.axisymmetric_path import FIRST_DEPTH, PENALTY
 from fem_reference.finite_strain.block_path import Block, BlockState, describe_state, find_constrained, mesh_block
 from fem_reference.finite_strain.contact import SurfaceContact
@@ -103,8 +104,20 @@ def press_paired(
     full_solid = small_strain_solid if path.load_scale == scale else solid
     full = _follow(path, block, full_solid, guesses, progress)
     before = [describe_state(small_strain_solid, units, each, block) for each in baseline]
-    after = [describe_state(full_solid, units, each, block) for each in full]
+    after = [
+        replace(describe_state(full_solid, units, each, block), fields=_recover_fields(path, solid, block, each))
+        for each in full
+    ]
     return before, after, PairedPath(elements=elements, baseline=baseline, full=full, ratio=ratio)
+
+
+def _recover_fields(path: LoadingPath, solid: Solid, block: Block, reached: ContactEquilibrium) -> CoverFields | None:
+    """Compute displacement and stress in the whole block if the loading path asks for them."""
+    if not path.fields:
+        return None
+    scale = path.load_scale
+    fields = recover_fields(solid, reached.state, path.units, load_scale=scale, linear=scale != 1)
+    return fields.unfold(block.symmetric)
 
 
 def _guess_full(

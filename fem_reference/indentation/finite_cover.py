@@ -78,7 +78,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         kind="bounded-press",
         inputs={"pose": pose},
         pose=pose,
-        lay_out=lambda count: _lay_out(path, pose, points, count, scale_fillet(fillet, count, SOLID_GRIDS)),
+        lay_out=lambda count: lay_out_cover(path, pose, points, count, scale_fillet(fillet, count, SOLID_GRIDS)),
         recover_pressure=recover_nodal_pressure,
         integrate=lambda base: partial(integrate_nodal, base),
     )
@@ -114,7 +114,7 @@ def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> 
     return np.append(force, whole[0] @ pressure @ whole[1] - force.sum())
 
 
-def _lay_out(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: int, fillet: float) -> Block:
+def lay_out_cover(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: int, fillet: float) -> Block:
     """Choose the element edges of the whole cover, or of its half or quarter, with small elements around the contact.
 
     Args:

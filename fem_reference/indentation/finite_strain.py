@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from fem_reference import result_store
+from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import BasePressure, Block, lay_out_block, recover_gauss_pressure
 from fem_reference.finite_strain.contact_points import divide_rings
@@ -171,6 +172,8 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
                     [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
                 )
                 out[f"rings_{count}_{i}"] = state.rings
+                if state.fields is not None and count == GRIDS[-1]:
+                    out |= state.fields.pack(f"fields_{count}_{i}")
         return out
 
     data = result_store.fetch("finite-press", {"path": path, "grids": GRIDS, "fillet": fillet}, compute)
@@ -196,6 +199,7 @@ def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> Grid
         contact=points[:, :3],
         shear=points[:, 3:] if path.friction else None,
         energy=energy / path.load_scale**2,
+        fields=CoverFields.unpack(data, f"fields_{key}"),
         base_forces=_integrate_rings(force, base),
     )
 

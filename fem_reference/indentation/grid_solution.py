@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
 from meshes import TexelArray
@@ -44,6 +45,8 @@ class GridSolution:
         energy: Elastic energy stored in the cover [J].
         shear: Components x and y of the frictional force on the cover at the contact points, in the frame of the
             indenter, shape (m, 2) [N]; None without friction.
+        fields: Displacement and stress in the cover in the frame of the mesh: of the array on a cover of limited size,
+            else of the indenter; None unless the solver computed them.
     """
 
     total_force: float
@@ -54,6 +57,7 @@ class GridSolution:
     base_forces: BaseForces
     energy: float
     shear: FloatArray | None = None
+    fields: CoverFields | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,6 +194,7 @@ def correct_solution(
     small-strain solution on the same grid, under the same rounded indenter, has nearly the same discretisation error.
     The difference of the two solutions is therefore much more accurate than each of them (a control variate).  The
     contact tractions are not corrected: they are those of `full`, multiplied by one factor to the force of the result.
+    Likewise the fields, their displacements by one factor to the depth of the result.
 
     Args:
         accurate: Converged frictionless small-strain solution at the target load or depth.
@@ -230,4 +235,5 @@ def correct_solution(
         base_forces=base_forces,
         energy=force * depth * correct(lambda each: each.energy / (each.total_force * each.depth)),
         shear=None if full.shear is None else full.shear * scale,
+        fields=None if full.fields is None else full.fields.scale(depth / full.depth, scale),
     )

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, small_strain
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
+from fem_reference.indentation.linear_fields import solve_linear_fields
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
@@ -49,6 +51,7 @@ class Indentation:
         shear: Components x and y, in the frame of the array, of the frictional force that the indenter exerts on the
             cover at these points, multiplied by the same factor, shape (m, 2) [N]; None without friction.
         energy: Elastic energy stored in the cover [J].  Without friction it equals the work of the load.
+        fields: Displacement and stress in the cover, if they were asked for, on the finest mesh.
         error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
             `contact_area`; 0 for the prescribed one of force and depth [-].
         assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
@@ -65,6 +68,7 @@ class Indentation:
     contact: FloatArray
     shear: FloatArray | None
     energy: float
+    fields: CoverFields | None
     error_estimate: dict[str, float]
     assumptions: dict[str, str]
     warnings: tuple[str, ...]
@@ -81,6 +85,7 @@ def press(
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
     friction: float = 0.0,
+    fields: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Indentation:
     """Press a rigid indenter, guided along the normal of the array, into a cover.
@@ -99,6 +104,7 @@ def press(
         yaw: Rotation of the indenter about its axis [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip.  Slip depends on the
             loading history, so problems with friction are solved in small steps and take longer [-].
+        fields: Whether the result has displacement and stress in the cover; results without fields are stored apart.
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -118,6 +124,7 @@ def press(
         at=at,
         yaw=yaw,
         friction=friction,
+        fields=fields,
         progress=progress,
     )[0]
 
@@ -132,6 +139,7 @@ def press_path(
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
     friction: float = 0.0,
+    fields: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
     """Press a rigid indenter into a cover at several ascending loads or depths, one after the other; see `press`.
@@ -145,6 +153,7 @@ def press_path(
         at: Position of the indenter's axis in the frame of the array [m].
         yaw: Rotation of the indenter about its axis [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
+        fields: Whether the result has displacement and stress in the cover; results without fields are stored apart.
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -160,7 +169,9 @@ def press_path(
     if not friction >= 0:
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
     started = time.perf_counter()
-    path = LoadingPath(cover=cover, indenter=indenter, targets=targets, control=control, friction=friction)
+    path = LoadingPath(
+        cover=cover, indenter=indenter, targets=targets, control=control, friction=friction, fields=fields
+    )
     if cover.small_strain_only and not friction:
         study = small_strain.study_path(path, place, progress)
     elif cover.size is None:
@@ -213,6 +224,7 @@ def _combine_grids(
     scale = total / force.sum()
     turn = replace(place.pose, at=(0.0, 0.0))
     shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
+    fields = _find_fields(finest, path, place, scale) if path.fields else None
     return Indentation(
         texel_forces=texel_forces,
         outside=outside,
@@ -223,6 +235,7 @@ def _combine_grids(
         contact=np.column_stack([*place.pose.to_array(x, y), force * scale]),
         shear=shear,
         energy=float(study.combine(grids, lambda each: each.energy)),
+        fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
         warnings=_warn(errors, balance),
@@ -242,6 +255,20 @@ def _warn(errors: dict[str, float], balance: float) -> tuple[str, ...]:
     if abs(balance) > _LARGE_IMBALANCE:
         out.append(f"the forces on the base differ from the load by {balance:+.2%}")
     return tuple(out)
+
+
+def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: float) -> CoverFields:
+    """Return displacement and stress in the cover in the frame of the array, solved from the contact forces if absent.
+
+    Args:
+        finest: Solution on the finest grid.
+        path: Cover and indenter.
+        place: Array, and pose of the indenter.
+        scale: Total force of the result over that of the contact forces [-].
+    """
+    if finest.fields is None:
+        return solve_linear_fields(path, finest.contact * [1, 1, scale], place)
+    return finest.fields if path.cover.size is not None else finest.fields.to_array(place.pose)
 
 
 def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:

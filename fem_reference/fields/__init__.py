@@ -1,0 +1,1 @@
+"""Displacement and stress in a cover under an indenter."""

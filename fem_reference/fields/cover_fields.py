@@ -1,0 +1,176 @@
+"""Displacement and stress in a cover at the corners of its elements.
+
+The stress is known at the quadrature points of the elements.  Its nodal values are those of the piecewise linear field,
+continuous within each layer, that is closest to these values in the least-squares sense (an L2 projection per layer).
+The stress may jump between layers, so the nodes on an interface occur once for each layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from fem_reference.elements.taylor_hood import MixedElements
+from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.loading_path import Units
+from meshes.array_types import FloatArray, IntArray
+from meshes.pose import PlanarPose
+
+#: Corners of quadrilaterals and hexahedra in the order of VTK: for each corner, whether it is the upper one along each
+#: direction.
+_QUADRILATERAL = ((0, 0), (1, 0), (1, 1), (0, 1))
+_HEXAHEDRON = tuple((*corner, height) for height in (0, 1) for corner in _QUADRILATERAL)
+#: Axes x, y, z of the components r, z and hoop of a stress in an axisymmetric mesh, in which x is the radius and y the
+#: hoop direction.
+_RADIAL = (0, 2, 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverFields:
+    """Displacement and stress in a cover under an indenter, in the frame of the array, with z from the base up.
+
+    An axisymmetric solution is given in the half plane y = const, x >= x of the indenter's axis, and is the same in
+    every half plane through this axis; the direction y is then the hoop direction.
+
+    Attributes:
+        position: Positions of n nodes in the undeformed cover, shape (n, 3) [m].
+        displacement: Displacements of the nodes, shape (n, 3) [m].
+        stress: Cauchy stress tensors at the nodes, tension positive, shape (n, 3, 3) [Pa].
+        cells: Nodes of e elements in the order of VTK, quadrilaterals, shape (e, 4), or hexahedra, shape (e, 8).
+        layer: Index of the layer of each element, bottom first, shape (e,).
+        axisymmetric: Whether the solution is axisymmetric.
+    """
+
+    position: FloatArray
+    displacement: FloatArray
+    stress: FloatArray
+    cells: IntArray
+    layer: IntArray
+    axisymmetric: bool
+
+    @property
+    def von_mises(self) -> FloatArray:
+        """Von Mises stress at the nodes, shape (n,) [Pa]."""
+        deviator = self.stress - np.trace(self.stress, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
+        return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))))
+
+    def scale(self, displacement: float, stress: float) -> CoverFields:
+        """Multiply the displacements by one factor and the stresses by another."""
+        return replace(self, displacement=self.displacement * displacement, stress=self.stress * stress)
+
+    def unfold(self, symmetric: tuple[bool, bool]) -> CoverFields:
+        """Extend the fields of a half or quarter by mirror images; nodes on a plane of symmetry occur twice.
+
+        Args:
+            symmetric: Whether x = 0 and y = 0 are planes of symmetry.
+        """
+        whole = self
+        for axis in range(2):
+            if symmetric[axis]:
+                whole = whole._mirror(axis)
+        return whole
+
+    def _mirror(self, axis: int) -> CoverFields:
+        """Add the mirror image at the plane where the coordinate `axis` is 0."""
+        sign = np.ones(3)
+        sign[axis] = -1.0
+        corners = _HEXAHEDRON
+        flipped = [tuple(1 - bit if i == axis else bit for i, bit in enumerate(corner)) for corner in corners]
+        order = [corners.index(corner) for corner in flipped]
+        return CoverFields(
+            position=np.concatenate([self.position, self.position * sign]),
+            displacement=np.concatenate([self.displacement, self.displacement * sign]),
+            stress=np.concatenate([self.stress, self.stress * np.outer(sign, sign)]),
+            cells=np.concatenate([self.cells, self.cells[:, order] + len(self.position)]),
+            layer=np.concatenate([self.layer, self.layer]),
+            axisymmetric=False,
+        )
+
+    def to_array(self, pose: PlanarPose) -> CoverFields:
+        """Transform fields from the frame of an indenter to the frame of the array."""
+        c, s = (1.0, 0.0) if self.axisymmetric else pose.direction
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return replace(
+            self,
+            position=self.position @ turn.T + [*pose.at, 0.0],
+            displacement=self.displacement @ turn.T,
+            stress=np.einsum("ij,njk,lk->nil", turn, self.stress, turn),
+        )
+
+    def pack(self, key: str) -> dict[str, Any]:
+        """Return the arrays by name, each name with the prefix `key`, for the result store."""
+        return {f"{key}_{name}": getattr(self, name) for name in self.__dataclass_fields__}
+
+    @classmethod
+    def unpack(cls, data: Mapping[str, Any], key: str) -> CoverFields | None:
+        """Build fields from arrays that `pack` returned; None if there are none with this prefix."""
+        if f"{key}_position" not in data:
+            return None
+        arrays = {name: data[f"{key}_{name}"] for name in cls.__dataclass_fields__}
+        return cls(**arrays | {"axisymmetric": bool(arrays["axisymmetric"])})
+
+
+def recover_fields(
+    solid: Solid, state: FloatArray, units: Units, *, load_scale: float = 1.0, linear: bool = False
+) -> CoverFields:
+    """Compute the fields of a solved state, in the frame of the mesh and for the meshed part only.
+
+    Args:
+        solid: Elements and materials in `units`; the mesh is a tensor product along the axes.
+        state: Displacements, then mean pressures, shape (n,) [units of computation].
+        units: Units of length and stress of the solid.
+        load_scale: Factor on the load with which the state was solved, by which the fields are divided [-].
+        linear: Whether the stress is that of linear elasticity.
+    """
+    elements = solid.elements
+    mesh = elements.basis.mesh
+    vertex = np.empty(elements.pressures, dtype=np.int64)
+    vertex[elements.pressure_cells] = mesh.t.T
+    flat = mesh.p[:, vertex].T
+    node = np.asarray(elements.basis.nodal_dofs[0])[vertex]
+    moved = state[: elements.displacements].reshape(-1, elements.dimension)[node]
+    stress = _project(elements, solid.cauchy_stress(state, linear=linear))
+    axisymmetric = elements.hoop is not None
+    if axisymmetric:
+        stress = stress[:, _RADIAL][:, :, _RADIAL]
+        flat, moved = (np.insert(each, 1, 0.0, axis=1) for each in (flat, moved))
+    return CoverFields(
+        position=flat * units.length,
+        displacement=moved * (units.length / load_scale),
+        stress=stress * (units.stress / load_scale),
+        cells=_order_corners(elements),
+        layer=elements.region,
+        axisymmetric=axisymmetric,
+    )
+
+
+def _project(elements: MixedElements, values: FloatArray) -> FloatArray:
+    """Project tensors at the quadrature points, shape (e, q, 3, 3), onto the corners of each layer, shape (n, 3, 3)."""
+    rows, shape = elements.pressure_cells, elements.pressure_shape
+    weighted = shape * elements.weight[..., None]
+    mass = np.einsum("eqa,eqb->eab", weighted, shape)
+    i = np.broadcast_to(rows[:, :, None], mass.shape).ravel()
+    j = np.broadcast_to(rows[:, None, :], mass.shape).ravel()
+    n = elements.pressures
+    right = np.zeros((n, 9))
+    np.add.at(right, rows, np.einsum("eqa,eqij->eaij", weighted, values).reshape(*rows.shape, 9))
+    matrix = sp.coo_matrix((mass.ravel(), (i, j)), shape=(n, n)).tocsc()
+    return np.asarray(splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)).reshape(
+        n, 3, 3
+    )
+
+
+def _order_corners(elements: MixedElements) -> IntArray:
+    """Return the corners of every element in the order of VTK, as indices of pressure unknowns."""
+    mesh = elements.basis.mesh
+    corner = mesh.p[:, mesh.t]  # (d, corners, e)
+    upper = corner > corner.mean(axis=1, keepdims=True)
+    wanted = np.array(_HEXAHEDRON if elements.dimension == 3 else _QUADRILATERAL)  # noqa: PLR2004
+    code = 2 ** np.arange(elements.dimension)
+    found = np.argsort(np.tensordot(code, upper.astype(int), 1), axis=0)  # corners by code, (corners, e)
+    return np.take_along_axis(elements.pressure_cells, found[wanted @ code].T, axis=1)

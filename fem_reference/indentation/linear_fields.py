@@ -1,0 +1,147 @@
+"""Compute the fields in a cover of linear elastic layers from the contact forces of a solved frictionless indentation.
+
+The contact on a linear cover is solved on the compliance of its surface, without a mesh of the cover.  Its fields are
+solved afterwards on one mesh with the contact forces as loads on the top.  The loads are consistent nodal forces: a
+force counts with the values of the shape functions at its point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fem_reference.elements.grading import grade_contact, grade_outward
+from fem_reference.elements.line import Line
+from fem_reference.elements.taylor_hood import MixedElements, prepare_elements
+from fem_reference.fields.cover_fields import CoverFields, recover_fields
+from fem_reference.finite_strain.block_path import Block, find_constrained, mesh_block
+from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
+from fem_reference.finite_strain.loading_path import LoadingPath, Units
+from fem_reference.indentation.finite_cover import lay_out_cover
+from fem_reference.linear_response import axisymmetric
+from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.sparse_solver import ConstrainedSystem
+from meshes.array_types import FloatArray, IntArray
+from meshes.pose import Place, PlanarPose
+
+#: Number of elements through the cover, axisymmetric and in three dimensions [-].
+_COUNT, _SOLID_COUNT = 16, 4
+#: Distance of the outer boundary, where all displacements are zero, over the decay length of the cover's response [-].
+_REACH, _SOLID_REACH = 12.0, 7.0
+#: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
+_REACH_RADII = 1.5
+#: Radius of the region of small elements over the contact radius, and number of elements over the contact radius [-].
+_FINE_REGION, _ACROSS = 1.3, 24
+#: Growth of axisymmetric elements outside this region, times the number of elements through the cover [-].
+_GROWTH = 1.2
+#: Element sizes in three dimensions over the regular size: at the edge of the contact, and largest in the contact [-].
+_EDGE, _LARGEST = 0.5, 1.2
+#: Largest number of elements along half a contact in three dimensions, to limit the memory [-].
+_MOST = 14
+#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
+_ON_BOUNDARY = 1e-9
+
+
+def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place) -> CoverFields:
+    """Solve for displacement and stress in a linear cover under the forces of a frictionless contact.
+
+    Args:
+        path: Cover and indenter.
+        contact: Columns x, y in the frame of the indenter [m] and force [N] of m contact points, shape (m, 3).
+        place: Array, and pose of the indenter.
+
+    Returns:
+        The fields in the frame of the array.
+
+    Raises:
+        ValueError: If a cover of limited size slides on its base and is not loaded symmetrically.
+    """
+    if path.cover.size is not None:
+        return _solve_finite_cover(path, contact, place.pose)
+    if path.indenter.axisymmetric:
+        return _solve_axisymmetric(path, contact).to_array(place.pose)
+    return _solve_wide_block(path, contact).to_array(place.pose)
+
+
+def _solve_axisymmetric(path: LoadingPath, contact: FloatArray) -> CoverFields:
+    """Solve for the fields around the axis of an indenter of revolution, in its frame."""
+    units = path.units
+    cover = units.scale_cover(path.cover)
+    r = np.hypot(contact[:, 0], contact[:, 1]) / units.length
+    radius = float(r.max())
+    reach = _REACH * decay_length(path.cover) / units.length + _REACH_RADII * radius
+    size = min(1 / _COUNT, radius / _ACROSS)
+    radii = grade_outward(size, _FINE_REGION * radius, reach, 1 + _GROWTH / _COUNT)
+    mesh, region = axisymmetric.mesh_cover(cover, _COUNT, radii, surface_size=size)
+    elements = prepare_elements(mesh, region=region, axisymmetric=True)
+    position, z = elements.nodes.T
+    top = np.flatnonzero(z > 1 - _ON_BOUNDARY)
+    top = top[np.argsort(position[top])]
+    load = np.zeros(elements.displacements + elements.pressures)
+    load[2 * top + 1] = -(Line(edges=radii, order=2).at(r).T @ contact[:, 2]) / units.force
+    return _solve(path, elements, load, axisymmetric.find_constrained(cover, position, z, reach))
+
+
+def _solve_wide_block(path: LoadingPath, contact: FloatArray) -> CoverFields:
+    """Solve for the fields in a block of a wide cover, in the frame of the indenter."""
+    unit = path.units.length
+    halves = np.abs(contact[:, :2]).max(axis=0) / unit
+    reach = _SOLID_REACH * decay_length(path.cover) / unit
+    symmetric = path.indenter.mirror_symmetry
+    sides, sizes = [], []
+    for half, mirror in zip(halves.tolist(), symmetric, strict=True):
+        size = max(min(1.0, 2 * half) / _SOLID_COUNT, half / _MOST)
+        side = grade_contact(half, reach, fine=_EDGE * size, most=_LARGEST * size)
+        sides.append(side if mirror else np.concatenate([-side[:0:-1], side]))
+        sizes.append(size)
+    size = min(sizes)
+    surface = IndenterSurface(indenter=path.indenter, fillet=size, unit=unit)
+    block = Block(sides=sides, symmetric=symmetric, size=size, surface=surface)
+    return _solve_block(path, contact, block)
+
+
+def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose) -> CoverFields:
+    """Solve for the fields in a whole cover of limited size, in the frame of the array."""
+    size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
+    block = lay_out_cover(path, pose, contact[:, :2], _SOLID_COUNT, size)
+    if path.cover.base == "sliding" and not all(block.symmetric):
+        raise ValueError(
+            "fields of a cover of limited size that slides on its base need a load that mirrors in both its middle "
+            "planes; press its middle or bond its base"
+        )
+    return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block)
+
+
+def _solve_block(path: LoadingPath, contact: FloatArray, block: Block) -> CoverFields:
+    """Solve for the fields in a block under contact forces, both in the frame of the block, and unfold the block."""
+    units = path.units
+    elements = mesh_block(block, units.scale_cover(path.cover), _SOLID_COUNT)
+    x, y, z = elements.nodes.T
+    top = np.flatnonzero(z > 1 - _ON_BOUNDARY)
+    lines = [Line(edges=side, order=2) for side in block.sides]
+    folded = [
+        np.abs(each) if mirror else each
+        for each, mirror in zip(contact[:, :2].T / units.length, block.symmetric, strict=True)
+    ]
+    along_x, along_y = (line.at(each) for line, each in zip(lines, folded, strict=True))
+    forces = along_x.T @ (along_y * contact[:, 2:]) / (units.force * block.multiple)
+    load = np.zeros(elements.displacements + elements.pressures)
+    i, j = (_find_nodes(side, each[top]) for side, each in zip(block.sides, (x, y), strict=True))
+    load[3 * top + 2] = -forces[i, j]
+    constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
+    return _solve(path, elements, load, constrained).unfold(block.symmetric)
+
+
+def _solve(path: LoadingPath, elements: MixedElements, load: FloatArray, constrained: IntArray) -> CoverFields:
+    """Solve the linear system of a meshed cover under nodal forces."""
+    units = Units.of(path.cover)
+    solid = Solid.from_cover(elements, path.cover, units)
+    matrix = solid.linearise_at_rest().stiffness
+    state = ConstrainedSystem(constrained).factorise(matrix).solve(load)
+    return recover_fields(solid, state, units, linear=True)
+
+
+def _find_nodes(edges: FloatArray, places: FloatArray) -> IntArray:
+    """Return the index of the nearest quadratic node of a line, on an element edge or midway, for each place."""
+    nodes = np.interp(np.arange(2 * len(edges) - 1) / 2, np.arange(len(edges)), edges)
+    return np.asarray(np.searchsorted((nodes[1:] + nodes[:-1]) / 2, places))

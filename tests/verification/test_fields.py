@@ -1,0 +1,114 @@
+"""Displacement and stress in the cover: Hertz below the surface, the indenter's shape, and balance with the texels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import LinearNDInterpolator
+
+from fem_reference import closed_form, press
+from meshes import Box, Cylinder, Sphere, TexelArray
+from tests.support.rubber import make_cover
+
+ARRAY = TexelArray.grid(3, 3, pitch=3.4e-3)
+BALL = Sphere(radius=5e-3)
+
+
+def read_axis(fields, cover):
+    """Depths below the surface on the axis, ascending [m], and the stresses there."""
+    on_axis = np.flatnonzero(fields.position[:, 0] < 1e-12)
+    depth = cover.thickness - fields.position[on_axis, 2]
+    order = np.argsort(depth)
+    return depth[order], fields.stress[on_axis[order]]
+
+
+@pytest.fixture(scope="module")
+def hertz():
+    cover = make_cover(0.3, "linear-elastic", thickness=30e-3)
+    exact = closed_form.hertz(cover.layers[0], 5e-3, 0.05)
+    return cover, exact, press(cover, ARRAY, BALL, load=0.05, fields=True)
+
+
+def test_stress_below_a_ball_on_a_thick_cover_is_that_of_hertz(hertz):
+    """Johnson 1985, section 3.4: within 1 % of the largest pressure, the surface itself apart."""
+    cover, exact, found = hertz
+    radius, peak = exact.contact_radius, 1.5 * 0.05 / (np.pi * exact.contact_radius**2)
+    depth, stress = read_axis(found.fields, cover)
+    z = depth / radius
+    near = (z > 0.02) & (z < 4)
+    normal = -1 / (1 + z**2)
+    radial = -1.3 * (1 - z * np.arctan(1 / np.maximum(z, 1e-9))) + 0.5 / (1 + z**2)
+    assert stress[near, 2, 2] / peak == pytest.approx(normal[near], abs=0.01)
+    for axis in (0, 1):
+        assert stress[near, axis, axis] / peak == pytest.approx(radial[near], abs=0.01)
+    shear = (stress[:, 0, 0] - stress[:, 2, 2]) / 2 / peak
+    assert shear.max() == pytest.approx(0.310, abs=0.005)
+    assert z[shear.argmax()] == pytest.approx(0.48, abs=0.08)
+
+
+def test_the_surface_follows_the_ball_in_the_contact(hertz):
+    cover, exact, found = hertz
+    top = found.fields.position[:, 2] > cover.thickness - 1e-9
+    r = found.fields.position[top, 0]
+    inside = r < 0.95 * exact.contact_radius
+    shape = found.depth - r**2 / 10e-3
+    assert -found.fields.displacement[top, 2][inside] == pytest.approx(shape[inside], abs=3e-3 * found.depth)
+
+
+def integrate_base(fields, array, at=(0.0, 0.0)):
+    """Texel forces from the normal stress at the base nodes, by linear interpolation on 31 x 31 points a texel."""
+    base = fields.position[:, 2] < 1e-12
+    offset = ((np.arange(31) + 0.5) / 31 - 0.5) * array.texel_size[0]
+    points = array.centres[:, None, :2] + np.stack(np.meshgrid(offset, offset), axis=-1).reshape(1, -1, 2)
+    pressure = -fields.stress[base, 2, 2]
+    if fields.axisymmetric:
+        order = np.argsort(fields.position[base, 0])
+        r = fields.position[base, 0][order] - at[0]
+        value = np.interp(np.hypot(*(points - at).transpose(2, 0, 1)), r, pressure[order])
+    else:
+        value = LinearNDInterpolator(fields.position[base, :2], pressure)(points)
+    return value.mean(axis=1) * np.prod(array.texel_size)
+
+
+@pytest.mark.parametrize(
+    ("model", "shape", "options", "tolerance"),
+    [
+        ("linear-elastic", BALL, {"load": 0.3}, 0.01),
+        ("linear-elastic", Cylinder(radius=2e-3), {"load": 0.3}, 0.01),
+        ("linear-elastic", Box(size=(4e-3, 3e-3, 4e-3)), {"load": 0.3, "yaw": np.pi / 2}, 0.03),
+        ("neo-hookean", BALL, {"depth": 0.4e-3}, 0.02),
+        pytest.param(
+            "linear-elastic", Box(size=(4e-3, 3e-3, 4e-3)), {"load": 0.3, "friction": 0.4}, 0.1, marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_normal_stress_on_the_base_gives_the_texel_forces(model, shape, options, tolerance):
+    at = (0.5e-3, -1e-3)
+    found = press(make_cover(0.45, model), ARRAY, shape, at=at, fields=True, **options)
+    forces = integrate_base(found.fields, ARRAY, at)
+    assert forces == pytest.approx(found.texel_forces, abs=tolerance * found.texel_forces.max())
+
+
+@pytest.mark.slow
+def test_fields_of_a_cover_of_limited_size_are_in_the_frame_of_the_array():
+    cover = make_cover(0.45, "linear-elastic", size=(12e-3, 12e-3))
+    found = press(cover, ARRAY, Box(size=(4e-3, 3e-3, 4e-3)), load=0.3, at=(1e-3, 0.0), fields=True)
+    assert np.abs(found.fields.position[:, :2]).max(axis=0) == pytest.approx((6e-3, 6e-3))
+    assert integrate_base(found.fields, ARRAY) == pytest.approx(found.texel_forces, abs=0.03 * found.texel_forces.max())
+    lowest = found.fields.displacement[:, 2].argmin()
+    assert np.abs(found.fields.position[lowest, :2] - (1e-3, 0.0)) == pytest.approx((0, 0), abs=2.1e-3)
+
+
+def test_two_layers_have_stresses_of_their_own_and_the_same_traction(bonded):
+    from dataclasses import replace
+
+    soft, stiff = bonded(0.45, 1e-3).layers[0], bonded(0.3, 1e-3, 5e6).layers[0]
+    cover = replace(bonded(0.45), layers=(soft, stiff))
+    fields = press(cover, ARRAY, BALL, load=0.2, fields=True).fields
+    interface = np.flatnonzero(np.abs(fields.position[:, 2] - 1e-3) < 1e-12)
+    order = interface[np.lexsort((fields.position[interface, 0],))].reshape(-1, 2)
+    first, second = order.T
+    normal = fields.stress[first, 2, 2], fields.stress[second, 2, 2]
+    assert normal[0] == pytest.approx(normal[1], abs=0.03 * np.abs(normal[0]).max())
+    assert np.abs(fields.stress[first, 0, 0] - fields.stress[second, 0, 0]).max() > 0.3 * np.abs(normal[0]).max()
+    assert fields.displacement[first] == pytest.approx(fields.displacement[second])
