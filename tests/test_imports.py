@@ -59,7 +59,8 @@ def test_a_planted_import_is_seen():
         ("meshes", {"scipy", "mujoco", "skfem", "trimesh"}),
         ("fem_reference", {"mujoco", "fastmodel", "pyvista", "matplotlib"}),
         ("fem_reference.result_store", {"skfem", "scipy", "mujoco", "fastmodel"}),
-        ("validation.cli", {"mujoco", "skfem", "matplotlib", "plotly", "scipy"}),
+        ("validation.cli", {"mujoco", "skfem", "matplotlib", "plotly", "scipy", "pyvista"}),
+        ("validation.press.fields_file", {"pyvista", "vtkmodules"}),
     ],
 )
 def test_importing_a_package_loads_no_heavy_stranger(package, absent):

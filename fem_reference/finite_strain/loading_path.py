@@ -87,12 +87,17 @@ class LoadingPath:
     @property
     def at_model_strain(self) -> LoadingPath:
         """This loading path, at small strain if all layers have small-strain materials, else at finite strain."""
-        return replace(self, load_scale=_SMALL_STRAIN_SCALE) if self.cover.small_strain_only else self
+        return replace(self, load_scale=choose_load_scale(self.cover))
 
     @property
     def baseline(self) -> LoadingPath:
         """This loading path without friction and at small strain."""
         return replace(self, friction=0.0, load_scale=_SMALL_STRAIN_SCALE)
+
+
+def choose_load_scale(cover: Cover) -> float:
+    """Return the load scale with which a cover is solved: small if all layers have small-strain materials, else 1."""
+    return _SMALL_STRAIN_SCALE if cover.small_strain_only else 1.0
 
 
 def name_grid(progress: Callable[[str], None] | None, count: int) -> Callable[[str], None] | None:

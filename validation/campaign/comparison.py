@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from validation.campaign.case import Case
 from validation.campaign.run import describe_reference, score_forces
+from validation.errors import InputError
 from validation.metrics import Score
 from validation.sensor_file import SensorDescription
 
@@ -77,6 +78,7 @@ def compare_models(
     friction: float = 0.0,
     models: Sequence[str] = MODELS,
     method: str = "default",
+    fields: bool = False,
     progress: Progress | None = None,
 ) -> Comparison:
     """Compute one indentation by the chosen models, and score the fast model if both are chosen.
@@ -90,6 +92,7 @@ def compare_models(
         friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip [-].
         models: Names of the models, some of `MODELS`.
         method: Contact method of the fast model, one of `METHODS`.
+        fields: Whether the finite elements also return displacement and stress in the cover.
         progress: Called with a line of text before each step.
 
     Raises:
@@ -100,22 +103,8 @@ def compare_models(
     tell = progress or (lambda _: None)
     fem, fast = None, None
     if "fem" in models or depth is not None:
-        from fem_reference.indentation.press import press
-
-        if not isinstance(sensor, SensorDescription):
-            raise ValueError("the finite elements need the description of the cover")
         tell("indentation by finite elements")
-        fem = press(
-            sensor.cover,
-            sensor.array,
-            case.indenter,
-            load=case.load if depth is None else None,
-            depth=depth,
-            at=case.at,
-            yaw=case.yaw,
-            friction=friction,
-            progress=lambda text: tell(f"finite elements, {text}"),
-        )
+        fem = _press(sensor, case, depth=depth, friction=friction, fields=fields, tell=tell)
         case = dataclasses.replace(case, load=fem.total_force)
     if "fast" in models:
         from fastmodel import indent
@@ -128,3 +117,29 @@ def compare_models(
     if fem is not None and fast is not None:
         score = score_forces(fem, fast.texel_forces, fast.outside, case.load, sensor.array)
     return Comparison(sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models))
+
+
+def _press(
+    sensor: SensorDescription | Parameters,
+    case: Case,
+    *,
+    depth: float | None,
+    tell: Progress,
+    **options: Any,  # noqa: ANN401 -- those of `press`
+) -> Indentation:
+    """Compute one indentation by finite elements, at the depth if it is given and else at the load of the case."""
+    from fem_reference.indentation.press import press
+
+    if not isinstance(sensor, SensorDescription):
+        raise InputError("the finite elements need the description of the cover")
+    return press(
+        sensor.cover,
+        sensor.array,
+        case.indenter,
+        load=case.load if depth is None else None,
+        depth=depth,
+        at=case.at,
+        yaw=case.yaw,
+        progress=lambda text: tell(f"finite elements, {text}"),
+        **options,
+    )

@@ -28,6 +28,7 @@ _EXTRAS = {
     "mcap_ros2": "device",
     "rosbags": "device",
     "gymnasium": "gym",
+    "pyvista": "view",
 }
 
 

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from validation.cli.failures import DONE, NOT_CONVERGED
 from validation.cli.options import Json, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
-from validation.cli.output import describe_cover, print_json, print_rows, say
+from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
 
 if TYPE_CHECKING:
+    from fastmodel import Parameters
     from meshes import TexelArray
+    from validation.campaign.case import Case
     from validation.campaign.comparison import Comparison
+    from validation.press.curve import LoadCurve
+    from validation.sensor_file import SensorDescription
+
+#: Largest number of points of a curve [-].
+_MOST_POINTS = 1000
 
 _Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
 _Depth = Annotated[
@@ -30,6 +41,14 @@ _Friction = Annotated[
         help="Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip.",
         allow_leading_hyphen=True,
     ),
+]
+_Curve = Annotated[
+    int | None,
+    Parameter(help="Compute this many points of the curve of load over depth, by finite elements; needs --out."),
+]
+_Out = Annotated[
+    Path | None,
+    Parameter(help="Folder for contact forces, displacement and stress in the cover, or for the curve."),
 ]
 _Model = Annotated[str, Parameter(help="Which models: fem, fast, or fem,fast.")]
 
@@ -47,9 +66,13 @@ def press(
     method: Method = "default",
     material: MaterialName = None,
     thickness: Thickness = None,
+    curve: _Curve = None,
+    out: _Out = None,
     json: Json = False,
-) -> None:
+) -> int:
     """Compute one indentation by finite elements and by the fast model, and compare the results.
+
+    Only loading is computed: without friction, unloading retraces the same states; with friction it does not.
 
     Examples of use:
 
@@ -57,40 +80,161 @@ def press(
         softcover press sensor.toml --indenter box:size=9mmx9mmx5mm --load 2N --at=1mm,-2mm --yaw=45deg
         softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
+        softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --out pressed
+        softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
+    """
+    request = _read_request(
+        sensor,
+        indenter=indenter,
+        force=(load, depth),
+        pose=(at, yaw),
+        friction=friction,
+        model=model,
+        method=method,
+        cover=(material, thickness),
+        files=(curve, out),
+    )
+    if curve is not None and out is not None:
+        return _trace(request, curve, out, json=json)
+    return _compare(request, out, json=json)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """Options of the command, read and checked."""
+
+    sensor: SensorDescription | Parameters
+    case: Case
+    depth: float | None
+    friction: float
+    models: tuple[str, ...]
+    method: str
+
+
+def _read_request(
+    sensor: str,
+    *,
+    indenter: str,
+    force: tuple[str | None, str | None],
+    pose: tuple[str, str],
+    friction: str,
+    model: str,
+    method: str,
+    cover: tuple[str | None, str | None],
+    files: tuple[int | None, Path | None],
+) -> _Request:
+    """Read and check the options of the command.
+
+    Args:
+        sensor: The sensor.
+        indenter: Shape of the indenter.
+        force: Values of `--load` and `--depth`.
+        pose: Values of `--at` and `--yaw`.
+        friction: Value of `--friction`.
+        model: Value of `--model`.
+        method: Value of `--method`.
+        cover: Values of `--material` and `--thickness`.
+        files: Values of `--curve` and `--out`.
+
+    Raises:
+        InputError: With the faults of all options.
     """
     from validation.campaign.case import Case
-    from validation.campaign.comparison import METHODS, compare_models
-    from validation.cli.sensors import find_parameters, read_description, read_sensor
+    from validation.campaign.comparison import METHODS
+    from validation.cli.sensors import read_description, read_sensor
     from validation.text.indenter import read_indenter, read_position, read_yaw
 
     faults: list[str] = []
     models = collect(faults, lambda: _read_models(model))
-    needs_reference = models is not None and ("fem" in models or depth is not None)
+    needs_reference = models is not None and ("fem" in models or force[1] is not None)
     read = read_description if needs_reference else read_sensor
-    found = collect(faults, lambda: read(sensor, material=material, thickness=thickness))
+    found = collect(faults, lambda: read(sensor, material=cover[0], thickness=cover[1]))
     shape = collect(faults, lambda: read_indenter(indenter))
-    position = collect(faults, lambda: read_position(at))
-    angle = collect(faults, lambda: read_yaw(yaw))
+    position = collect(faults, lambda: read_position(pose[0]))
+    angle = collect(faults, lambda: read_yaw(pose[1]))
     coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
-    force, approach = collect(faults, lambda: _read_force(load, depth)) or (None, None)
+    load, depth = collect(faults, lambda: _read_force(*force)) or (None, None)
     if found and position:
         collect(faults, lambda: _check_position(found.array, position))
+    collect(faults, lambda: _check_files(*files, models))
     if faults or not (found and shape and position and models) or angle is None or coefficient is None:
         raise InputError(*faults)
-    case = Case(name="press", indenter=shape, shape=indenter, load=force or 0.0, at=position, yaw=angle)
-    with Progress() as progress:
-        comparison = compare_models(
-            found,
-            case,
-            depth=approach,
-            friction=coefficient,
-            models=models,
-            method=method,
-            parameters=find_parameters(found, progress) if "fast" in models else None,
-            progress=progress,
-        )
+    case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle)
+    return _Request(sensor=found, case=case, depth=depth, friction=coefficient, models=models, method=method)
+
+
+def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
+    """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
+    from validation.campaign.comparison import compare_models
+    from validation.cli.sensors import find_parameters
+    from validation.json_values import json_text
+    from validation.output_folder import new_folder
+    from validation.press.fields_file import write_indentation
+
+    files: tuple[str, ...] = ()
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(new_folder(out)) if out else None
+        with Progress() as progress:
+            comparison = compare_models(
+                request.sensor,
+                request.case,
+                depth=request.depth,
+                friction=request.friction,
+                models=request.models,
+                method=request.method,
+                fields=folder is not None,
+                parameters=find_parameters(request.sensor, progress) if "fast" in request.models else None,
+                progress=progress,
+            )
+        if folder and comparison.fem:
+            (folder / "press.json").write_text(json_text(comparison.as_json()), encoding="utf-8")
+            files = ("press.json", *write_indentation(comparison.fem, folder))
     _show(comparison, json=json)
+    if files:
+        say(f"wrote {', '.join(files)} to {out}")
+    return DONE
+
+
+def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
+    """Compute a curve of load over depth by finite elements, print it and write it to `out`."""
+    from validation.output_folder import new_folder
+    from validation.press.curve import trace_curve
+    from validation.sensor_file import SensorDescription
+
+    case = request.case
+    if not isinstance(request.sensor, SensorDescription):
+        raise InputError("the finite elements need the description of the cover")
+    with new_folder(out) as folder:
+        with Progress() as progress:
+            curve = trace_curve(
+                request.sensor.cover,
+                request.sensor.array,
+                case.indenter,
+                points=points,
+                load=case.load if request.depth is None else None,
+                depth=request.depth,
+                at=case.at,
+                yaw=case.yaw,
+                friction=request.friction,
+                progress=progress,
+            )
+        files = curve.write(folder)
+    if json:
+        print_json(curve.as_json())
+    else:
+        print_table(("load [N]", "depth [mm]", "area [mm²]", "peak texel [N]", "energy [mJ]"), _list_points(curve))
+    say(f"wrote {', '.join(files)} to {out}")
+    if curve.stopped:
+        say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
+    return NOT_CONVERGED if curve.stopped else DONE
+
+
+def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
+    """Yield load, depth, contact area, largest texel force and energy of each result as text."""
+    for row in curve.rows():
+        factors = {"load_N": 1, "depth_m": 1e3, "contact_area_m2": 1e6, "peak_texel_N": 1, "energy_J": 1e3}
+        yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
 
 
 def _check_position(array: TexelArray, position: tuple[float, float]) -> None:
@@ -110,6 +254,20 @@ def _check_position(array: TexelArray, position: tuple[float, float]) -> None:
         x, y = (f"{1e3 * low[axis]:.4g}..{1e3 * high[axis]:.4g} mm" for axis in (0, 1))
         given = f"({1e3 * position[0]:.4g}, {1e3 * position[1]:.4g}) mm"
         raise InputError(f"--at: {given} is not on the array; accepted: x {x}, y {y}")
+
+
+def _check_files(curve: int | None, out: Path | None, models: tuple[str, ...] | None) -> None:
+    """Refuse `--curve` and `--out` where they have nothing to write.
+
+    Raises:
+        InputError: If the finite elements are not chosen, a curve has no folder, or its number of points is wrong.
+    """
+    if (out is not None or curve is not None) and models is not None and "fem" not in models:
+        raise InputError("--out, --curve: the files hold results of the finite elements; let --model name fem")
+    if curve is not None and not 1 <= curve <= _MOST_POINTS:
+        raise InputError(f"--curve: accepted: 1..{_MOST_POINTS} points, not {curve}")
+    if curve is not None and out is None:
+        raise InputError("--curve: give the folder for the curve, for example --out curve")
 
 
 def _read_models(text: str) -> tuple[str, ...]:

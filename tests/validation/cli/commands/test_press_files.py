@@ -1,0 +1,108 @@
+"""Files of `press --out` and `press --curve`: contact forces, fields and curves, whole, partial, or refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from fem_reference import press
+from fem_reference.errors import ConvergenceError
+from meshes import Sphere, TexelArray
+from tests.support.rubber import make_cover
+from validation.press.curve import trace_curve
+from validation.press.fields_file import write_indentation
+
+ARRAY = TexelArray.grid(4, 4, pitch=3.4e-3)
+BALL = Sphere(radius=4e-3)
+TOUCH = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "200g", "--model", "fem")
+
+
+def test_out_writes_contact_and_fields_that_others_can_read(softcover, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    folder = tmp_path / "pressed"
+    status, out, _ = softcover(*TOUCH, "--out", str(folder), "--json")
+    total = json.loads(out)["models"]["fem"]["total_force"]
+    assert status == 0
+    rows = list(csv.DictReader((folder / "contact.csv").open()))
+    assert sum(float(row["normal_N"]) for row in rows) == pytest.approx(total)
+    assert json.loads((folder / "press.json").read_text())["models"]["fem"]["total_force"] == total
+    grid, arrays = pyvista.read(folder / "fields.vtu"), np.load(folder / "fields.npz")
+    assert np.asarray(grid.points) == pytest.approx(arrays["position"])
+    assert np.asarray(grid.point_data["stress"]).reshape(-1, 3, 3) == pytest.approx(arrays["stress"])
+    cells = grid.cells.reshape(len(arrays["cells"]), -1)[:, 1:]
+    assert (cells == arrays["cells"]).all()
+    areas = grid.compute_cell_sizes(length=False, volume=False)["Area"]
+    x, z = np.ptp(arrays["position"][:, [0, 2]], axis=0)
+    assert areas.sum() == pytest.approx(x * z)
+
+
+@pytest.mark.slow
+def test_hexahedra_fill_the_block(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    from meshes import Box
+
+    box = Box(size=(4e-3, 3e-3, 4e-3))
+    found = press(make_cover(0.45, "linear-elastic"), ARRAY, box, load=0.3, yaw=0.3, fields=True)
+    assert write_indentation(found, tmp_path)[-1] == "fields.vtu"
+    grid = pyvista.read(tmp_path / "fields.vtu")
+    volumes = np.asarray(grid.compute_cell_sizes()["Volume"])
+    assert (volumes > 0).all()
+    inwards = np.asarray(grid.points) - found.fields.position.mean(axis=0)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turned = inwards[:, :2] @ np.array([[c, -s], [s, c]])
+    assert volumes.sum() == pytest.approx(np.prod(np.ptp(turned, axis=0)) * 2e-3)
+
+
+def test_without_pyvista_the_arrays_are_written_and_the_extra_is_named(tmp_path, monkeypatch, caplog):
+    monkeypatch.setitem(__import__("sys").modules, "pyvista", None)
+    found = press(make_cover(0.45, "linear-elastic"), ARRAY, BALL, load=0.3, fields=True)
+    assert write_indentation(found, tmp_path) == ("contact.csv", "fields.npz")
+    assert "softcover[view]" in caplog.text
+
+
+def test_a_curve_is_the_points_of_a_path_and_is_drawn(softcover, tmp_path):
+    folder = tmp_path / "curve"
+    status, out, _ = softcover(*TOUCH, "--curve", "3", "--out", str(folder), "--json")
+    result = json.loads(out)
+    assert status == 0
+    assert [row["load_N"] for row in result["curve"]] == pytest.approx(np.arange(1, 4) / 3 * 0.2 * 9.80665)
+    rows = list(csv.DictReader((folder / "curve.csv").open()))
+    assert [float(row["depth_m"]) for row in rows] == [row["depth_m"] for row in result["curve"]]
+    assert (np.diff([row["depth_m"] for row in result["curve"]]) > 0).all()
+    assert (folder / "curve.png").read_bytes()[:4] == b"\x89PNG"
+    assert "depth [mm]" in (folder / "curve.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--curve", "3"), "--out"),
+        (("--curve", "0", "--out", "x"), "1..1000"),
+        (("--out", "x"), "name fem"),
+    ],
+)
+def test_files_that_cannot_be_written_are_refused(softcover, options, words):
+    model = ("fast",) if words == "name fem" else ("fem",)
+    status, _, err = softcover(*TOUCH[:-1], *model, *options)
+    assert status == 2
+    assert words in err
+
+
+def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
+    import fem_reference
+
+    real = fem_reference.press_path
+
+    def stop(cover, array, indenter, *, depths, **options):
+        if len(depths) > 2:
+            raise ConvergenceError("no convergence beyond 0.25 mm")
+        return real(cover, array, indenter, depths=depths, **options)
+
+    monkeypatch.setattr(fem_reference, "press_path", stop, raising=False)
+    curve = trace_curve(make_cover(0.45, "linear-elastic"), ARRAY, BALL, points=5, depth=0.4e-3)
+    assert curve.stopped == "no convergence beyond 0.25 mm"
+    assert [each.depth for each in curve.indentations] == pytest.approx([0.08e-3, 0.16e-3])
+    assert curve.write(tmp_path)[0] == "curve.csv"
