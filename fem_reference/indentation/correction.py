@@ -102,7 +102,7 @@ def correct_path(
     baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
     out = []
     for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
-        limit = extrapolate_solutions(grids, [1 / cells for cells in CELLS]) if flat else grids[-1]
+        limit = extrapolate_flat(grids) if flat else grids[-1]
         index = stops.index(solved)
         out.append(
             [
@@ -118,6 +118,11 @@ def correct_path(
             ]
         )
     return out
+
+
+def extrapolate_flat(grids: Sequence[GridSolution]) -> GridSolution:
+    """Extrapolate the frictionless small-strain solutions of a flat face to cell size zero."""
+    return extrapolate_solutions(grids, [1 / cells for cells in CELLS])
 
 
 def solve_block_pair(

@@ -116,12 +116,12 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
         pose=PlanarPose(),
         lay_out=lay_out_grid,
         recover_pressure=recover_gauss_pressure,
-        integrate=lambda base: partial(_integrate_spline, base),
+        integrate=lambda base: partial(integrate_spline, base),
     )
     return solve_block_pair(path, approaches, model, progress)
 
 
-def _integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
+def integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
     """Integrate a base pressure, given in the frame of the indenter, over n texels and the rest, shape (n + 1,) [N]."""
     nodes, weights = np.polynomial.legendre.leggauss(_TEXEL_POINTS)
     half = np.array(array.texel_size) / 2
@@ -200,11 +200,11 @@ def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> Grid
         shear=points[:, 3:] if path.friction else None,
         energy=energy / path.load_scale**2,
         fields=CoverFields.unpack(data, f"fields_{key}"),
-        base_forces=_integrate_rings(force, base),
+        base_forces=integrate_rings(force, base),
     )
 
 
-def _integrate_rings(force: float, base: PointSpread) -> BaseForces:
+def integrate_rings(force: float, base: PointSpread) -> BaseForces:
     """Return a function that computes the forces on and outside the texels due to an axisymmetric base pressure."""
     load = np.array([[force]])
     return lambda array, pose: base.base_forces(array, np.array(pose.at[:1]), np.array(pose.at[1:]), load)

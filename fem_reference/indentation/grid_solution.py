@@ -72,6 +72,7 @@ class GridStudy:
             the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
             proportional to the element size.
         least_overlap: Smallest value of the penetration over the depth that error estimates assume [-].
+        least_error: Smallest estimated relative discretisation error [-].
         base_error: Relative error of the largest texel force due to the computed base response [-].
         assumptions: Statements about the solution for the user, by topic.
     """
@@ -81,6 +82,7 @@ class GridStudy:
     least_order: float
     extrapolate: bool = False
     least_overlap: float = 0.0
+    least_error: float = 0.0
     base_error: float = 0.0
     assumptions: dict[str, str]
 
@@ -116,7 +118,8 @@ class GridStudy:
             coarse, middle, _ = self.sizes
             before = values[1] + (values[1] - values[0]) * middle / (coarse - middle)
             return max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2])) / abs(result)
-        return grid_convergence(values, self.sizes, least=self.least_order) / abs(result)
+        error = grid_convergence(values, self.sizes, least=self.least_order) / abs(result)
+        return max(error, self.least_error)
 
 
 def weigh_grids(grids: Sequence[GridSolution], sizes: Sequence[float]) -> tuple[float, float, float]:
@@ -147,14 +150,15 @@ def _average(
 def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
     """Multiply force and depth of a solution by a factor, at the same contact area.
 
-    The scaled solution is exact at small strain without friction if the contact area does not depend on the load, as
-    under a flat face.
+    The scaled solution is exact at small strain, without friction or without slip, if the contact area does not depend
+    on the load, as under a flat face.
     """
     return replace(
         solution,
         total_force=factor * solution.total_force,
         depth=factor * solution.depth,
         contact=solution.contact * [1, 1, factor],
+        shear=None if solution.shear is None else factor * solution.shear,
         base_forces=lambda array, pose: factor * solution.base_forces(array, pose),
         energy=factor**2 * solution.energy,
     )

@@ -1,11 +1,14 @@
-"""Compute the fields in a cover of linear elastic layers from the contact forces of a solved frictionless indentation.
+"""Compute the fields in a cover of linear elastic layers from the contact of a solved indentation.
 
 The contact on a linear cover is solved on the compliance of its surface, without a mesh of the cover.  Its fields are
 solved afterwards on one mesh with the contact forces as loads on the top.  The loads are consistent nodal forces: a
-force counts with the values of the shape functions at its point.
+force counts with the values of the shape functions at its point.  Under a flat face without slip, the displacements of
+the top are known and are prescribed instead.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from fem_reference.indentation.finite_cover import lay_out_cover
 from fem_reference.linear_response import axisymmetric
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import ConstrainedSystem
+from meshes import FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.pose import Place, PlanarPose
 
@@ -42,13 +46,14 @@ _MOST = 14
 _ON_BOUNDARY = 1e-9
 
 
-def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place) -> CoverFields:
-    """Solve for displacement and stress in a linear cover under the forces of a frictionless contact.
+def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, depth: float) -> CoverFields:
+    """Solve for displacement and stress in a linear cover under a frictionless contact or a flat face without slip.
 
     Args:
         path: Cover and indenter.
         contact: Columns x, y in the frame of the indenter [m] and force [N] of m contact points, shape (m, 3).
         place: Array, and pose of the indenter.
+        depth: Approach of the indenter [m].
 
     Returns:
         The fields in the frame of the array.
@@ -57,13 +62,13 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place) ->
         ValueError: If a cover of limited size slides on its base and is not loaded symmetrically.
     """
     if path.cover.size is not None:
-        return _solve_finite_cover(path, contact, place.pose)
+        return _solve_finite_cover(path, contact, place.pose, depth)
     if path.indenter.axisymmetric:
-        return _solve_axisymmetric(path, contact).to_array(place.pose)
-    return _solve_wide_block(path, contact).to_array(place.pose)
+        return _solve_axisymmetric(path, contact, depth).to_array(place.pose)
+    return _solve_wide_block(path, contact, depth).to_array(place.pose)
 
 
-def _solve_axisymmetric(path: LoadingPath, contact: FloatArray) -> CoverFields:
+def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
     """Solve for the fields around the axis of an indenter of revolution, in its frame."""
     units = path.units
     cover = units.scale_cover(path.cover)
@@ -79,10 +84,12 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray) -> CoverFields:
     top = top[np.argsort(position[top])]
     load = np.zeros(elements.displacements + elements.pressures)
     load[2 * top + 1] = -(Line(edges=radii, order=2).at(r).T @ contact[:, 2]) / units.force
-    return _solve(path, elements, load, axisymmetric.find_constrained(cover, position, z, reach))
+    constrained = axisymmetric.find_constrained(cover, position, z, reach)
+    under = top[position[top] < path.indenter.footprint[0] / units.length + _ON_BOUNDARY]
+    return _solve(path, elements, load, constrained, _Sticking(nodes=under, depth=depth / units.length))
 
 
-def _solve_wide_block(path: LoadingPath, contact: FloatArray) -> CoverFields:
+def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
     """Solve for the fields in a block of a wide cover, in the frame of the indenter."""
     unit = path.units.length
     halves = np.abs(contact[:, :2]).max(axis=0) / unit
@@ -97,10 +104,10 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray) -> CoverFields:
     size = min(sizes)
     surface = IndenterSurface(indenter=path.indenter, fillet=size, unit=unit)
     block = Block(sides=sides, symmetric=symmetric, size=size, surface=surface)
-    return _solve_block(path, contact, block)
+    return _solve_block(path, contact, block, depth)
 
 
-def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose) -> CoverFields:
+def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose, depth: float) -> CoverFields:
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
     block = lay_out_cover(path, pose, contact[:, :2], _SOLID_COUNT, size)
@@ -109,10 +116,10 @@ def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose
             "fields of a cover of limited size that slides on its base need a load that mirrors in both its middle "
             "planes; press its middle or bond its base"
         )
-    return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block)
+    return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 
-def _solve_block(path: LoadingPath, contact: FloatArray, block: Block) -> CoverFields:
+def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: float) -> CoverFields:
     """Solve for the fields in a block under contact forces, both in the frame of the block, and unfold the block."""
     units = path.units
     elements = mesh_block(block, units.scale_cover(path.cover), _SOLID_COUNT)
@@ -129,15 +136,34 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block) -> CoverF
     i, j = (_find_nodes(side, each[top]) for side, each in zip(block.sides, (x, y), strict=True))
     load[3 * top + 2] = -forces[i, j]
     constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
-    return _solve(path, elements, load, constrained).unfold(block.symmetric)
+    face, place = path.indenter, block.surface.pose.to_indenter(x[top] * units.length, y[top] * units.length)
+    inside = face.signed_distance(*place) / units.length if isinstance(face, FlatPunch) else np.zeros(len(top))
+    sticking = _Sticking(nodes=top[inside > -_ON_BOUNDARY], depth=depth / units.length)
+    return _solve(path, elements, load, constrained, sticking).unfold(block.symmetric)
 
 
-def _solve(path: LoadingPath, elements: MixedElements, load: FloatArray, constrained: IntArray) -> CoverFields:
-    """Solve the linear system of a meshed cover under nodal forces."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sticking:
+    """Nodes of the top under a flat face, which stick to it without slip, and the depth of the face [thicknesses]."""
+
+    nodes: IntArray
+    depth: float
+
+
+def _solve(
+    path: LoadingPath, elements: MixedElements, load: FloatArray, constrained: IntArray, sticking: _Sticking
+) -> CoverFields:
+    """Solve the linear system of a meshed cover under nodal forces, or without slip under known displacements."""
     units = Units.of(path.cover)
     solid = Solid.from_cover(elements, path.cover, units)
     matrix = solid.linearise_at_rest().stiffness
-    state = ConstrainedSystem(constrained).factorise(matrix).solve(load)
+    value = np.zeros_like(load)
+    if path.friction:
+        d, load = elements.dimension, np.zeros_like(load)
+        value[d * sticking.nodes + d - 1] = -sticking.depth
+        constrained = np.concatenate([constrained, *(d * sticking.nodes + axis for axis in range(d))])
+    fixed = np.unique(constrained)
+    state = ConstrainedSystem(fixed).factorise(matrix).solve(load, value[fixed])
     return recover_fields(solid, state, units, linear=True)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
-from fem_reference.indentation import finite_cover, finite_strain, small_strain
+from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
 from fem_reference.indentation.linear_fields import solve_linear_fields
 from meshes import Cover, Indenter, TexelArray
@@ -46,8 +46,9 @@ class Indentation:
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         contact_area: Contact area [m2].
         contact: Columns x, y in the frame of the array [m] and normal force [N] of m contact points, shape (m, 3).  The
-            points are those of the finest grid and lie on the deformed cover: cells at small strain without friction,
-            else quadrature points.  Their forces, multiplied by one factor near 1, add up to `total_force`.
+            points are those of the finest grid and lie on the deformed cover: at small strain, cells without friction
+            and nodes under a flat face without slip, else quadrature points.  Their forces, multiplied by one factor
+            near 1, add up to `total_force`.
         shear: Components x and y, in the frame of the array, of the frictional force that the indenter exerts on the
             cover at these points, multiplied by the same factor, shape (m, 2) [N]; None without friction.
         energy: Elastic energy stored in the cover [J].  Without friction it equals the work of the load.
@@ -172,16 +173,25 @@ def press_path(
     path = LoadingPath(
         cover=cover, indenter=indenter, targets=targets, control=control, friction=friction, fields=fields
     )
-    if cover.small_strain_only and not friction:
-        study = small_strain.study_path(path, place, progress)
-    elif cover.size is None:
-        study = finite_strain.study_path(path, progress)
-    else:
-        study = finite_cover.study_path(path, place, progress)
+    study = _study_path(path, place, progress)
     for grids in study.solutions:
         _check_depth(cover, grids[-1].depth)
     seconds = (time.perf_counter() - started) / len(targets)
     return [_combine_grids(study, grids, path, place, seconds) for grids in study.solutions]
+
+
+def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
+    """Solve a loading path on three grids by the solver for its strain, friction and cover."""
+    small = path.cover.small_strain_only
+    if small and not path.friction:
+        return small_strain.study_path(path, place, progress)
+    if small and np.isinf(path.friction) and path.indenter.is_flat:
+        study = no_slip.study_path(path, place, progress)
+        if study is not None:
+            return study
+    if path.cover.size is None:
+        return finite_strain.study_path(path, progress)
+    return finite_cover.study_path(path, place, progress)
 
 
 def _combine_grids(
@@ -267,7 +277,7 @@ def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: f
         scale: Total force of the result over that of the contact forces [-].
     """
     if finest.fields is None:
-        return solve_linear_fields(path, finest.contact * [1, 1, scale], place)
+        return solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
     return finest.fields if path.cover.size is not None else finest.fields.to_array(place.pose)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fem_reference import press
 from fem_reference.closed_form import (
     half_space_compliance,
     punch,
@@ -14,9 +17,13 @@ from fem_reference.closed_form import (
     traction_compliance,
     transfer,
 )
-from meshes import Cover, Layer, Material, TexelArray
+from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
+from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
+from meshes import Cover, Cylinder, Layer, Material, TexelArray
+from meshes.pose import PlanarPose
 
 THICKNESS = 2e-3
+ARRAY = TexelArray.grid(9, 9, pitch=3.4e-3)
 
 
 def cover(nu, *, thickness=THICKNESS):
@@ -79,3 +86,46 @@ def test_texels_carry_the_force_of_contacts_without_slip():
     smooth = punch(cover(0.3), 3e-3, 1e-4)
     ratio = stuck.texel_forces(array).max() / smooth.texel_forces(array).max()
     assert ratio == pytest.approx(stuck.force / smooth.force, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("nu", "ratio"),
+    [
+        (0.49, 1.0),
+        (0.5, 1.0),
+        *(
+            pytest.param(nu, ratio, marks=pytest.mark.slow)
+            for nu in (0.0, 0.3, 0.45, 0.49, 0.5)
+            for ratio in (0.25, 0.5, 2.0, 4.0)
+        ),
+    ],
+)
+def test_a_pressed_cylinder_without_slip_has_the_exact_stiffness_within_its_estimate(nu, ratio):
+    radius, depth = ratio * THICKNESS, 1e-5
+    found = press(cover(nu), ARRAY, Cylinder(radius=radius), depth=depth, friction=np.inf)
+    exact = stuck_punch(cover(nu), radius).stiffness * depth
+    error = abs(found.total_force / exact - 1)
+    assert error < found.error_estimate["total_force"] < 1e-3
+    assert found.texel_forces.sum() + found.outside == pytest.approx(found.total_force, rel=3e-4)
+    assert found.contact[:, 2].sum() == pytest.approx(found.total_force)
+
+
+def test_a_load_without_slip_reaches_the_depth_of_the_exact_stiffness():
+    stiffness = stuck_punch(cover(0.45), THICKNESS).stiffness
+    found = press(cover(0.45), ARRAY, Cylinder(radius=THICKNESS), load=0.1, friction=np.inf)
+    assert found.depth == pytest.approx(0.1 / stiffness, rel=found.error_estimate["depth"])
+
+
+def test_a_cylinder_in_three_dimensions_stiffens_like_the_integral_equations():
+    grid = FaceGrid(through=2, edge=0.08, growth=1.2, across=8)
+    slides, sticks = press_face(cover(0.49), Cylinder(radius=THICKNESS), PlanarPose(), grid)
+    exact = stuck_punch(cover(0.49), THICKNESS).stiffness / punch(cover(0.49), THICKNESS, 1.0).force
+    assert sticks.force / slides.force == pytest.approx(exact, rel=5e-3)
+
+
+def test_a_face_that_would_pull_a_stiff_foil_is_solved_with_separation():
+    silicone, film = cover(0.49).layers[0], cover(0.38, thickness=1e-4).layers[0]
+    foil = replace(film, material=replace(film.material, parameters={"youngs_modulus": 3e9}))
+    pulled = press_stuck_disk(Cover(layers=(silicone, foil)), 2 * THICKNESS, elements_per_thickness=3)
+    assert pulled.tension > 0.01
+    assert press_stuck_disk(cover(0.49), 2 * THICKNESS, elements_per_thickness=3).tension < 1e-3
