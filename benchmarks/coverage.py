@@ -1,0 +1,356 @@
+"""Check whether the error estimates of `press` cover the true errors, on seeded random cases with independent truths.
+
+Each case is drawn from its number and the seed: layers, shape, depth, control, friction, base, size of the cover, array
+and position.  The truth (`coverage_truth.py`) is computed at the drawn depth; under load control `press` gets the true
+force.  Cases whose truth has an error above a third of an estimate are left out for that quantity, and counted.
+
+    python benchmarks/coverage.py [--cases 400] [--seed 12] [--processes 2] [--out benchmarks/coverage.md]
+
+Finished cases are kept in a file of JSON lines, and a second run goes on from there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+from coverage_truth import QUANTITIES, solve_truth
+from scipy.stats import beta
+
+from fem_reference import press
+from meshes import (
+    Box,
+    Cone,
+    Cover,
+    Cylinder,
+    Indenter,
+    Layer,
+    LetterH,
+    Material,
+    Nut,
+    Prism,
+    Roller,
+    RoundedTip,
+    Sphere,
+    TexelArray,
+)
+from meshes.pose import PlanarPose
+
+#: Seconds after which a case is given up and counted as failed.
+LIMIT = 240
+#: Number of cases on covers of limited size, which are solved in three dimensions [-].
+MOST_SOLID = 40
+#: Poisson ratios that are drawn in half of the layers; the others are even in 0..0.5 [-].
+RATIOS = (0.0, 0.3, 0.45, 0.49, 0.499, 0.5)
+#: Outlines on a grid of unit squares: corners of the L, the T, the U and a bracket.
+OUTLINES = {
+    "L": ((0, 0), (8, 0), (8, 3), (2, 3), (2, 9), (0, 9)),
+    "T": ((0, 6), (3, 6), (3, 0), (6, 0), (6, 6), (9, 6), (9, 9), (0, 9)),
+    "U": ((0, 0), (9, 0), (9, 8), (7, 8), (7, 2), (2, 2), (2, 8), (0, 8)),
+    "bracket": ((0, 0), (6, 0), (6, 1.5), (1.5, 1.5), (1.5, 8.5), (6, 8.5), (6, 10), (0, 10)),
+}
+#: Axisymmetric shapes, flat faces and rollers, and the share of the cases that each kind of contact has [-].
+KINDS = {"round": 0.45, "face": 0.2, "roller": 0.1, "no-slip": 0.15, "limited": 0.1}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """A random press: cover, array, indenter, depth or load, pose, friction and a description."""
+
+    cover: Cover
+    array: TexelArray
+    indenter: Indenter
+    depth: float
+    by_load: bool
+    at: tuple[float, float]
+    friction: float
+    kind: str
+    text: str
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is even between those of two limits."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def draw_cover(rng: np.random.Generator) -> Cover:
+    """Draw a wide cover of one to three layers."""
+    count = int(rng.choice([1, 1, 2, 3]))
+    thickness = log_uniform(rng, 0.5e-3, 10e-3)
+    share = rng.dirichlet(np.full(count, 2.0)) * (1 - 0.12 * count) + 0.12
+    first = log_uniform(rng, 1e4, 1e7)
+    layers = []
+    for part in share:
+        nu = float(rng.choice(RATIOS)) if rng.random() < 0.5 else float(rng.uniform(0, 0.5))
+        modulus = first if not layers else first * log_uniform(rng, 1 / math.sqrt(1e3), math.sqrt(1e3))
+        material = Material(
+            name="random", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=round(nu, 4)
+        )
+        layers.append(Layer(thickness=float(part * thickness), material=material))
+    return Cover(layers=tuple(layers), base="bonded" if rng.random() < 0.7 else "sliding")
+
+
+def draw_round(rng: np.random.Generator, thickness: float, depth: float) -> Indenter:
+    """Draw a body of revolution whose contact measures 0.1 to 4 thicknesses or so."""
+    contact = log_uniform(rng, 0.1, 4.0) * thickness
+    match rng.choice(["sphere", "sphere", "cone", "tip", "cylinder"]):
+        case "cylinder":
+            return Cylinder(radius=contact)
+        case "cone":
+            half_angle = np.clip(np.arctan(contact / depth), np.radians(20), np.radians(85))
+            return Cone(angle=float(2 * half_angle), radius=20 * contact + 20 * thickness)
+        case "tip":
+            return RoundedTip(radius=max(contact**2 / depth, 3 * depth))
+        case _:
+            return Sphere(radius=max(contact**2 / depth, 3 * depth))
+
+
+def draw_face(rng: np.random.Generator, thickness: float) -> Indenter:
+    """Draw a flat face that measures 0.3 to 8 thicknesses."""
+    size = log_uniform(rng, 0.3, 8.0) * thickness
+    name = str(rng.choice(["box", "box", "L", "T", "U", "bracket", "nut", "H"]))
+    if name == "box":
+        return Box(size=(size, size / log_uniform(rng, 1, 12), size))
+    if name == "nut":
+        return Nut(across=size, bore=size * float(rng.uniform(0.4, 0.85)))
+    if name == "H":
+        return LetterH(size=(size, size), bar=size * float(rng.uniform(0.12, 0.3)))
+    points = (np.array(OUTLINES[name]) / 10 - [0.45, 0.45]) * size
+    return Prism(points=tuple((float(x), float(y)) for x, y in points))
+
+
+def draw_case(seed: int, number: int) -> Case:
+    """Draw the case of a number."""
+    rng = np.random.default_rng([seed, number])
+    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    cover = draw_cover(rng)
+    thickness = cover.thickness
+    depth = log_uniform(rng, 0.005, 0.25) * thickness
+    friction = math.inf if kind == "no-slip" else 0.0
+    indenter: Indenter
+    if kind == "face":
+        indenter = draw_face(rng, thickness)
+    elif kind == "roller":
+        radius = max(log_uniform(rng, 0.3, 3.0) ** 2 * thickness**2 / depth, 2 * depth)
+        indenter = Roller(radius=radius, length=log_uniform(rng, 0.5, 10) * thickness)
+    else:
+        indenter = draw_round(rng, thickness, depth)
+    pitch = log_uniform(rng, 0.3, 4.0) * thickness
+    count = int(np.clip(np.ceil(2 * (4 * thickness + 3 * thickness) / pitch), 3, 15))
+    array = TexelArray.grid(count, count, (pitch, pitch * float(rng.uniform(0.7, 1.4))))
+    at = (float(rng.uniform(-0.5, 0.5)) * array.pitch[0], float(rng.uniform(-0.5, 0.5)) * array.pitch[1])
+    if kind == "limited":
+        cover, at = limit_size(rng, cover, indenter, depth), (0.0, 0.0)
+    by_load = bool(rng.random() < 0.5)
+    return Case(
+        cover=cover,
+        array=array,
+        indenter=indenter,
+        depth=depth,
+        by_load=by_load,
+        at=at,
+        friction=friction,
+        kind=kind,
+        text=describe(cover, indenter, depth, by_load=by_load, pitch=array.pitch, friction=friction),
+    )
+
+
+def limit_size(rng: np.random.Generator, cover: Cover, indenter: Indenter, depth: float) -> Cover:
+    """Cut a cover so far from the contact that its free sides have no effect: the truth is that of a wide cover."""
+    contact = min(indenter.footprint[0], 1.3 * math.sqrt(3 * depth * max(indenter.footprint[0], depth)))
+    half = contact + cover.thickness * float(rng.uniform(4, 6))
+    layer = Layer(thickness=cover.thickness, material=cover.layers[0].material)
+    return Cover(layers=(layer,), base="bonded", size=(2 * half, 2 * half))
+
+
+def describe(
+    cover: Cover, indenter: Indenter, depth: float, *, by_load: bool, pitch: tuple[float, float], friction: float
+) -> str:
+    """Describe a case in one line."""
+    layers = " + ".join(
+        f"{1e3 * e.thickness:.3g}mm E{e.material.youngs_modulus:.3g} nu{e.material.poisson_ratio:g}"
+        for e in cover.layers
+    )
+    shape = type(indenter).__name__ + " " + ",".join(f"{1e3 * each:.3g}" for each in indenter.footprint)
+    control = "load" if by_load else "depth"
+    return (
+        f"{layers} {cover.base}; {shape} mm; {control} at {depth / cover.thickness:.3g} h; "
+        f"pitch {1e3 * pitch[0]:.3g} mm" + ("; no slip" if friction else "") + ("; limited" if cover.size else "")
+    )
+
+
+def score_case(seed: int, number: int) -> dict[str, Any]:
+    """Press a case and compare it with its truth."""
+    case = draw_case(seed, number)
+    record: dict[str, Any] = {"seed": seed, "number": number, "kind": case.kind, "text": case.text}
+    signal.signal(signal.SIGALRM, _give_up)
+    signal.alarm(LIMIT)
+    started = time.perf_counter()
+    try:
+        pose = PlanarPose(at=case.at)
+        truth = solve_truth(case.cover, case.array, case.indenter, case.depth, pose=pose, friction=case.friction)
+        record |= {"truth": truth.source, "truth_seconds": time.perf_counter() - started}
+    except (ValueError, RuntimeError, TimeoutError) as error:
+        signal.alarm(0)
+        return record | {"status": "no truth", "why": str(error)}
+    started = time.perf_counter()
+    try:
+        target = {"load": truth.values["total_force"]} if case.by_load else {"depth": case.depth}
+        found = press(case.cover, case.array, case.indenter, at=case.at, friction=case.friction, **target)
+    except Exception as error:  # noqa: BLE001 -- every failure is a result of the study
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        why = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+        return record | {"status": "failed", "why": why, "seconds": time.perf_counter() - started}
+    finally:
+        signal.alarm(0)
+    peak = int(np.argmax(np.abs(found.texel_forces)))
+    pairs = {
+        "total_force": (found.total_force, truth.values["total_force"]),
+        "depth": (found.depth, truth.values["depth"]),
+        "peak_texel": (float(found.texel_forces[peak]), float(truth.texel_forces[peak])),
+        "contact_area": (found.contact_area, truth.values["contact_area"]),
+    }
+    record["scores"] = {
+        name: {
+            "error": value / exact - 1,
+            "estimate": float(found.error_estimate.get(name, math.nan)),
+            "truth_error": truth.error[name],
+        }
+        for name, (value, exact) in pairs.items()
+        if name != ("total_force" if case.by_load else "depth")
+    }
+    return record | {
+        "status": "scored",
+        "seconds": time.perf_counter() - started,
+        "balance": float(getattr(found, "balance", math.nan)),
+    }
+
+
+def _give_up(*_: object) -> None:
+    raise TimeoutError(f"no result within {LIMIT} s")
+
+
+def run_cases(seed: int, numbers: list[int], lines: Path, processes: int) -> None:
+    """Score cases in several processes, and append each to a file of JSON lines."""
+    with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=20) as pool, lines.open("a") as file:
+        jobs = [pool.apply_async(score_case, (seed, number)) for number in numbers]
+        for done, job in enumerate(jobs, start=1):
+            file.write(json.dumps(job.get()) + "\n")
+            file.flush()
+            print(f"{done} of {len(jobs)} cases", file=sys.stderr)
+
+
+def bound_share(hits: int, count: int) -> float:
+    """Compute the lower bound of a share at 95 % confidence (Clopper and Pearson 1934) [-]."""
+    return float(beta.ppf(0.05, hits, count - hits + 1)) if hits else 0.0
+
+
+def summarise(records: list[dict[str, Any]]) -> list[list[str]]:
+    """Make the rows of the table: share covered, lower bound and median ratio of each quantity."""
+    rows = []
+    for name in QUANTITIES:
+        scores = [r["scores"][name] for r in records if r["status"] == "scored" and name in r["scores"]]
+        good = [s for s in scores if s["truth_error"] <= s["estimate"] / 3 or is_missed(s)]
+        hits = [s for s in good if abs(s["error"]) <= s["estimate"]]
+        ratio = np.median([s["estimate"] / max(abs(s["error"]), 1e-12) for s in good]) if good else math.nan
+        rows.append(
+            [
+                name,
+                f"{len(good)}",
+                f"{len(scores) - len(good)}",
+                f"{100 * len(hits) / max(len(good), 1):.1f} %",
+                f"{100 * bound_share(len(hits), max(len(good), 1)):.1f} %",
+                f"{ratio:.1f}",
+                f"{100 * np.median([s['estimate'] for s in good]) if good else math.nan:.3f} %",
+            ]
+        )
+    return rows
+
+
+def is_missed(score: dict[str, float]) -> bool:
+    """Return whether a true error exceeds its estimate by more than the error of the truth, so that it is a miss."""
+    return not abs(score["error"]) - score["truth_error"] <= score["estimate"]
+
+
+def list_misses(records: list[dict[str, Any]]) -> list[str]:
+    """List cases that failed or whose estimates do not cover."""
+    out = []
+    for record in records:
+        head = f"{record['number']} ({record['kind']}): {record['text']}"
+        if record["status"] == "failed":
+            out.append(f"{head}: **failed** {record['why']}")
+            continue
+        for name, score in record.get("scores", {}).items():
+            if abs(score["error"]) > score["estimate"] and (
+                score["truth_error"] <= score["estimate"] / 3 or is_missed(score)
+            ):
+                out.append(
+                    f"{head}: {name} {100 * score['error']:+.4f} %, estimate {100 * score['estimate']:.4f} %, "
+                    f"truth {100 * score['truth_error']:.4f} %"
+                )
+    return out
+
+
+def write_table(records: list[dict[str, Any]], command: str) -> str:
+    """Write the report in Markdown."""
+    head = ["quantity", "cases", "left out", "covered", "lower 95 % bound", "median ratio", "median estimate"]
+    lines = ["# Do the error estimates of `press` hold?", "", f"`{command}`", ""]
+    counts: dict[str, int] = {}
+    for record in records:
+        counts[f"{record['kind']}, {record['status']}"] = counts.get(f"{record['kind']}, {record['status']}", 0) + 1
+    lines += [f"{len(records)} cases: " + "; ".join(f"{v} {k}" for k, v in sorted(counts.items())) + ".", ""]
+    lines += [
+        "Covered: the true error is at most the estimate.  Left out: the error of the truth exceeds a third of the",
+        "estimate, unless the true error exceeds the sum of both, which is a miss.  Ratio: estimate over true error.",
+        "",
+    ]
+    groups = {"all": records} | {
+        k: [r for r in records if r["kind"] == k] for k in dict.fromkeys(r["kind"] for r in records)
+    }
+    for name, group in groups.items():
+        lines += [f"## {name}", "", "| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+        lines += ["| " + " | ".join(row) + " |" for row in summarise(group)] + [""]
+    misses = list_misses(records)
+    lines += [f"## Misses ({len(misses)})", ""] + [f"- {miss}" for miss in misses]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run the study and print its table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--cases", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=12)
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--lines", type=Path, help="file of JSON lines; a temporary one by default")
+    parser.add_argument("--out", type=Path, help="file for the table")
+    given = parser.parse_args()
+    lines = given.lines or Path(tempfile.gettempdir()) / f"softcover-coverage-{given.seed}.jsonl"
+    wanted = range(given.first, given.first + given.cases)
+    records = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
+    done = {record["number"] for record in records}
+    run_cases(given.seed, [number for number in wanted if number not in done], lines, given.processes)
+    records = [json.loads(line) for line in lines.read_text().splitlines()]
+    records = sorted((r for r in records if r["number"] in wanted), key=lambda r: r["number"])
+    text = write_table(records, f"python benchmarks/coverage.py --cases {given.cases} --seed {given.seed}")
+    print(text)
+    if given.out:
+        given.out.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

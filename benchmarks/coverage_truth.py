@@ -1,0 +1,175 @@
+"""Independent truths for random presses at small strain, for `coverage.py`.
+
+No truth uses the code under test: exact contacts of bodies of revolution without friction and without slip, and
+boundary elements on two or three grids for flat faces and rollers (`fem_reference.closed_form`).  Each truth has an
+error of its own, the change by the last refinement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem_reference.closed_form import LayerContact, PressedCells, indent, press_face, pressed_shape, stuck_punch
+from fem_reference.closed_form.no_slip import stuck_shape
+from meshes import Cover, Cylinder, FlatPunch, Indenter, Roller, TexelArray
+from meshes.array_types import FloatArray
+from meshes.pose import PlanarPose
+
+#: Cells of the boundary elements on the successive grids, for flat faces and for rollers [-].
+FACE_CELLS, ROLLER_CELLS = (10, 15, 22), (10, 15, 22)
+#: Increments of a contact without slip on the two grids [-].
+INCREMENTS = (16, 32)
+#: Error of a contact in closed form, as a share of its values: tables and quadrature [-].
+ROUNDING = 3e-6
+#: Quantities that have an error estimate.
+QUANTITIES = ("total_force", "depth", "peak_texel", "contact_area")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """Independent result of a press at a depth.
+
+    Attributes:
+        values: Total force [N], depth [m] and contact area [m2] by name.
+        texel_forces: Force on each of n texels, shape (n,) [N].
+        error: Relative error of each of `QUANTITIES`, by its own refinement [-].
+        source: How it was computed.
+    """
+
+    values: dict[str, float]
+    texel_forces: FloatArray
+    error: dict[str, float]
+    source: str
+
+
+def solve_truth(
+    cover: Cover, array: TexelArray, indenter: Indenter, depth: float, *, pose: PlanarPose, friction: float
+) -> Truth:
+    """Compute the truth of a press at a depth.
+
+    Raises:
+        ValueError: If there is no independent truth for this contact.
+        RuntimeError: If a boundary-element contact does not converge.
+    """
+    wide = replace(cover, size=None)
+    if indenter.axisymmetric:
+        solve = _solve_free if not friction else _solve_stuck
+        if friction and np.isfinite(friction):
+            raise ValueError("no independent truth with Coulomb friction")
+        return _refine_round(solve(wide, indenter, depth), array, pose, "closed form" if not friction else "no slip")
+    if friction:
+        raise ValueError("no independent truth with friction under this shape")
+    if isinstance(indenter, FlatPunch):
+        faces = [press_face(wide, indenter, depth, cells=n) for n in FACE_CELLS]
+        return _refine_cells(faces, array, pose, FACE_CELLS)
+    if isinstance(indenter, Roller):
+        rolled = [pressed_shape(wide, indenter, depth, cells=n) for n in ROLLER_CELLS]
+        return _refine_cells(rolled, array, pose, None)
+    raise ValueError(f"no independent truth for {type(indenter).__name__}")
+
+
+def _solve_free(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
+    """Solve a contact of revolution without friction with two numbers of Gauss points."""
+    found = indent(cover, indenter, depth=depth)
+    return indent(cover, indenter, depth=depth, nodes=round(0.7 * found.phi.shape[1])), found
+
+
+def _solve_stuck(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
+    """Solve a contact of revolution without slip with two numbers of increments."""
+    if isinstance(indenter, Cylinder):
+        found = stuck_punch(cover, indenter.radius).press(depth)
+        return found, found
+    first = indent(cover, indenter, depth=depth).contact_radius
+
+    def gap(r: FloatArray) -> FloatArray:
+        return indenter.gap(r, np.zeros_like(r))
+
+    def solve(radius: float, steps: int) -> LayerContact:
+        return stuck_shape(cover, gap, radius, steps=steps)
+
+    radius = find_root(lambda a: solve(a, 8).depth / depth, first)
+    radius = find_root(lambda a: solve(a, INCREMENTS[-1]).depth / depth, radius)
+    coarse, fine = (solve(radius, steps) for steps in INCREMENTS)
+    return coarse, fine
+
+
+def find_root(ratio: Callable[[float], float], start: float) -> float:
+    """Find where a ratio is 1 by secants of its logarithm over that of its argument.
+
+    Args:
+        ratio: Ascending function [-].
+        start: First argument.
+
+    Raises:
+        RuntimeError: If twelve steps are not enough.
+    """
+    x = np.log([start, 1.02 * start])
+    y = [float(np.log(ratio(float(np.exp(each))))) for each in x]
+    for _ in range(12):
+        if abs(y[1]) < 1e-6:
+            return float(np.exp(x[1]))
+        x = np.array([x[1], x[1] - y[1] * (x[1] - x[0]) / (y[1] - y[0])])
+        y = [y[1], float(np.log(ratio(float(np.exp(x[1])))))]
+    raise RuntimeError("the contact radius was not found")
+
+
+def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, pose: PlanarPose, source: str) -> Truth:
+    """Compute the truth from two solutions of a contact of revolution."""
+    coarse, fine = pair
+    forces = [each.texel_forces(array, pose.at) for each in pair]
+    peak = int(np.argmax(np.abs(forces[1])))
+    change = {
+        "total_force": abs(coarse.force / fine.force - 1),
+        "depth": abs(coarse.depth / fine.depth - 1),
+        "peak_texel": abs(forces[0][peak] / forces[1][peak] - 1),
+        "contact_area": 2 * abs(coarse.contact_radius / fine.contact_radius - 1),
+    }
+    if source == "no slip":
+        # Both have one contact radius: an error of the depth is one of the area too.
+        change["contact_area"] = 2 * change["depth"]
+        change["total_force"] += 2 * change["depth"]
+    return Truth(
+        values={
+            "total_force": fine.force,
+            "depth": fine.depth,
+            "contact_area": float(np.pi * fine.contact_radius**2),
+        },
+        texel_forces=forces[1],
+        error={name: value + ROUNDING for name, value in change.items()},
+        source=source,
+    )
+
+
+def _refine_cells(
+    solved: list[PressedCells], array: TexelArray, pose: PlanarPose, cells: tuple[int, ...] | None
+) -> Truth:
+    """Compute the truth from boundary elements on three grids; extrapolate with order 2 if `cells` is given."""
+    forces = [each.texel_forces(array, pose) for each in solved]
+    table = np.array(
+        [[each.total_force, each.contact_area, *texels] for each, texels in zip(solved, forces, strict=True)]
+    )
+    if cells is None:
+        last = table[-1]
+        change = np.maximum(np.abs(table[-1] - table[-2]), np.abs(table[-2] - table[-3]) / 2)
+    else:
+        ratio = np.array(cells[1:]) / np.array(cells[:-1])
+        refined = table[1:] + (table[1:] - table[:-1]) / (ratio**2 - 1)[:, None]
+        last, change = refined[-1], np.abs(refined[-1] - refined[-2])
+        last[1] = table[-1, 1]
+        change[1] = abs(table[-1, 1] - table[-2, 1])
+    peak = 2 + int(np.argmax(np.abs(last[2:])))
+    relative = change / np.maximum(np.abs(last), np.finfo(float).tiny) + ROUNDING
+    return Truth(
+        values={"total_force": float(last[0]), "depth": solved[-1].depth, "contact_area": float(last[1])},
+        texel_forces=last[2:],
+        error={
+            "total_force": float(relative[0]),
+            "depth": float(relative[0]),
+            "peak_texel": float(relative[peak]),
+            "contact_area": float(relative[1]),
+        },
+        source="boundary elements",
+    )
