@@ -25,7 +25,6 @@ from fem_reference.indentation.grid_solution import (
     correct_solution,
     extrapolate_solutions,
 )
-from fem_reference.indentation.small_strain import CELLS
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
@@ -102,7 +101,7 @@ def correct_path(
     baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
     out = []
     for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
-        limit = extrapolate_flat(grids) if flat else grids[-1]
+        limit = extrapolate_solutions(grids) if flat else grids[-1]
         index = stops.index(solved)
         out.append(
             [
@@ -118,11 +117,6 @@ def correct_path(
             ]
         )
     return out
-
-
-def extrapolate_flat(grids: Sequence[GridSolution]) -> GridSolution:
-    """Extrapolate the frictionless small-strain solutions of a flat face to cell size zero."""
-    return extrapolate_solutions(grids, [1 / cells for cells in CELLS])
 
 
 def solve_block_pair(
@@ -183,6 +177,7 @@ def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, 
     normal, *shear = np.array(forces) / path.load_scale
     turn = replace(model.pose, at=(0.0, 0.0))
     return GridSolution(
+        size=1 / float(key.split("_")[1]),
         total_force=force,
         depth=depth / path.load_scale,
         area=area,

@@ -84,7 +84,6 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
     )
     return GridStudy(
         solutions=correct_path(path, accurate, partial(solve_block_pair, model=model, progress=progress)),
-        sizes=[1 / count for count in SOLID_GRIDS],
         least_order=1.0 if path.friction else 2.0,
         least_overlap=OVERLAP,
         assumptions=state_rounding(indenter, fillet) | CONTACT_ASSUMPTION,

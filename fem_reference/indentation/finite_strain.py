@@ -42,8 +42,9 @@ from meshes.pose import PlanarPose
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
 
-#: Number of elements through the cover on the three axisymmetric grids; the result is that of the finest grid [-].
-GRIDS = (6, 9, 13)
+#: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
+#: finest, and its error [-].
+GRIDS = (6, 9, 13, 19, 28)
 #: Distance of the outer boundary, where all displacements are zero, over the decay length of the cover's response: part
 #: of the radius of axisymmetric meshes, and distance from the contact in three dimensions [-].
 _REACH, _SOLID_REACH = 12.0, 7.0
@@ -53,7 +54,12 @@ _REACH_RADII = 1.5
 _TEXEL_POINTS = 16
 
 
-def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
+def count_refinements(path: LoadingPath) -> int:
+    """Return how often the grids of `study_path` can be refined; in three dimensions finer ones are not feasible."""
+    return len(GRIDS) - 3 if path.indenter.axisymmetric else 0
+
+
+def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> GridStudy:
     """Solve a loading path on a wide cover on three grids.
 
     Corrections of the small-strain solution have no singularity under a sharp edge, so they are assumed to converge
@@ -62,6 +68,7 @@ def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
     Args:
         path: Cover, indenter, target loads or depths, and friction.
         progress: Called with a line of text after each step.
+        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
 
     Returns:
         The solutions of every target with the element sizes and the expected order of convergence.
@@ -69,14 +76,13 @@ def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
     corrected = path.indenter.is_flat or not path.indenter.axisymmetric
     if corrected:
         accurate = small_strain.solve_path(path, None, progress)
-        solve = partial(_solve_pair, contact=accurate[-1][0].contact, progress=progress)
+        solve = partial(_solve_pair, contact=accurate[-1][0].contact, progress=progress, refinement=refinement)
         solutions = correct_path(path, accurate, solve)
     else:
         contact = small_strain.estimate_contact(path, None, progress)
-        solutions = _solve_axisymmetric(path.at_model_strain, contact, progress)
+        solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
     return GridStudy(
         solutions=solutions,
-        sizes=[1 / count for count in (GRIDS if path.indenter.axisymmetric else SOLID_GRIDS)],
         least_order=2.0 if corrected and not path.friction else 1.0,
         least_overlap=OVERLAP,
         assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
@@ -84,7 +90,9 @@ def study_path(path: LoadingPath, progress: Progress) -> GridStudy:
     )
 
 
-def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatArray, progress: Progress) -> SolvedPair:
+def _solve_pair(
+    path: LoadingPath, approaches: Sequence[float], *, contact: FloatArray, progress: Progress, refinement: int
+) -> SolvedPair:
     """Solve a loading path and its baseline, at small strain without friction, on three grids.
 
     Args:
@@ -92,10 +100,12 @@ def _solve_pair(path: LoadingPath, approaches: Sequence[float], contact: FloatAr
         approaches: Small-strain depth at each target [m].
         contact: m points of the largest small-strain contact, columns x, y [m] first, shape (m, 2) or wider.
         progress: Called with a line of text after each step.
+        refinement: Number of axisymmetric grids that are skipped at the coarse end and added at the fine end [-].
     """
     cover, indenter = path.cover, path.indenter
     if indenter.axisymmetric:
-        return _solve_axisymmetric(path.baseline, contact, progress), _solve_axisymmetric(path, contact, progress)
+        baseline, full = (_solve_axisymmetric(each, contact, progress, refinement) for each in (path.baseline, path))
+        return baseline, full
     half_x, half_y = indenter.footprint if indenter.is_flat else np.abs(contact[:, :2]).max(axis=0)
     fillet = choose_fillet(cover.thickness, indenter)
     reach = _SOLID_REACH * decay_length(cover)
@@ -136,18 +146,22 @@ def integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) ->
     return np.append(force, spline.integral(grid_x[0], grid_x[-1], grid_y[0], grid_y[-1]) - force.sum())
 
 
-def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progress) -> list[list[GridSolution]]:
+def _solve_axisymmetric(
+    path: LoadingPath, contact: FloatArray, progress: Progress, refinement: int
+) -> list[list[GridSolution]]:
     """Solve a loading path of an indenter of revolution on three grids, or read the solutions from the result store.
 
     Args:
         path: Cover, indenter, targets and friction.
         contact: m points of the largest small-strain contact, columns x, y [m] first, shape (m, 2) or wider.
         progress: Called with a line of text after each step.
+        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
 
     Returns:
         For each target one solution per grid, coarsest first.
     """
     cover, indenter = path.cover, path.indenter
+    grids = GRIDS[refinement : refinement + 3]
     fillet = choose_fillet(cover.thickness, indenter)
 
     def compute() -> dict[str, Any]:
@@ -155,12 +169,12 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
         reach = _REACH * decay_length(cover) + _REACH_RADII * radius
         out: dict[str, Any] = {}
         coarse = None
-        for count in GRIDS:
+        for count in grids:
             states, coarse = press_axisymmetric(
                 path,
                 elements_per_thickness=count,
                 contact_radius=radius,
-                fillet=scale_fillet(fillet, count, GRIDS),
+                fillet=scale_fillet(fillet, count, GRIDS[:3]),
                 reach=reach,
                 coarse=coarse,
                 progress=name_grid(progress, count),
@@ -176,12 +190,13 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, progress: Progre
                     out |= state.fields.pack(f"fields_{count}_{i}")
         return out
 
-    data = result_store.fetch("finite-press", {"path": path, "grids": GRIDS, "fillet": fillet}, compute)
-    return [[_read_solution(data, f"{count}_{i}", path) for count in GRIDS] for i in range(len(path.targets))]
+    data = result_store.fetch("finite-press", {"path": path, "grids": grids, "fillet": fillet}, compute)
+    return [[_read_solution(data, count, i, path) for count in grids] for i in range(len(path.targets))]
 
 
-def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> GridSolution:
+def _read_solution(data: Mapping[str, Any], count: int, target: int, path: LoadingPath) -> GridSolution:
     """Build one axisymmetric solution from stored arrays; forces and depth are divided by the load scale."""
+    key = f"{count}_{target}"
     load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
     base = PointSpread(
         radius=data[f"radius_{key}"],
@@ -192,6 +207,7 @@ def _read_solution(data: Mapping[str, Any], key: str, path: LoadingPath) -> Grid
     force = load / path.load_scale
     points = divide_rings(data[f"rings_{key}"] / [1, path.load_scale, path.load_scale])
     return GridSolution(
+        size=1 / count,
         total_force=force,
         depth=depth / path.load_scale,
         area=area,

@@ -36,6 +36,7 @@ class GridSolution:
     """Solution of one indentation on one grid.
 
     Attributes:
+        size: Size of cells or elements; only ratios of sizes are used.
         total_force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
@@ -49,6 +50,7 @@ class GridSolution:
             else of the indenter; None unless the solver computed them.
     """
 
+    size: float
     total_force: float
     depth: float
     area: float
@@ -66,8 +68,8 @@ class GridStudy:
 
     Attributes:
         solutions: For every target the three solutions, coarsest grid first.
-        sizes: Element sizes of the three grids, coarsest first; only the ratios of the sizes are used [-].
         least_order: Smallest order of convergence that error estimates assume [-].
+        most_order: Largest order of convergence that error estimates assume [-].
         extrapolate: Whether a result is the value extrapolated to element size zero with order 1, or else the value on
             the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
             proportional to the element size.
@@ -78,8 +80,8 @@ class GridStudy:
     """
 
     solutions: Sequence[Sequence[GridSolution]]
-    sizes: Sequence[float]
     least_order: float
+    most_order: float = 4.0
     extrapolate: bool = False
     least_overlap: float = 0.0
     least_error: float = 0.0
@@ -96,7 +98,7 @@ class GridStudy:
             grids: Solutions of one target, coarsest grid first.
             quantity: Function that returns the quantity, a number or an array, of a solution.
         """
-        weights = weigh_grids(grids, self.sizes) if self.extrapolate else (0.0, 0.0, 1.0)
+        weights = weigh_grids(grids) if self.extrapolate else (0.0, 0.0, 1.0)
         return _average(grids, weights, quantity)
 
     def estimate_error(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], float]) -> float:
@@ -110,19 +112,28 @@ class GridStudy:
             grids: Solutions of one target, coarsest grid first.
             quantity: Function that returns the quantity of a solution.
         """
-        values = [float(quantity(each)) for each in grids]
+        values, sizes = [float(quantity(each)) for each in grids], [each.size for each in grids]
         result = float(self.combine(grids, quantity))
         if result == 0:
             return 0.0
-        if self.extrapolate and weigh_grids(grids, self.sizes)[1]:
-            coarse, middle, _ = self.sizes
+        if self.extrapolate and weigh_grids(grids)[1]:
+            coarse, middle, _ = sizes
             before = values[1] + (values[1] - values[0]) * middle / (coarse - middle)
             return max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2])) / abs(result)
-        error = grid_convergence(values, self.sizes, least=self.least_order) / abs(result)
+        error = grid_convergence(values, sizes, least=self.least_order, most=self.most_order) / abs(result)
         return max(error, self.least_error)
 
 
-def weigh_grids(grids: Sequence[GridSolution], sizes: Sequence[float]) -> tuple[float, float, float]:
+def estimate_spread(values: Sequence[float]) -> float:
+    """Estimate the relative error of the last of several values that scatter from grid to grid [-].
+
+    A contact area is located from the cells at its edge, and its error depends on the position of the edge within them.
+    The estimate is twice the largest difference between the values.
+    """
+    return 2 * float(np.ptp(values)) / abs(values[-1])
+
+
+def weigh_grids(grids: Sequence[GridSolution]) -> tuple[float, float, float]:
     """Compute the weights of the solutions on three grids in the extrapolation to element size zero (Richardson).
 
     The order of convergence is 1, and the two finest grids are used.  If the ratio of force and depth is not monotonic
@@ -130,12 +141,11 @@ def weigh_grids(grids: Sequence[GridSolution], sizes: Sequence[float]) -> tuple[
 
     Args:
         grids: Solutions of one target, coarsest grid first.
-        sizes: Element sizes of the grids in the same order; only the ratios of the sizes are used [-].
     """
     first, second, third = (each.total_force / each.depth for each in grids)
     if (second - first) * (third - second) < 0:
         return 0.0, 0.0, 1.0
-    share = sizes[2] / (sizes[1] - sizes[2])
+    share = grids[2].size / (grids[1].size - grids[2].size)
     return 0.0, -share, 1 + share
 
 
@@ -164,16 +174,15 @@ def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
     )
 
 
-def extrapolate_solutions(solutions: Sequence[GridSolution], sizes: Sequence[float]) -> GridSolution:
+def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
     """Extrapolate force, depth, energy and texel forces to element size zero with order of convergence 1 (Richardson).
 
     Contact area, overlap and contact points are those of the finest grid.
 
     Args:
         solutions: Solutions of one target on several grids, coarsest first.
-        sizes: Element sizes of the grids in the same order; only the ratios of the sizes are used [-].
     """
-    weights = weigh_grids(solutions, sizes)
+    weights = weigh_grids(solutions)
     return replace(
         solutions[-1],
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
@@ -231,6 +240,7 @@ def correct_solution(
 
     scale = force / full.total_force
     return GridSolution(
+        size=full.size,
         total_force=force,
         depth=depth,
         area=correct(lambda each: each.area) if area is None else area,

@@ -24,10 +24,15 @@ from fem_reference.finite_strain.block_path import (
 from fem_reference.finite_strain.contact_points import divide_rings, unfold_points
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import small_strain
-from fem_reference.indentation.correction import extrapolate_flat
 from fem_reference.indentation.finite_cover import integrate_nodal
 from fem_reference.indentation.finite_strain import integrate_rings, integrate_spline
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy, correct_solution, scale_solution
+from fem_reference.indentation.grid_solution import (
+    GridSolution,
+    GridStudy,
+    correct_solution,
+    extrapolate_solutions,
+    scale_solution,
+)
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
 from fem_reference.small_strain_contact.no_slip_face import FaceGrid, PressedFace, lies_on_lines, press_face
@@ -74,13 +79,15 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
     if max(face.tension for pair in pairs for face in pair) > _SEPARATES:
         return None
     on_lines = lies_on_lines(path.indenter, pose)
-    solved = [[_build_solution(path, face, pose) for face in pair] for pair in pairs]
+    sizes = [grid.edge if on_lines else 1 / grid.across for grid in FACE_GRIDS]
+    solved = [
+        [_build_solution(path, face, pose, size) for face in pair] for pair, size in zip(pairs, sizes, strict=True)
+    ]
     return GridStudy(
         solutions=[
-            [_correct(extrapolate_flat(grids), slides, sticks, path.control, target) for slides, sticks in solved]
+            [_correct(extrapolate_solutions(grids), slides, sticks, path.control, target) for slides, sticks in solved]
             for target, grids in zip(path.targets, accurate, strict=True)
         ],
-        sizes=[grid.edge if on_lines else 1 / grid.across for grid in FACE_GRIDS],
         least_order=1.0,
         least_error=_LEAST_ON_LINES if on_lines else _LEAST_OFF_LINES,
         assumptions={},
@@ -106,8 +113,8 @@ def _correct(
     return correct_solution(accurate, baseline=baseline, full=full, control=control, area=accurate.area)
 
 
-def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose) -> GridSolution:
-    """Build the solution at a depth of 1 m from a contact per unit depth; the contact area is set to zero."""
+def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose, size: float) -> GridSolution:
+    """Build the solution at a depth of 1 m, with a given element size; the contact area is set to zero."""
     state = BlockState(
         depth=1.0,
         load=face.force,
@@ -124,6 +131,7 @@ def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose) -> G
     x, y, normal, *shear = state.contact.T
     turn = replace(pose, at=(0.0, 0.0))
     return GridSolution(
+        size=size,
         total_force=face.force,
         depth=1.0,
         area=0.0,
@@ -197,7 +205,6 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
             [scale_solution(each, target if path.control == "depth" else target / each.total_force) for each in units]
             for target in path.targets
         ],
-        sizes=[1 / count for count in DISK_GRIDS],
         least_order=1.0,
         least_error=_LEAST_DISK,
         assumptions={},
@@ -215,6 +222,7 @@ def _read_disk(data: Mapping[str, Any], count: int, path: LoadingPath) -> GridSo
         thickness=path.cover.thickness,
     )
     return GridSolution(
+        size=1 / count,
         total_force=force,
         depth=1.0,
         area=float(np.pi * path.indenter.footprint[0] ** 2),

@@ -16,7 +16,7 @@ import numpy as np
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
-from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
+from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
@@ -86,6 +86,7 @@ def press(
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
     friction: float = 0.0,
+    accuracy: float | None = None,
     fields: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Indentation:
@@ -105,6 +106,8 @@ def press(
         yaw: Rotation of the indenter about its axis [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip.  Slip depends on the
             loading history, so problems with friction are solved in small steps and take longer [-].
+        accuracy: Wanted relative error.  Finer grids are added until all estimated errors are below it; a result that
+            does not reach it has a warning that says why.  None for the usual three grids [-].
         fields: Whether the result has displacement and stress in the cover; results without fields are stored apart.
         progress: Called with a line of text before each solve.
 
@@ -125,6 +128,7 @@ def press(
         at=at,
         yaw=yaw,
         friction=friction,
+        accuracy=accuracy,
         fields=fields,
         progress=progress,
     )[0]
@@ -140,6 +144,7 @@ def press_path(
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
     friction: float = 0.0,
+    accuracy: float | None = None,
     fields: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
@@ -154,6 +159,7 @@ def press_path(
         at: Position of the indenter's axis in the frame of the array [m].
         yaw: Rotation of the indenter about its axis [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
+        accuracy: Wanted relative error, as for `press` [-].
         fields: Whether the result has displacement and stress in the cover; results without fields are stored apart.
         progress: Called with a line of text before each solve.
 
@@ -169,29 +175,64 @@ def press_path(
     _check_axis(cover, place.pose)
     if not friction >= 0:
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
-    started = time.perf_counter()
+    if accuracy is not None and not 0 < accuracy < 1:
+        raise ValueError(f"an accuracy is a relative error between 0 and 1, such as 0.01, not {accuracy}")
     path = LoadingPath(
         cover=cover, indenter=indenter, targets=targets, control=control, friction=friction, fields=fields
     )
-    study = _study_path(path, place, progress)
+    finest = _count_refinements(path) if accuracy is not None else 0
+    for refinement in range(finest + 1):
+        results = _press_on_grids(path, place, progress, refinement)
+        reached = max(max(each.error_estimate.values()) for each in results)
+        if accuracy is None or reached <= accuracy:
+            return results
+        if progress is not None and refinement < finest:
+            progress(f"estimated error {reached:.2%}, {accuracy:.2%} wanted: a finer grid is added")
+    return [_state_missed_accuracy(each, accuracy or 0.0) for each in results]
+
+
+def _press_on_grids(
+    path: LoadingPath, place: Place, progress: Callable[[str], None] | None, refinement: int
+) -> list[Indentation]:
+    """Solve a loading path on three grids; `refinement` grids are skipped at the coarse end."""
+    started = time.perf_counter()
+    study = _study_path(path, place, progress, refinement)
     for grids in study.solutions:
-        _check_depth(cover, grids[-1].depth)
-    seconds = (time.perf_counter() - started) / len(targets)
+        _check_depth(path.cover, grids[-1].depth)
+    seconds = (time.perf_counter() - started) / len(path.targets)
     return [_combine_grids(study, grids, path, place, seconds) for grids in study.solutions]
 
 
-def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
+def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None, refinement: int) -> GridStudy:
     """Solve a loading path on three grids by the solver for its strain, friction and cover."""
     small = path.cover.small_strain_only
     if small and not path.friction:
-        return small_strain.study_path(path, place, progress)
+        return small_strain.study_path(path, place, progress, refinement)
     if small and np.isinf(path.friction) and path.indenter.is_flat:
         study = no_slip.study_path(path, place, progress)
         if study is not None:
             return study
     if path.cover.size is None:
-        return finite_strain.study_path(path, progress)
+        return finite_strain.study_path(path, progress, refinement)
     return finite_cover.study_path(path, place, progress)
+
+
+def _count_refinements(path: LoadingPath) -> int:
+    """Return how often the grids of a loading path can be refined."""
+    if path.cover.small_strain_only and not path.friction:
+        return small_strain.count_refinements(path)
+    return finite_strain.count_refinements(path) if path.cover.size is None else 0
+
+
+def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
+    """Add a warning to a result whose estimated errors exceed the wanted accuracy on the finest grids."""
+    missed = [
+        f"{name.replace('_', ' ')} {value:.2%}" for name, value in result.error_estimate.items() if value > accuracy
+    ]
+    if not missed:
+        return result
+    sentence = f"{accuracy:.2%} wanted, but the finest feasible grids reach {', '.join(missed)}"
+    return replace(result, warnings=(*result.warnings, sentence))
 
 
 def _combine_grids(
@@ -227,7 +268,7 @@ def _combine_grids(
         + study.base_error
         + _FORCE_PER_OVERLAP * overlap
         + abs(balance),
-        "contact_area": study.estimate_error(grids, lambda each: each.area),
+        "contact_area": estimate_spread([each.area for each in grids]),
     }
     errors["total_force" if path.control == "load" else "depth"] = 0.0
     x, y, force = finest.contact.T
@@ -241,7 +282,7 @@ def _combine_grids(
         total_force=total,
         balance=balance,
         depth=float(study.combine(grids, lambda each: each.depth)),
-        contact_area=float(study.combine(grids, lambda each: each.area)),
+        contact_area=finest.area,
         contact=np.column_stack([*place.pose.to_array(x, y), force * scale]),
         shear=shear,
         energy=float(study.combine(grids, lambda each: each.energy)),

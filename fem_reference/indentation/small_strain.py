@@ -1,4 +1,4 @@
-"""Solve frictionless indentations at small strain: contact on square cells, texel forces by superposition.
+"""Solve frictionless indentations at small strain: contact on rectangular cells, texel forces by superposition.
 
 On a wide cover, whose edges have no effect, the contact solution is the same at every position.  On a cover of limited
 size the free side edges increase the compliance of the top, and the texel forces follow from a three-dimensional
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,16 +23,16 @@ from fem_reference.linear_response.point_spread import TexelInfluence, point_spr
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Indenter, TexelArray
+from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
 
-#: Number of square cells across the contact on the three grids, coarsest first.  The numbers are multiples of 16,
-#: because the edges of many letters and brackets are at sixteenths of the width and then coincide with cell edges [-].
-CELLS = (64, 96, 144)
+#: Number of cells across the contact on all grids, coarsest first; three neighbouring grids give a result and its
+#: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat [-].
+CELLS = (64, 96, 144, 224, 336)
 #: Depth over cover thickness at which flat faces are solved; the value is arbitrary because the solution is linear [-].
 _FLAT_DEPTH = 1e-2
 #: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
@@ -45,24 +45,37 @@ _FULL = 0.98
 _GRID_STEP, _STENCIL = 1 / 8, 6
 
 
-def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy:
+def study_path(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
     """Solve a frictionless loading path on three grids.
+
+    Args:
+        path: Cover, indenter, and target loads or depths.
+        place: Array, and pose of the indenter.
+        progress: Called with a line of text before each solve.
+        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
 
     Returns:
         The solutions of every target with the element sizes and the error of the base response.
     """
     base_response = _solve_base_response(path, place, progress)
     return GridStudy(
-        solutions=solve_path(path, place, progress),
-        sizes=[1 / cells for cells in CELLS],
+        solutions=solve_path(path, place, progress, refinement),
         least_order=1.0,
+        most_order=1.0,
         extrapolate=path.indenter.is_flat,
         base_error=base_response.error_estimate["peak_texel"],
         assumptions={},
     )
 
 
-def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> list[list[GridSolution]]:
+def count_refinements(path: LoadingPath) -> int:
+    """Return how often the grids of `study_path` can be refined: on a cover of limited size its mesh is fixed."""
+    return len(CELLS) - 3 if path.cover.size is None else 0
+
+
+def solve_path(
+    path: LoadingPath, place: Place | None, progress: Progress, refinement: int = 0
+) -> list[list[GridSolution]]:
     """Solve a frictionless loading path at small strain, or read the solutions from the result store.
 
     The contact area under a flat face does not depend on the load, so a flat face is solved once and scaled.
@@ -71,6 +84,7 @@ def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> li
         path: Cover, indenter, and target loads or depths.
         place: Array, and pose of the indenter.  Required on a cover of limited size, where every pose is solved.
         progress: Called with a line of text before each solve.
+        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
 
     Returns:
         For each target the solutions on the three grids, coarsest first.
@@ -80,7 +94,8 @@ def solve_path(path: LoadingPath, place: Place | None, progress: Progress) -> li
     def solve(target: LoadingPath) -> list[GridSolution]:
         """Solve a loading path of one target on the three grids."""
         return [
-            _build_solution(patch, path.indenter, base_response) for patch in _solve_contact(target, place, progress)
+            _build_solution(_solve_contact(target, place, progress, grid), path.indenter, base_response)
+            for grid in range(refinement, refinement + 3)
         ]
 
     if not path.indenter.is_flat:
@@ -99,7 +114,7 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
     Returns:
         Centres of the m cells in contact, in the frame of the indenter, shape (m, 2) [m].
     """
-    patch = _solve_contact(replace(path, targets=path.targets[-1:]), place, progress)[0]
+    patch = _solve_contact(replace(path, targets=path.targets[-1:]), place, progress, 0)
     return np.column_stack([patch.x, patch.y])
 
 
@@ -109,6 +124,7 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: Texe
     gap = indenter.gap(patch.x, patch.y)
     work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)  # centres of scaled cells may lie outside a flat face
     return GridSolution(
+        size=float(np.sqrt(np.prod(patch.cell))),
         total_force=patch.total_force,
         depth=patch.depth,
         area=patch.area,
@@ -178,40 +194,41 @@ def _require_place(place: Place | None) -> Place:
     return place
 
 
-def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress) -> list[ContactPatch]:
-    """Solve the contact of a loading path with one target on the three grids, or read it from the result store."""
-    cover, indenter = path.cover, path.indenter
+def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, grid: int) -> ContactPatch:
+    """Solve the contact of a loading path with one target on one grid, or read it from the result store."""
+    cover, indenter, cells = path.cover, path.indenter, CELLS[grid]
     target = path.targets[0]
     load, depth = (target, None) if path.control == "load" else (None, target)
 
     def compute() -> dict[str, Any]:
         if progress is not None:
-            progress("contact on three grids")
+            progress(f"contact on {cells} x {cells} cells or more")
         reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
-        surface = surface_compliance(replace(cover, size=None), reach)
-        out: dict[str, Any] = {}
-        for grid, cells in enumerate(CELLS):
-            with np.errstate(over="ignore", invalid="ignore"):  # an extreme load pierces the cover; `press` refuses it
-                if cover.size is None:
-                    patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
-                else:
-                    patch = _touch_near_sides(
-                        surface, path, _require_place(place).pose, grid=grid, load=load, depth=depth
-                    )
-            out[f"cells_{cells}"] = np.column_stack([patch.x, patch.y, patch.force])
-            out[f"scalars_{cells}"] = np.array([patch.cell, patch.depth])
-        return out
+        surface = _tabulate_surface(replace(cover, size=None), reach)
+        with np.errstate(over="ignore", invalid="ignore"):  # an extreme load pierces the cover; `press` refuses it
+            if cover.size is None:
+                patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
+            else:
+                pose = _require_place(place).pose
+                patch = _touch_near_sides(surface, path, pose, grid=grid, load=load, depth=depth)
+        return {
+            "cells": np.column_stack([patch.x, patch.y, patch.force]),
+            "scalars": np.array([*patch.cell, patch.depth, patch.area]),
+        }
 
-    inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": CELLS}
+    inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": cells}
     if cover.size is not None:
         inputs["pose"] = _require_place(place).pose
     data = result_store.fetch("contact", inputs, compute)
-    patches = []
-    for cells in CELLS:
-        x, y, force = data[f"cells_{cells}"].T
-        cell, approach = data[f"scalars_{cells}"]
-        patches.append(ContactPatch(x=x, y=y, force=force, cell=float(cell), depth=float(approach)))
-    return patches
+    x, y, force = data["cells"].T
+    width, height, approach, area = (float(value) for value in data["scalars"])
+    return ContactPatch(x=x, y=y, force=force, cell=(width, height), depth=approach, area=area)
+
+
+@lru_cache(maxsize=4)
+def _tabulate_surface(cover: Cover, reach: float) -> SurfaceCompliance:
+    """Tabulate the compliance of the top of a wide cover; all grids of a contact use the same table."""
+    return surface_compliance(cover, reach)
 
 
 def _touch_near_sides(
@@ -242,4 +259,4 @@ def _touch_near_sides(
 
 def _measure_extent(patch: ContactPatch) -> FloatArray:
     """Measure the half widths of a contact along x and y around the axis of the indenter, shape (2,) [m]."""
-    return np.array([np.abs(patch.x).max(), np.abs(patch.y).max()]) + patch.cell / 2
+    return np.array([np.abs(patch.x).max(), np.abs(patch.y).max()]) + np.array(patch.cell) / 2

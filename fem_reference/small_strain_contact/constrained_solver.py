@@ -1,7 +1,8 @@
 """Solve for the contact pressure between rigid indenters and an elastic surface by an active-set method.
 
-The surface is divided into square cells.  The pressures p of the cells minimise p K p / 2 + p gap over p >= 0, where K
-maps pressures to displacements; weighted sums of the pressures (force and moments of each indenter) may be prescribed.
+The surface is divided into equal rectangular cells.  The pressures p of the cells minimise p K p / 2 + p gap over
+p >= 0, where K maps pressures to displacements; weighted sums of the pressures (force and moments of each indenter) may
+be prescribed.
 At the minimum, cells in contact have no overlap and cells with a gap have no pressure.
 
 Method: for a given set of cells in contact, conjugate gradients solve the linear systems for the pressures.  Cells
@@ -41,12 +42,12 @@ _BALANCE = 1e-6
 
 
 class ComplianceOperator:
-    """Linear map from pressures on a grid of square cells to the downward displacements of the cell centres.
+    """Linear map from pressures on a grid of rectangular cells to the mean downward displacements of the cells.
 
     Args:
         surface: Compliance of the top of a wide cover.
         shape: Number of cells along x and along y.
-        cell: Edge length of a cell [m].
+        cell: Edge lengths of a cell along x and y [m].
         addition: Function that computes the additional displacements [m] due to free side edges from the forces on all
             cells [N]; None for a wide cover.
     """
@@ -55,14 +56,18 @@ class ComplianceOperator:
         self,
         surface: SurfaceCompliance,
         shape: tuple[int, ...],
-        cell: float,
+        cell: tuple[float, float],
         addition: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
-        self._shape, self._area, self._addition = shape, cell**2, addition
+        self._shape, self._area, self._addition = shape, cell[0] * cell[1], addition
         self._padded = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in shape)
-        offsets = [np.minimum(np.arange(m), m - np.arange(m)) * cell for m in self._padded]
-        x, y = np.meshgrid(*offsets, indexing="ij")
-        kernel = surface.of_rectangle(x, y, cell, cell)
+        x, y = np.meshgrid(*(np.arange(n) * edge for n, edge in zip(shape, cell, strict=True)), indexing="ij")
+        # Offsets beyond the number of cells are negative offsets, except those that no pair of cells has.
+        turned = [
+            np.minimum(np.minimum(np.arange(m), m - np.arange(m)), n - 1)
+            for m, n in zip(self._padded, shape, strict=True)
+        ]
+        kernel = surface.average_over_cells(x, y, *cell)[np.ix_(*turned)]
         self._spectrum = fft.rfft2(kernel)
         size = np.abs(self._spectrum)
         self._inverse = kernel[0, 0] / np.maximum(size, _SPECTRUM_FLOOR * size.max())

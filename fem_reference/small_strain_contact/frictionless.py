@@ -1,30 +1,30 @@
 """Solve the frictionless contact of one rigid indenter with a cover at small strain.
 
-The contact is solved on square cells in the frame of the indenter.  If the size of the contact is not known in advance,
-the grid of cells shrinks to the contact, so that every contact is resolved by the same number of cells.
+The contact is solved on rectangular cells in the frame of the indenter.  The number of cells along x and along y is
+chosen on its own, so that slender contacts, thin walls of a face and thin covers are resolved too.  If the size of the
+contact is not known in advance, the grid of cells shrinks to the contact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
+from fem_reference.small_strain_contact.cell_grid import CellGrid, Face, choose_counts
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
+from fem_reference.small_strain_contact.contact_area import measure_area
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray
 
 #: Number of samples of the height of an axisymmetric indenter along its radius [-].
 _RADII = 10_001
-#: Number of samples along the longer side of the grid with which the area of a flat face is measured [-].
-_AREA_SAMPLES = 1201
 #: Largest number of solutions on successively smaller grids; a grid is at most twenty times smaller than the last [-].
 _REFINEMENTS = 8
-#: Half width of the contact over that of the grid above which the grid is fine enough [-].
+#: Half width of the contact over that of the grid, along each axis, above which the grid is fine enough [-].
 _FILLED = 0.8
 #: Half width of a new grid over that of the last contact, and smallest ratio of successive half widths of the grid [-].
 _MARGIN, _SHRINKING = 1.1, 0.05
@@ -39,31 +39,28 @@ _FIRST_CELLS = 9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactPatch:
-    """Solved contact of an indenter, as forces on square cells in the frame of the indenter.
+    """Solved contact of an indenter, as forces on rectangular cells in the frame of the indenter.
 
     Attributes:
         x: x coordinates of the centres of the m cells in contact, shape (m,) [m].
         y: y coordinates of these centres, shape (m,) [m].
         force: Contact force on each of these cells, shape (m,) [N].
-        cell: Edge length of a cell [m].
+        cell: Edge lengths of a cell along x and y [m].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
+        area: Contact area; the edge of the contact is located within the cells [m2].
     """
 
     x: FloatArray
     y: FloatArray
     force: FloatArray
-    cell: float
+    cell: tuple[float, float]
     depth: float
+    area: float
 
     @property
     def total_force(self) -> float:
         """Normal force on the indenter, the sum of the forces on all cells [N]."""
         return float(self.force.sum())
-
-    @property
-    def area(self) -> float:
-        """Contact area [m2]."""
-        return self.force.size * self.cell**2
 
 
 def solve_contact(
@@ -75,12 +72,13 @@ def solve_contact(
     depth: float | None = None,
     sides: SideEdges | None = None,
 ) -> ContactPatch:
-    """Press an indenter into a cover, on grids that shrink until about `cells` cells span the contact.
+    """Press an indenter into a cover, on grids that shrink until at least `cells` cells span the contact.
 
     Args:
         surface: Compliance of the top of a wide cover.
         indenter: Indenter with its shape.
-        cells: Number of cells across the longer side of the contact [-].
+        cells: Number of cells across the contact along each axis [-].  Slender contacts, faces with walls and thin
+            covers get more in proportion, see `choose_counts`.
         load: Normal force [N].  Give either `load` or `depth`.
         depth: Approach of the indenter from first touch [m].
         sides: Free side edges of the cover; None for a wide cover.
@@ -94,33 +92,36 @@ def solve_contact(
     middle, half = (
         (np.zeros(2), np.array(bound_contact(indenter, surface.thickness))) if sides is None else sides.window
     )
-    flat = indenter.is_flat
 
     def measure_gap(x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the gap between indenter and cover [m]; inf beside the indenter and beside the cover."""
         value = indenter.gap(x, y)
         return value if sides is None else np.where(sides.contain(x, y), value, np.inf)
 
+    face = Face.measure(measure_gap, middle, half) if indenter.is_flat else None
+    if face is not None:
+        middle, half = face.middle, face.half
     for _ in range(_REFINEMENTS):
-        grid = _Grid.span(middle, half, cells if flat else int(_MARGIN * cells))
-        if flat:
-            grid = grid.match_area(measure_gap, half)
+        grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
+        if face is not None:
+            grid = grid.match_area(measure_gap, face)
         addition = None if sides is None else sides.add_compliance(grid.x.ravel(), grid.y.ravel())
         compliance = ComplianceOperator(surface, grid.x.shape, grid.cell, addition)
         gap = measure_gap(*grid.unscaled)
-        pressure, approach = _solve(compliance, gap, grid.cell, load, depth)
+        pressure, approach = _solve(compliance, gap, grid.area, load, depth)
         touching = pressure > 0
         # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
         near = touching if touching.any() else gap == gap.min()
         extent = np.array([np.abs(grid.x[near] - middle[0]).max(), np.abs(grid.y[near] - middle[1]).max()])
-        extent += grid.cell / 2
-        if flat or extent.max() > _FILLED * half.max():
+        extent += np.array(grid.cell) / 2
+        if face is not None or (extent > _FILLED * half).all():
             break
         half = np.minimum(np.maximum(_MARGIN * extent, _SHRINKING * half), half)
     if not touching.any():
-        raise ConvergenceError(f"nothing touches on cells of {grid.cell * 1e3:.2g} mm; press deeper")
-    force = pressure[touching] * grid.cell**2
-    return ContactPatch(x=grid.x[touching], y=grid.y[touching], force=force, cell=grid.cell, depth=approach)
+        raise ConvergenceError(f"nothing touches on cells of {max(grid.cell) * 1e3:.2g} mm; press deeper")
+    force = pressure[touching] * grid.area
+    area = measure_area(pressure, np.isfinite(gap), grid.cell)
+    return ContactPatch(x=grid.x[touching], y=grid.y[touching], force=force, cell=grid.cell, depth=approach, area=area)
 
 
 def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:
@@ -157,67 +158,13 @@ def guess_touching(gap: FloatArray, depth: float | None) -> BoolArray:
     return np.asarray(allowed & (gap <= max(few, _FIRST_DEPTH * depth)))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Grid:
-    """Grid of square cells around the middle of a rectangle.
-
-    Attributes:
-        x: x coordinates of the centres of the cells, shape (rows, columns) [m].
-        y: y coordinates of the centres of the cells, shape (rows, columns) [m].
-        cell: Edge length of a cell [m].
-        middle: Middle of the rectangle, shape (2,) [m].
-        scale: Factor by which the cells were scaled about the middle [-].
-    """
-
-    x: FloatArray
-    y: FloatArray
-    cell: float
-    middle: FloatArray
-    scale: float = 1.0
-
-    @classmethod
-    def span(cls, middle: FloatArray, half: FloatArray, cells: int) -> _Grid:
-        """Divide a rectangle of given middle and half widths into cells; `cells` is their number on the longer side.
-
-        The cells fill the longer side exactly and the shorter side to the nearest whole cell.
-        """
-        cell = 2 * half.max() / cells
-        count = np.maximum(1, np.round(2 * half / cell)).astype(int)
-        axes = [start + (np.arange(n) - (n - 1) / 2) * cell for start, n in zip(middle, count, strict=True)]
-        x, y = np.meshgrid(*axes, indexing="ij")
-        return cls(x=x, y=y, cell=cell, middle=middle)
-
-    def match_area(self, gap: Callable[[FloatArray, FloatArray], FloatArray], half: FloatArray) -> _Grid:
-        """Scale the cells so that the cells inside a flat face have the same total area as the face.
-
-        The area of the squares inside a curved edge deviates irregularly from that of the face; with the right area the
-        error decreases smoothly with the cell size and can be extrapolated.
-        """
-        fine = _Grid.span(self.middle, half, _AREA_SAMPLES)
-        area = np.isfinite(gap(fine.x, fine.y)).sum() * fine.cell**2
-        own = int(np.isfinite(gap(self.x, self.y)).sum())
-        if not own:
-            raise ValueError(
-                f"no cell of {self.cell * 1e3:.2g} mm has its middle on the indenter's face: its walls are too thin"
-            )
-        scale = np.sqrt(area / (own * self.cell**2))
-        x, y = (m + (place - m) * scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
-        return _Grid(x=x, y=y, cell=self.cell * float(scale), middle=self.middle, scale=float(scale))
-
-    @property
-    def unscaled(self) -> tuple[FloatArray, FloatArray]:
-        """Positions (x, y) of the cell centres before scaling, which determine the cells under the indenter [m]."""
-        x, y = (m + (place - m) / self.scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
-        return x, y
-
-
 def _solve(
-    compliance: ComplianceOperator, gap: FloatArray, cell: float, load: float | None, depth: float | None
+    compliance: ComplianceOperator, gap: FloatArray, area: float, load: float | None, depth: float | None
 ) -> tuple[FloatArray, float]:
-    """Solve for the pressures on the cells [Pa] and the approach of the indenter [m], at a given load or depth."""
+    """Solve for the pressures [Pa] on cells of given area [m2], and the approach [m], at a given load or depth."""
     touching = guess_touching(gap, depth)
     if load is None and depth is not None:
         return find_pressures(compliance, gap - depth, touching)[0], depth
-    sums = np.array([(load or 0.0) / cell**2])
+    sums = np.array([(load or 0.0) / area])
     pressure, motion = find_pressures(compliance, gap, touching, columns=np.ones((1, *gap.shape)), sums=sums)
     return pressure, float(motion[0])

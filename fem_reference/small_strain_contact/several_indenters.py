@@ -151,7 +151,7 @@ def _solve(
     gap, owner = gaps.min(axis=0), gaps.argmin(axis=0)
     touching = np.any([guess_touching(np.where(owner == i, gap, np.inf), None) for i in range(len(bodies))], axis=0)
     columns, loads, mover = _constrain_bodies(bodies, np.where(np.isfinite(gap), owner, -1), x, y)
-    compliance = ComplianceOperator(surface, x.shape, cell)
+    compliance = ComplianceOperator(surface, x.shape, (cell, cell))
     pressure, found = find_pressures(compliance, gap, touching, columns=columns, sums=loads / cell**2)
     touching = pressure > 0
     motion = np.zeros((len(bodies), 3))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form, press
-from meshes import Box, Cylinder, Sphere, TexelArray
+from meshes import Box, Cylinder, Nut, Roller, Sphere, TexelArray
 
 #: The ends by default, what lies between in the slow tier.
 RATIOS = [0.0, *(pytest.param(nu, marks=pytest.mark.slow) for nu in (0.3, 0.45, 0.49)), 0.5]
@@ -107,3 +107,41 @@ def test_the_base_carries_the_load_on_arrays_of_narrow_texels_and_of_few(bonded,
             (found.texel_forces.sum() + found.outside) / found.total_force - 1, abs=1e-12
         )
         assert found.total_force == pytest.approx(target.get("load", found.total_force), rel=1e-9)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.49, 0.5])
+@pytest.mark.parametrize("share", [0.1, 3.0])
+def test_area_and_depth_of_spheres_are_exact_and_covered(bonded, wts, nu, share):
+    """Contact radii from a tenth to three times the thickness: no bias of whole cells."""
+    cover = bonded(nu)
+    radius = share * cover.thickness
+    exact = closed_form.sphere(cover, 20 * radius, radius)
+    found = press(cover, wts, Sphere(radius=20 * radius), load=exact.force)
+    area = np.pi * radius**2
+    assert found.contact_area == pytest.approx(area, rel=1e-3)
+    assert abs(found.contact_area / area - 1) <= found.error_estimate["contact_area"]
+    assert abs(found.depth / exact.depth - 1) <= found.error_estimate["depth"] < 1e-3
+    assert found.error_estimate["total_force"] == 0
+
+
+@pytest.mark.parametrize(("radius", "load"), [(33e-3, 2.0), (2e-3, 20.0), (0.2, 0.5)])
+def test_long_rollers_are_resolved_across(bonded, wts, radius, load):
+    found = press(bonded(0.49), wts, Roller(radius=radius, length=0.12), load=load)
+    assert found.error_estimate["contact_area"] < 0.02
+    assert found.error_estimate["depth"] < 2e-3
+    width = found.contact_area / 0.12
+    assert np.abs(found.contact[:, 0]).max() == pytest.approx(width / 2, rel=0.05)
+
+
+def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts):
+    nut, lines = Nut(across=13e-3, bore=11e-3), []
+    usual = press(bonded(0.49), wts, nut, depth=0.1e-3)
+    error = max(usual.error_estimate.values())
+    better = press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=0.7 * error, progress=lines.append)
+    assert max(better.error_estimate.values()) <= 0.7 * error
+    assert any("a finer grid is added" in line for line in lines)
+    assert not better.warnings
+    missed = press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=1e-7)
+    assert "the finest feasible grids reach" in missed.warnings[-1]
+    with pytest.raises(ValueError, match="relative error between 0 and 1"):
+        press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=1.0)

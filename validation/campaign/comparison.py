@@ -76,6 +76,7 @@ def compare_models(
     parameters: Parameters | None = None,
     depth: float | None = None,
     friction: float = 0.0,
+    accuracy: float | None = None,
     models: Sequence[str] = MODELS,
     method: str = "default",
     fields: bool = False,
@@ -87,9 +88,9 @@ def compare_models(
         sensor: Description of the sensor that is pressed, or the parameters of its fast model.
         case: The indentation: indenter, pose and load.
         parameters: Parameters of the sensor's fast model; required if `models` contains `fast`.
-        depth: Approach of the indenter from first touch, which replaces the load; the load of the fast model is then
-            the finite elements' force at that depth [m].
+        depth: Approach of the indenter, which replaces the load; the fast model's load is then that force [m].
         friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip [-].
+        accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Names of the models, some of `MODELS`.
         method: Contact method of the fast model, one of `METHODS`.
         fields: Whether the finite elements also return displacement and stress in the cover.
@@ -104,7 +105,7 @@ def compare_models(
     fem, fast = None, None
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
-        fem = _press(sensor, case, depth=depth, friction=friction, fields=fields, tell=tell)
+        fem = _press(sensor, case, depth=depth, friction=friction, accuracy=accuracy, fields=fields, tell=tell)
         case = dataclasses.replace(case, load=fem.total_force)
     if "fast" in models:
         from fastmodel import indent

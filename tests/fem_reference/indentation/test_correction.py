@@ -17,8 +17,9 @@ FACE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=6e-3)
 STIFFNESS, STIFFENING = 1e4, 50.0  # [N/m], [1/m]
 
 
-def make_solution(force, depth):
+def make_solution(force, depth, size=1.0):
     return GridSolution(
+        size=size,
         total_force=force,
         depth=depth,
         area=1.0,
@@ -27,6 +28,11 @@ def make_solution(force, depth):
         base_forces=lambda array, pose: np.array([force, 0.0]),
         energy=force * depth / 2,
     )
+
+
+def make_grids(depth):
+    """Equal solutions on three grids."""
+    return [make_solution(STIFFNESS * depth, depth, size) for size in (3.0, 2.0, 1.0)]
 
 
 def solve(path, approaches):
@@ -41,7 +47,7 @@ def test_every_target_is_corrected_in_proportion_to_its_depth(depths):
     """Also the depths below those that a grid resolves, which get their share of the effect at a larger depth."""
     for shape in (FACE, ROLLER):
         path = LoadingPath(cover=make_cover(0.45), indenter=shape, targets=tuple(sorted(depths)), control="depth")
-        accurate = [[make_solution(STIFFNESS * d, d)] * 3 for d in path.targets]
+        accurate = [make_grids(d) for d in path.targets]
         for depth, grids in zip(path.targets, correct_path(path, accurate, solve), strict=True):
             assert len(grids) == len(SOLID_GRIDS)
             for found in grids:
@@ -58,7 +64,7 @@ def record_targets(shape, *targets, friction=0.0):
         return solve(path, approaches)
 
     path = LoadingPath(cover=make_cover(0.45), indenter=shape, targets=targets, control="depth", friction=friction)
-    correct_path(path, [[make_solution(STIFFNESS * d, d)] * 3 for d in targets], listen)
+    correct_path(path, [make_grids(d) for d in targets], listen)
     return asked
 
 

@@ -11,6 +11,7 @@ from fem_reference.indentation.grid_solution import (
     GridSolution,
     GridStudy,
     correct_solution,
+    estimate_spread,
     extrapolate_solutions,
     scale_solution,
 )
@@ -22,9 +23,10 @@ SIZES = (1 / 4, 1 / 6, 1 / 9)
 POSITIVE = st.floats(0.1, 10)
 
 
-def make_solution(force=1.0, depth=1.0, area=1.0, shares=(0.4, 0.3, 0.2, 0.05), overlap=0.0):
+def make_solution(force=1.0, depth=1.0, *, area=1.0, shares=(0.4, 0.3, 0.2, 0.05), overlap=0.0, size=1.0):
     """A solution whose texel forces are fixed shares of its force."""
     return GridSolution(
+        size=size,
         total_force=force,
         depth=depth,
         area=area,
@@ -56,8 +58,8 @@ def test_scaling_is_linear_and_keeps_the_contact_area(force, depth, first, secon
 
 @given(limit=POSITIVE, slope=st.floats(-0.5, 0.5))
 def test_extrapolation_recovers_the_limit_of_a_first_order_sequence(limit, slope):
-    grids = [make_solution(limit * (1 + slope * size), limit * (2 - slope * size)) for size in SIZES]
-    found = extrapolate_solutions(grids, SIZES)
+    grids = [make_solution(limit * (1 + slope * size), limit * (2 - slope * size), size=size) for size in SIZES]
+    found = extrapolate_solutions(grids)
     assert found.total_force == pytest.approx(limit, rel=1e-9)
     assert found.depth == pytest.approx(2 * limit, rel=1e-9)
     assert read_texels(found) == pytest.approx(limit * np.array([0.4, 0.3, 0.2, 0.05]), rel=1e-9)
@@ -104,13 +106,18 @@ def test_a_correction_takes_the_larger_overlap_and_a_given_area():
 
 
 def make_study(**options):
-    return GridStudy(solutions=[], sizes=SIZES, least_order=1.0, assumptions={}, **options)
+    return GridStudy(solutions=[], least_order=1.0, assumptions={}, **options)
 
 
 def test_the_finest_value_is_the_result_unless_the_study_extrapolates():
-    grids = [make_solution(1 + size) for size in SIZES]
+    grids = [make_solution(1 + size, size=size) for size in SIZES]
     assert make_study().combine(grids, read_force) == 1 + SIZES[-1]
     assert make_study(extrapolate=True).combine(grids, read_force) == pytest.approx(1.0)
+
+
+def make_grids(*forces):
+    """Solutions of given force at the same depth on three grids."""
+    return [make_solution(force, size=size) for force, size in zip(forces, SIZES, strict=True)]
 
 
 def read_force(solution):
@@ -121,8 +128,8 @@ def read_force(solution):
 def test_forces_that_balance_on_every_grid_balance_in_the_result(forces, swings):
     """Also if single texels go back and forth over the grids."""
     grids = [
-        make_solution(force, shares=(0.4 + swing, 0.3 - 2 * swing, 0.2, 0.05))
-        for force, swing in zip(forces, swings, strict=True)
+        make_solution(force, shares=(0.4 + swing, 0.3 - 2 * swing, 0.2, 0.05), size=size)
+        for force, swing, size in zip(forces, swings, SIZES, strict=True)
     ]
     for study in (make_study(), make_study(extrapolate=True)):
         base = study.combine(grids, lambda each: each.base_forces(ARRAY, PlanarPose()))
@@ -132,17 +139,22 @@ def test_forces_that_balance_on_every_grid_balance_in_the_result(forces, swings)
 @given(order=st.floats(1.0, 3.0), coefficient=st.floats(0.01, 0.5), sign=st.sampled_from([-1, 1]))
 def test_the_estimate_covers_the_error_of_a_convergent_sequence(order, coefficient, sign):
     values = [1 + sign * coefficient * size**order for size in SIZES]
-    grids = [make_solution(value) for value in values]
+    grids = make_grids(*values)
     assert make_study().estimate_error(grids, read_force) * abs(values[-1]) >= abs(values[-1] - 1) * (1 - 1e-9)
 
 
 def test_equal_values_have_no_error_and_a_result_of_zero_neither():
-    assert make_study().estimate_error([make_solution(2.0)] * 3, read_force) == 0
-    assert make_study().estimate_error([make_solution(value) for value in (1.0, 0.5, 0.0)], read_force) == 0
+    assert make_study().estimate_error(make_grids(2.0, 2.0, 2.0), read_force) == 0
+    assert make_study().estimate_error(make_grids(1.0, 0.5, 0.0), read_force) == 0
 
 
 def test_values_that_go_back_and_forth_are_not_extrapolated():
     study = make_study(extrapolate=True)
-    grids = [make_solution(value) for value in (1.0, 1.2, 1.1)]
+    grids = make_grids(1.0, 1.2, 1.1)
     assert study.combine(grids, read_force) == 1.1
     assert study.estimate_error(grids, read_force) == pytest.approx(make_study().estimate_error(grids, read_force))
+
+
+def test_scattered_values_are_covered_by_their_spread():
+    assert estimate_spread([1.0, 1.02, 1.01]) == pytest.approx(2 * 0.02 / 1.01)
+    assert estimate_spread([3.0, 3.0, 3.0]) == 0

@@ -13,9 +13,15 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 
-SHAPE, CELL = (7, 5), 0.4e-3
+SHAPE, CELL = (7, 5), (0.4e-3, 0.3e-3)
 GAPS = arrays(float, SHAPE, elements=st.floats(0, 1)).map(lambda gap: 2e-4 * gap)
 SHARED = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def place_cells():
+    """Coordinates of the middles of all cells."""
+    axes = ((np.arange(n) - (n - 1) / 2) * edge for n, edge in zip(SHAPE, CELL, strict=True))
+    return np.meshgrid(*axes, indexing="ij")
 
 
 @pytest.fixture(scope="module")
@@ -56,10 +62,12 @@ def test_the_first_guess_does_not_matter(compliance, gap, guess):
 @SHARED
 @given(gap=GAPS, load=st.floats(0.1, 10.0), side=st.floats(-0.3, 0.3), across=st.floats(-0.2, 0.2))
 def test_a_body_that_may_tilt_is_in_equilibrium_and_touches_without_overlap(compliance, gap, load, side, across):
-    x, y = np.meshgrid(*((np.arange(n) - (n - 1) / 2) * CELL for n in SHAPE), indexing="ij")
+    x, y = np.meshgrid(
+        *((np.arange(n) - (n - 1) / 2) * edge for n, edge in zip(SHAPE, CELL, strict=True)), indexing="ij"
+    )
     point = np.array([side, across]) * CELL * np.array(SHAPE)
-    columns = np.array([np.ones(SHAPE), (x - point[0]) / CELL, (y - point[1]) / CELL])
-    sums = np.array([load / CELL**2, 0.0, 0.0])
+    columns = np.array([np.ones(SHAPE), (x - point[0]) / CELL[0], (y - point[1]) / CELL[1]])
+    sums = np.array([load / np.prod(CELL), 0.0, 0.0])
     pressure, motion = find_pressures(compliance, 0.01 * gap, np.ones(SHAPE, dtype=bool), columns=columns, sums=sums)
     overlap = np.tensordot(motion, columns, 1) - 0.01 * gap - compliance.displace(pressure)
     assert (pressure >= 0).all()
@@ -77,7 +85,9 @@ def test_cells_without_an_indenter_carry_nothing(compliance):
 
 
 def test_a_load_beside_the_body_cannot_be_balanced(compliance):
-    x, _ = np.meshgrid(*((np.arange(n) - (n - 1) / 2) * CELL for n in SHAPE), indexing="ij")
+    x, _ = np.meshgrid(
+        *((np.arange(n) - (n - 1) / 2) * edge for n, edge in zip(SHAPE, CELL, strict=True)), indexing="ij"
+    )
     columns = np.array([np.ones(SHAPE), x - 2e-3])  # the last cells end at 1.4 mm
     with pytest.raises(ConvergenceError):
         find_pressures(

@@ -42,6 +42,10 @@ _Friction = Annotated[
         allow_leading_hyphen=True,
     ),
 ]
+_Accuracy = Annotated[
+    str | None,
+    Parameter(help="Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it."),
+]
 _Curve = Annotated[
     int | None,
     Parameter(help="Compute this many points of the curve of load over depth, by finite elements; needs --out."),
@@ -62,6 +66,7 @@ def press(
     at: _At = "0mm,0mm",
     yaw: _Yaw = "0deg",
     friction: _Friction = "0",
+    accuracy: _Accuracy = None,
     model: _Model = "fem,fast",
     method: Method = "default",
     material: MaterialName = None,
@@ -79,6 +84,7 @@ def press(
         softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g
         softcover press sensor.toml --indenter box:size=9mmx9mmx5mm --load 2N --at=1mm,-2mm --yaw=45deg
         softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json
+        softcover press sensor.toml --indenter roller:radius=30mm,length=40mm --load 5N --accuracy 0.5%
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
         softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --out pressed
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
@@ -89,6 +95,7 @@ def press(
         force=(load, depth),
         pose=(at, yaw),
         friction=friction,
+        accuracy=accuracy,
         model=model,
         method=method,
         cover=(material, thickness),
@@ -107,6 +114,7 @@ class _Request:
     case: Case
     depth: float | None
     friction: float
+    accuracy: float | None
     models: tuple[str, ...]
     method: str
 
@@ -118,6 +126,7 @@ def _read_request(
     force: tuple[str | None, str | None],
     pose: tuple[str, str],
     friction: str,
+    accuracy: str | None,
     model: str,
     method: str,
     cover: tuple[str | None, str | None],
@@ -125,19 +134,7 @@ def _read_request(
 ) -> _Request:
     """Read and check the options of the command.
 
-    Args:
-        sensor: The sensor.
-        indenter: Shape of the indenter.
-        force: Values of `--load` and `--depth`.
-        pose: Values of `--at` and `--yaw`.
-        friction: Value of `--friction`.
-        model: Value of `--model`.
-        method: Value of `--method`.
-        cover: Values of `--material` and `--thickness`.
-        files: Values of `--curve` and `--out`.
-
-    Raises:
-        InputError: With the faults of all options.
+    Pairs are `--load` and `--depth`, `--at` and `--yaw`, `--material` and `--thickness`, and `--curve` and `--out`.
     """
     from validation.campaign.case import Case
     from validation.campaign.comparison import METHODS
@@ -154,6 +151,7 @@ def _read_request(
     angle = collect(faults, lambda: read_yaw(pose[1]))
     coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    wanted = collect(faults, lambda: _read_accuracy(accuracy))
     load, depth = collect(faults, lambda: _read_force(*force)) or (None, None)
     if found and position:
         collect(faults, lambda: _check_position(found.array, position))
@@ -161,7 +159,15 @@ def _read_request(
     if faults or not (found and shape and position and models) or angle is None or coefficient is None:
         raise InputError(*faults)
     case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle)
-    return _Request(sensor=found, case=case, depth=depth, friction=coefficient, models=models, method=method)
+    return _Request(
+        sensor=found,
+        case=case,
+        depth=depth,
+        friction=coefficient,
+        accuracy=wanted,
+        models=models,
+        method=method,
+    )
 
 
 def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
@@ -181,6 +187,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
                 request.case,
                 depth=request.depth,
                 friction=request.friction,
+                accuracy=request.accuracy,
                 models=request.models,
                 method=request.method,
                 fields=folder is not None,
@@ -235,6 +242,20 @@ def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
     for row in curve.rows():
         factors = {"load_N": 1, "depth_m": 1e3, "contact_area_m2": 1e6, "peak_texel_N": 1, "energy_J": 1e3}
         yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
+
+
+def _read_accuracy(text: str | None) -> float | None:
+    """Parse the option `--accuracy`, a share such as 1% or 0.01; None if it is not given [-]."""
+    if text is None:
+        return None
+    number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
+    try:
+        value = float(number) / (100 if percent else 1)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < 1:
+        raise InputError(f"--accuracy: {text!r} is not a share between 0 and 1; for example --accuracy 1%")
+    return value
 
 
 def _check_position(array: TexelArray, position: tuple[float, float]) -> None:

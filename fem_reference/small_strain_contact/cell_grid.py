@@ -1,0 +1,214 @@
+"""Divide the plane under an indenter into rectangular cells, fine enough for the contact, its walls and the cover."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Number of samples along each side of a rectangle around a face, and number of parts along each side of a sample into
+#: which samples at the outline are divided [-].
+_SAMPLES, _PARTS = 801, 8
+#: Number of cells of the pattern that all grids repeat: smallest and largest number along an axis, largest number in
+#: all.  Patterns that are up to this factor finer are tried for one that fits the edges of the face better [-].
+_LEAST, _MOST, _MOST_IN_ALL, _FINER = 16, 96, 3600, 1.5
+#: Number of cells across the walls of a face, and per thickness of the top layer, where a pattern is repeated nine
+#: times [-].
+_PER_WALL, _PER_LAYER = 30, 4
+#: Share of a face that lies on walls thinner than the wall that the cells resolve [-].
+_THIN_SHARE = 0.1
+#: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].
+_JUMP = 0.05
+#: Largest distance between an edge and a cell edge, over a cell of the pattern, that counts as a fit [-].
+_FIT = 0.02
+
+#: Function that computes the gap between indenter and cover [m] from x and y [m]; inf where no contact is possible.
+GapFunction = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Face:
+    """Flat face of an indenter, measured on a fine regular grid of samples.
+
+    Attributes:
+        middle: Middle of the rectangle along x and y that bounds the face, shape (2,) [m].
+        half: Half widths of this rectangle, shape (2,) [m].
+        area: Area of the face [m2].
+        walls: Width, along x and along y, that nearly all walls of the face have at least, shape (2,) [m].
+        edges: Positions of the straight edges across x and across y within the rectangle, from 0 to 1 [-].
+    """
+
+    middle: FloatArray
+    half: FloatArray
+    area: float
+    walls: FloatArray
+    edges: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def measure(cls, gap: GapFunction, middle: FloatArray, half: FloatArray) -> Face:
+        """Measure the face that a gap function describes within a rectangle of given middle and half widths.
+
+        Raises:
+            ValueError: If no sample lies on the face.
+        """
+        share = _sample(gap, middle, half)
+        if not share.any():
+            size = 2e3 * half.max() / _SAMPLES
+            raise ValueError(f"no point of a grid of {size:.2g} mm lies on the indenter's face: its walls are too thin")
+        step = 2 * half / _SAMPLES
+        low, high, walls, edges = np.empty(2), np.empty(2), np.empty(2), []
+        for axis in range(2):
+            lines = np.moveaxis(share, axis, 0)
+            width = lines.sum(axis=1)
+            ends = _find_end(width), _SAMPLES - _find_end(width[::-1])
+            low[axis], high[axis] = (middle - half)[axis] + step[axis] * np.array(ends)
+            walls[axis] = step[axis] * _measure_walls(lines > 0.5)  # noqa: PLR2004 -- half covered
+            edges.append((_find_edges(width) - ends[0]) / (ends[1] - ends[0]))
+        area = float(share.sum() * step.prod())
+        return cls(middle=(low + high) / 2, half=(high - low) / 2, area=area, walls=walls, edges=(edges[0], edges[1]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CellGrid:
+    """Grid of equal rectangular cells around the middle of a rectangle.
+
+    Attributes:
+        x: x coordinates of the centres of the cells, shape (rows, columns) [m].
+        y: y coordinates of the centres of the cells, shape (rows, columns) [m].
+        cell: Edge lengths of a cell along x and y [m].
+        middle: Middle of the rectangle, shape (2,) [m].
+        scale: Factor by which the cells were scaled about the middle [-].
+    """
+
+    x: FloatArray
+    y: FloatArray
+    cell: tuple[float, float]
+    middle: FloatArray
+    scale: float = 1.0
+
+    @classmethod
+    def span(cls, middle: FloatArray, half: FloatArray, counts: IntArray) -> CellGrid:
+        """Divide a rectangle of given middle and half widths into given numbers of cells along x and y."""
+        cell = 2 * half / counts
+        axes = [
+            start + (np.arange(n) - (n - 1) / 2) * edge for start, n, edge in zip(middle, counts, cell, strict=True)
+        ]
+        x, y = np.meshgrid(*axes, indexing="ij")
+        return cls(x=x, y=y, cell=(float(cell[0]), float(cell[1])), middle=middle)
+
+    def match_area(self, gap: GapFunction, face: Face) -> CellGrid:
+        """Scale the cells so that the cells inside a flat face have the same total area as the face.
+
+        The area of the rectangles inside a curved edge deviates irregularly from that of the face; with the right area
+        the error decreases smoothly with the cell size and can be extrapolated.
+        """
+        own = int(np.isfinite(gap(self.x, self.y)).sum())
+        if not own:
+            size = 1e3 * max(self.cell)
+            raise ValueError(f"no cell of {size:.2g} mm has its middle on the indenter's face: its walls are too thin")
+        scale = np.sqrt(face.area / (own * self.area))
+        x, y = (m + (place - m) * scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
+        cell = (self.cell[0] * float(scale), self.cell[1] * float(scale))
+        return CellGrid(x=x, y=y, cell=cell, middle=self.middle, scale=float(scale))
+
+    @property
+    def area(self) -> float:
+        """Area of a cell [m2]."""
+        return self.cell[0] * self.cell[1]
+
+    @property
+    def unscaled(self) -> tuple[FloatArray, FloatArray]:
+        """Positions (x, y) of the cell centres before scaling, which determine the cells under the indenter [m]."""
+        x, y = (m + (place - m) / self.scale for m, place in zip(self.middle, (self.x, self.y), strict=True))
+        return x, y
+
+
+def choose_counts(half: FloatArray, face: Face | None, layer: float, cells: int) -> IntArray:
+    """Choose the numbers of cells along x and y that divide a rectangle.
+
+    All grids repeat one pattern of cells, so that the ratio of their cell sizes is exact.  The pattern has at least 16
+    cells along each axis, more where walls of the face or the top layer are thin, and is chosen so that straight edges
+    of the face along x or y coincide with edges of cells.
+
+    Args:
+        half: Half widths of the rectangle, shape (2,) [m].
+        face: Flat face that the rectangle bounds; None for a curved indenter, whose contact fills the rectangle.
+        layer: Thickness of the top layer of the cover [m].
+        cells: Number of cells along an axis that needs no refinement; a multiple of 16 [-].
+
+    Returns:
+        Numbers of cells, shape (2,).
+    """
+    wanted = 2 * half / layer * _PER_LAYER / 9
+    edges: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
+    if face is not None:
+        wanted = np.maximum(wanted, 2 * half / face.walls * _PER_WALL / 9)
+        edges = face.edges
+    pattern = np.clip(wanted, _LEAST, _MOST)
+    excess = pattern.prod() / _MOST_IN_ALL
+    if excess > 1:
+        pattern = np.maximum(pattern / np.sqrt(excess), _LEAST)
+    fitted = [_fit_edges(int(np.ceil(n)), each) for n, each in zip(pattern, edges, strict=True)]
+    return cells // _LEAST * np.array(fitted)
+
+
+def _sample(gap: GapFunction, middle: FloatArray, half: FloatArray) -> FloatArray:
+    """Return the share of each sample of a fine regular grid over a rectangle that lies on the face [-]."""
+    step = 2 * half / _SAMPLES
+    centres = [m - h + (np.arange(_SAMPLES) + 0.5) * s for m, h, s in zip(middle, half, step, strict=True)]
+    x, y = np.meshgrid(*centres, indexing="ij")
+    inside: BoolArray = np.isfinite(gap(x, y))
+    around = np.ones((3, 3), dtype=bool)
+    outline = ndimage.binary_dilation(inside, around) & ~ndimage.binary_erosion(inside, around)
+    part = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
+    u, v = np.meshgrid(part * step[0], part * step[1], indexing="ij")
+    share = inside.astype(float)
+    share[outline] = np.isfinite(gap(x[outline][:, None] + u.ravel(), y[outline][:, None] + v.ravel())).mean(axis=1)
+    return share
+
+
+def _find_end(width: FloatArray) -> float:
+    """Find the position at which a face begins from its width at every sample; the first sample counts in part."""
+    first = int(np.flatnonzero(width)[0])
+    following = width[min(first + 1, len(width) - 1)]
+    return first + 1 - min(1.0, float(width[first] / max(following, width[first])))
+
+
+def _measure_walls(lines: BoolArray) -> float:
+    """Measure the thin walls of a sampled face across its lines: all but a small share of the face is on wider walls.
+
+    Args:
+        lines: Whether each sample lies on the face; walls are measured along the first axis.
+
+    Returns:
+        Width of the walls [samples].
+    """
+    change = np.diff(np.pad(lines.T, ((0, 0), (1, 1))).astype(int), axis=1)
+    length = np.sort(np.nonzero(change == -1)[1] - np.nonzero(change == 1)[1])
+    if not length.size:
+        return 1.0
+    return float(length[np.searchsorted(length.cumsum(), _THIN_SHARE * length.sum())])
+
+
+def _find_edges(width: FloatArray) -> FloatArray:
+    """Find the straight edges of a face from its width at every sample, as positions in samples.
+
+    At an edge the width jumps; the width of the sample that contains the edge tells the position within the sample.
+    """
+    before, after = width[:-2], width[2:]
+    middle = np.flatnonzero(np.abs(after - before) > _JUMP * width.max()) + 1
+    jump = width[middle + 1] - width[middle - 1]
+    position = middle + (width[middle + 1] - width[middle]) / jump
+    sharp = (position > middle - _FIT) & (position < middle + 1 + _FIT)
+    return np.asarray(position[sharp])
+
+
+def _fit_edges(least: int, edges: FloatArray) -> int:
+    """Find the smallest number of cells, at least `least`, that fits edges; the best of all tried if none does."""
+    tried = np.arange(least, int(_FINER * least) + 1)
+    miss = np.array([np.abs(n * edges - np.round(n * edges)).max(initial=0.0) for n in tried])
+    return int(tried[np.argmax(miss < _FIT)] if (miss < _FIT).any() else tried[miss.argmin()])
