@@ -24,6 +24,7 @@ from meshes.indenters.sphere import Sphere
 from meshes.indenters.triangle_mesh import TriangleMesh
 from meshes.material import Material
 from meshes.surfaces.stl import read_stl
+from meshes.tilt import TiltedIndenter, tilt_indenter
 
 __all__ = [
     "Box",
@@ -42,8 +43,10 @@ __all__ = [
     "RoundedTip",
     "Sphere",
     "TexelArray",
+    "TiltedIndenter",
     "TriangleMesh",
     "read_stl",
+    "tilt_indenter",
 ]
 
 

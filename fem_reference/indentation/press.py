@@ -18,7 +18,7 @@ from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields
-from meshes import Cover, Indenter, TexelArray
+from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
@@ -85,6 +85,7 @@ def press(
     depth: float | None = None,
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
+    tilt: tuple[float, float] = (0.0, 0.0),
     friction: float = 0.0,
     accuracy: float | None = None,
     fields: bool = False,
@@ -104,6 +105,8 @@ def press(
         depth: Approach of the indenter from first touch [m].
         at: Position of the indenter's axis in the frame of the array [m].
         yaw: Rotation of the indenter about its axis [rad].
+        tilt: Rotations of the indenter about the x and y axes of its frame, before the yaw, at most 10 degrees; see
+            `tilt_indenter`.  The indenter stays guided along the normal; its depth counts from its first touch [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip.  Slip depends on the
             loading history, so problems with friction are solved in small steps and take longer [-].
         accuracy: Wanted relative error.  Finer grids are added until all estimated errors are below it; a result that
@@ -127,6 +130,7 @@ def press(
         depths=None if depth is None else [depth],
         at=at,
         yaw=yaw,
+        tilt=tilt,
         friction=friction,
         accuracy=accuracy,
         fields=fields,
@@ -143,12 +147,15 @@ def press_path(
     depths: Sequence[float] | None = None,
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
+    tilt: tuple[float, float] = (0.0, 0.0),
     friction: float = 0.0,
     accuracy: float | None = None,
     fields: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
     """Press a rigid indenter into a cover at several ascending loads or depths, one after the other; see `press`.
+
+    Unloading is not computed.  Without friction it retraces the path of loading; with friction it does not.
 
     Args:
         cover: Cover, as for `press`.
@@ -158,16 +165,17 @@ def press_path(
         depths: Ascending approaches of the indenter from first touch [m].
         at: Position of the indenter's axis in the frame of the array [m].
         yaw: Rotation of the indenter about its axis [rad].
+        tilt: Rotations of the indenter about the x and y axes of its frame, as for `press` [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
         accuracy: Wanted relative error, as for `press` [-].
-        fields: Whether the result has displacement and stress in the cover; results without fields are stored apart.
+        fields: Whether the results have displacement and stress in the cover.
         progress: Called with a line of text before each solve.
 
     Returns:
         One result per load or depth, in the same order.
 
     Raises:
-        ValueError: As for `press`.
+        ValueError: As for `press`, or if loads or depths descend.
         ConvergenceError: As for `press`.
     """
     targets, control = _check_targets(cover, loads, depths)
@@ -177,6 +185,7 @@ def press_path(
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
     if accuracy is not None and not 0 < accuracy < 1:
         raise ValueError(f"an accuracy is a relative error between 0 and 1, such as 0.01, not {accuracy}")
+    indenter = tilt_indenter(indenter, tilt)
     path = LoadingPath(
         cover=cover, indenter=indenter, targets=targets, control=control, friction=friction, fields=fields
     )
@@ -357,7 +366,7 @@ def _check_targets(
         if control == "depth":
             _check_depth(cover, value)
     if list(targets) != sorted(targets):
-        raise ValueError(f"{control}s of one path must ascend, not {list(targets)}")
+        raise ValueError(f"{control}s of one path must ascend, because unloading is not computed: {list(targets)}")
     return targets, control
 
 

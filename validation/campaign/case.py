@@ -46,6 +46,7 @@ class Case:
         load: Applied force along the array's normal [N].
         at: Position (x, y) of the indenter's axis in the array's frame [m].
         yaw: Rotation of the indenter about its axis [rad].
+        tilt: Rotations about the x and y axes of the indenter's frame [rad].
     """
 
     name: str
@@ -54,6 +55,7 @@ class Case:
     load: float
     at: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def read(cls, name: str, shape: str, load: str, *, at: str = "0mm,0mm", yaw: str = "0deg") -> Case:
@@ -82,7 +84,10 @@ class Case:
     def pose(self) -> str:
         """Position and rotation of the indenter as text, in mm and degrees."""
         x, y = (1e3 * value for value in self.at)
-        return f"({_format_number(x)}, {_format_number(y)}) mm, {_format_number(math.degrees(self.yaw))}°"
+        tilted = ""
+        if any(self.tilt):
+            tilted = ", tilted {}°, {}°".format(*(_format_number(math.degrees(angle)) for angle in self.tilt))
+        return f"({_format_number(x)}, {_format_number(y)}) mm, {_format_number(math.degrees(self.yaw))}°{tilted}"
 
 
 def default_cases(array: TexelArray) -> tuple[Case, ...]:

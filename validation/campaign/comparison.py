@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from meshes import tilt_indenter
 from validation.campaign.case import Case
 from validation.campaign.run import describe_reference, score_forces
 from validation.errors import InputError
@@ -64,6 +65,7 @@ class Comparison:
             "load": self.case.load,
             "at": list(self.case.at),
             "yaw": self.case.yaw,
+            "tilt": list(self.case.tilt),
             "models": models,
             "scores": None if self.score is None else self.score.as_json(),
         }
@@ -113,7 +115,8 @@ def compare_models(
         if parameters is None:
             raise ValueError("the fast model needs its parameters")
         tell("indentation by the fast model")
-        fast = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
+        indenter = tilt_indenter(case.indenter, case.tilt)
+        fast = indent(parameters, indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
     score = None
     if fem is not None and fast is not None:
         score = score_forces(fem, fast.texel_forces, fast.outside, case.load, sensor.array)
@@ -141,6 +144,7 @@ def _press(
         depth=depth,
         at=case.at,
         yaw=case.yaw,
+        tilt=case.tilt,
         progress=lambda text: tell(f"finite elements, {text}"),
         **options,
     )

@@ -10,7 +10,20 @@ import dataclasses
 import re
 from typing import Any, Literal
 
-from meshes import Box, Cone, Cylinder, Indenter, LetterH, Nut, Prism, Roller, RoundedTip, Sphere, read_stl
+from meshes import (
+    Box,
+    Cone,
+    Cylinder,
+    Indenter,
+    LetterH,
+    Nut,
+    Prism,
+    Roller,
+    RoundedTip,
+    Sphere,
+    read_stl,
+    tilt_indenter,
+)
 from meshes.surfaces.stl import SIZES
 from validation.errors import InputError, nearest
 from validation.text.quantity import Kind, read_quantities, read_quantity
@@ -150,6 +163,23 @@ def read_yaw(text: str, *, place: str = "--yaw") -> float:
         InputError: If the text is not an angle.
     """
     return read_quantity(text, "angle", place=place)
+
+
+def read_tilt(text: str, *, place: str = "--tilt") -> tuple[float, float]:
+    """Parse the tilt of an indenter, two angles with their units about its x and y axes such as `2deg,0deg` [rad].
+
+    Raises:
+        InputError: If the text is not two angles, or an angle is larger than the solvers accept.
+    """
+    parts = text.split(",")
+    if len(parts) != 2:  # noqa: PLR2004
+        raise InputError(f"{place}: {text!r} is not two angles about x and y; write for example 2deg,0deg")
+    about_x, about_y = (read_quantity(part, "angle", place=place) for part in parts)
+    try:
+        tilt_indenter(Sphere(radius=1.0), (about_x, about_y))
+    except ValueError as error:
+        raise InputError(f"{place}: {error}") from None
+    return about_x, about_y
 
 
 def _read_positive(text: str, kind: Kind, place: str) -> float:

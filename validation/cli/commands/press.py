@@ -13,7 +13,8 @@ from cyclopts import Parameter
 
 from validation.cli.failures import DONE, NOT_CONVERGED
 from validation.cli.options import Json, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
-from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
+from validation.cli.output import print_json, print_table, say
+from validation.cli.press_table import print_comparison
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
 
@@ -35,6 +36,13 @@ _Depth = Annotated[
 ]
 _At = Annotated[str, Parameter(help="Position of the indenter's axis in the array's frame.", allow_leading_hyphen=True)]
 _Yaw = Annotated[str, Parameter(help="Rotation of the indenter about its axis.", allow_leading_hyphen=True)]
+_Tilt = Annotated[
+    str,
+    Parameter(
+        help="Rotations about the x and y axes of the indenter, before the yaw, at most 10deg: --tilt=2deg,0deg.",
+        allow_leading_hyphen=True,
+    ),
+]
 _Friction = Annotated[
     str,
     Parameter(
@@ -65,6 +73,7 @@ def press(
     depth: _Depth = None,
     at: _At = "0mm,0mm",
     yaw: _Yaw = "0deg",
+    tilt: _Tilt = "0deg,0deg",
     friction: _Friction = "0",
     accuracy: _Accuracy = None,
     model: _Model = "fem,fast",
@@ -93,7 +102,7 @@ def press(
         sensor,
         indenter=indenter,
         force=(load, depth),
-        pose=(at, yaw),
+        pose=(at, yaw, tilt),
         friction=friction,
         accuracy=accuracy,
         model=model,
@@ -124,7 +133,7 @@ def _read_request(
     *,
     indenter: str,
     force: tuple[str | None, str | None],
-    pose: tuple[str, str],
+    pose: tuple[str, str, str],
     friction: str,
     accuracy: str | None,
     model: str,
@@ -134,12 +143,12 @@ def _read_request(
 ) -> _Request:
     """Read and check the options of the command.
 
-    Pairs are `--load` and `--depth`, `--at` and `--yaw`, `--material` and `--thickness`, and `--curve` and `--out`.
+    Groups: `--load`, `--depth`; `--at`, `--yaw`, `--tilt`; `--material`, `--thickness`; `--curve`, `--out`.
     """
     from validation.campaign.case import Case
     from validation.campaign.comparison import METHODS
     from validation.cli.sensors import read_description, read_sensor
-    from validation.text.indenter import read_indenter, read_position, read_yaw
+    from validation.text.indenter import read_indenter, read_position, read_tilt, read_yaw
 
     faults: list[str] = []
     models = collect(faults, lambda: _read_models(model))
@@ -149,6 +158,7 @@ def _read_request(
     shape = collect(faults, lambda: read_indenter(indenter))
     position = collect(faults, lambda: read_position(pose[0]))
     angle = collect(faults, lambda: read_yaw(pose[1]))
+    tilt = collect(faults, lambda: read_tilt(pose[2]))
     coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     wanted = collect(faults, lambda: _read_accuracy(accuracy))
@@ -156,9 +166,9 @@ def _read_request(
     if found and position:
         collect(faults, lambda: _check_position(found.array, position))
     collect(faults, lambda: _check_files(*files, models))
-    if faults or not (found and shape and position and models) or angle is None or coefficient is None:
+    if faults or not (found and shape and position and models) or angle is None or coefficient is None or tilt is None:
         raise InputError(*faults)
-    case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle)
+    case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle, tilt=tilt)
     return _Request(
         sensor=found,
         case=case,
@@ -223,6 +233,7 @@ def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
                 depth=request.depth,
                 at=case.at,
                 yaw=case.yaw,
+                tilt=case.tilt,
                 friction=request.friction,
                 progress=progress,
             )
@@ -350,50 +361,6 @@ def _show(comparison: Comparison, *, json: bool) -> None:
     if json:
         print_json(comparison.as_json())
     else:
-        _print(comparison)
+        print_comparison(comparison)
     for sentence in comparison.fem.warnings if comparison.fem is not None else ():
         say(f"softcover: warning: {sentence}")
-
-
-def _print(comparison: Comparison) -> None:
-    from rich.console import Console
-
-    from validation.cli.heat_map import draw_force_images
-    from validation.sensor_file import SensorDescription
-
-    console = Console(highlight=False)
-    case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
-    console.print(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}", markup=False)
-    if isinstance(sensor, SensorDescription):
-        console.print(f"cover: {describe_cover(sensor.cover)}\n", markup=False)
-    images = []
-    if comparison.fem is not None and "fem" in comparison.models:
-        images.append(("finite elements", comparison.fem.texel_forces))
-    if comparison.fast is not None:
-        images.append(("fast model", comparison.fast.texel_forces))
-    console.print(draw_force_images(array, images, width=console.width))
-    print_rows(_list_results(comparison))
-
-
-def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
-    fem, fast = comparison.fem, comparison.fast
-    if fem is not None and "fem" in comparison.models:
-        errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
-        assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
-        yield "finite elements", f"{fem.total_force:.4f} N, {_format_force(fem.outside)} of it outside the array"
-        yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
-        yield "", f"elastic energy {1e3 * fem.energy:.4g} mJ"
-        yield "", f"error estimate {errors}"
-        yield "", f"assumes {assumptions}; {fem.seconds:.2f} s"
-    if fast is not None:
-        yield "fast model", f"{fast.total_force:.4f} N, {_format_force(fast.outside)} of it outside the array"
-        yield "", f"{fast.seconds:.3f} s"
-    if comparison.score is not None:
-        for name, value in comparison.score.as_json().items():
-            yield name, "none" if value is None else f"{value:.4g}"
-
-
-def _format_force(value: float) -> str:
-    # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
-    return f"{round(value, 4) + 0.0:.4f} N"

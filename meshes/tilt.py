@@ -1,0 +1,148 @@
+"""Indenter that is tilted against the normal of the cover."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from meshes.indenters.indenter import FloatArray, Indenter, Primitive, quantity_field
+from meshes.indenters.sphere import Sphere
+
+#: Largest tilt about either axis, 10 degrees.  At small strain the contact solvers neglect the horizontal part of the
+#: contact pressure, the sine of the tilt times the pressure, and always the contact of side walls [rad].
+MOST_TILT = float(np.radians(10))
+#: Rounding that is allowed for a tilt at the limit [rad].
+_ROUNDING = 1e-9
+#: Number of steps of the iteration for the height of the surface, and largest change of the height in the last step,
+#: over the size of the shape; the iteration converges where slope times sine of the tilt is below 1 [-].
+_STEPS, _CONVERGED = 40, 1e-9
+#: Search for the lowest point: samples along each side of the searched rectangle, number of searches, and size of the
+#: next rectangle over the distance of the samples [-].
+_SAMPLES, _SEARCHES, _ZOOM = 61, 8, 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltedIndenter(Indenter):
+    """A rigid indenter, rotated about a horizontal axis through the lowest point of its axis.
+
+    The shape is that of the rotated body's lower surface.  Its side walls do not touch the cover.  Use `tilt_indenter`,
+    which keeps shapes that a tilt does not change.
+
+    Attributes:
+        indenter: Upright indenter.
+        tilt: Rotation vector along x and y of the indenter's frame [rad]: a positive rotation about x raises the side
+            of positive y, a positive rotation about y lowers the side of positive x.
+    """
+
+    indenter: Indenter
+    tilt: tuple[float, float] = quantity_field("angle", default=(0.0, 0.0))
+
+    @property
+    def mirror_symmetry(self) -> tuple[bool, bool]:
+        """Symmetry about the planes x = 0 and y = 0: kept by a rotation about the axis normal to the plane only."""
+        about_x, about_y = self.tilt
+        along_x, along_y = self.indenter.mirror_symmetry
+        return along_x and about_y == 0, along_y and about_x == 0
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Half edge lengths of the rectangle that bounds the upright shape, and nearly the tilted one, in plan [m]."""
+        return self.indenter.footprint
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the height of the lower surface over its lowest point; inf beside the face [m]."""
+        return self._height(np.asarray(x, dtype=float), np.asarray(y, dtype=float)) - self.lowest_point[2]
+
+    @cached_property
+    def lowest_point(self) -> tuple[float, float, float]:
+        """Position of the first point to touch, relative to the lowest point of the upright indenter's axis [m]."""
+        middle, half = np.zeros(2), np.array(self.footprint)
+        best = (0.0, 0.0, float(self._height(np.zeros(1), np.zeros(1))[0]))
+        for _ in range(_SEARCHES):
+            x, y = np.meshgrid(*(m + np.linspace(-h, h, _SAMPLES) for m, h in zip(middle, half, strict=True)))
+            z = self._height(x, y)
+            # Of equally low points, such as those of an edge, the one nearest to the axis.
+            low = np.flatnonzero(z.ravel() <= z.min() + 1e-12 * max(self.footprint))
+            index = low[np.argmin(np.hypot(x.ravel()[low], y.ravel()[low]))]
+            if z.ravel()[index] < best[2] or not np.isfinite(best[2]):
+                best = (float(x.ravel()[index]), float(y.ravel()[index]), float(z.ravel()[index]))
+            middle, half = np.array(best[:2]), _ZOOM * 2 * half / (_SAMPLES - 1)
+        return best
+
+    def primitives(self) -> tuple[Primitive, ...]:
+        """Return the convex solids of the upright indenter, rotated and raised so that the lowest point is at z = 0."""
+        turn = self._rotation
+        angle = float(np.hypot(*self.tilt))
+        axis = np.array([*self.tilt, 0.0]) / angle
+        quaternion = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+        raised = np.array([0.0, 0.0, self.lowest_point[2]])
+        return tuple(
+            replace(
+                solid,
+                position=tuple((turn @ solid.position - raised).tolist()),
+                quaternion=_multiply(quaternion, np.array(solid.quaternion)),
+            )
+            for solid in self.indenter.primitives()
+        )
+
+    @cached_property
+    def _rotation(self) -> FloatArray:
+        """Rotation matrix of the tilt, shape (3, 3) (Rodrigues' formula)."""
+        angle = float(np.hypot(*self.tilt))
+        if angle == 0:
+            return np.eye(3)
+        x, y = np.array(self.tilt) / angle
+        cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
+        return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+
+    def _height(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Compute the height of the rotated surface over the centre of rotation; inf where there is none [m].
+
+        The height z of the surface above (x, y) solves w(z) = gap(u(z), v(z)) with the coordinates u, v, w of the point
+        (x, y, z) in the frame of the upright indenter.
+        """
+        back = self._rotation.T
+        size = max(self.footprint)
+        plane = -(back[2, 0] * x + back[2, 1] * y) / back[2, 2]
+        z, change = plane, np.full_like(plane, np.inf)
+        for _ in range(_STEPS):
+            inside = np.isfinite(z)
+            at = np.where(inside, z, 0.0)
+            u, v = (row[0] * x + row[1] * y + row[2] * at for row in back[:2])
+            next_z = np.where(inside, plane + self.indenter.gap(u, v) / back[2, 2], np.inf)
+            change = np.where(np.isfinite(next_z), np.abs(next_z - at), 0.0)
+            z = next_z
+            if change.max(initial=0.0) < _CONVERGED**2 * size:
+                break
+        return np.where(change < _CONVERGED * size, z, np.inf)
+
+
+def tilt_indenter(indenter: Indenter, tilt: tuple[float, float]) -> Indenter:
+    """Tilt an indenter about the x and y axes of its frame; a sphere stays the same sphere at the same place.
+
+    Args:
+        indenter: Upright indenter.
+        tilt: Rotations about x and y [rad].
+
+    Raises:
+        ValueError: If a rotation exceeds 10 degrees.
+    """
+    about_x, about_y = (float(angle) for angle in tilt)
+    if not max(abs(about_x), abs(about_y)) <= MOST_TILT + _ROUNDING:
+        worst = float(np.degrees(max(abs(about_x), abs(about_y))))
+        raise ValueError(
+            f"a tilt may have at most {np.degrees(MOST_TILT):g} degrees about either axis, not {worst:.4g}; contact "
+            "with a tilted indenter neglects its side walls and horizontal forces"
+        )
+    if (about_x, about_y) == (0.0, 0.0) or isinstance(indenter, Sphere):
+        return indenter
+    return TiltedIndenter(indenter=indenter, tilt=(about_x, about_y))
+
+
+def _multiply(left: FloatArray, right: FloatArray) -> tuple[float, float, float, float]:
+    """Multiply two quaternions with the scalar first."""
+    scalar = left[0] * right[0] - left[1:] @ right[1:]
+    vector = left[0] * right[1:] + right[0] * left[1:] + np.cross(left[1:], right[1:])
+    return float(scalar), float(vector[0]), float(vector[1]), float(vector[2])

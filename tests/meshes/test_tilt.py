@@ -1,0 +1,109 @@
+"""Tilted indenters: exact heights of rotated faces, cones and spheres, symmetry, primitives, and the largest tilt."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshes import Box, Cone, Cylinder, Nut, Roller, RoundedTip, Sphere, tilt_indenter
+from meshes.indenters.sphere import spherical_gap
+from meshes.tilt import MOST_TILT
+
+ANGLE = st.floats(-MOST_TILT, MOST_TILT)
+
+
+@settings(max_examples=8)
+@given(about_x=ANGLE, about_y=ANGLE, seed=st.integers(0, 1000))
+def test_the_face_of_a_box_is_the_rotated_plane(about_x, about_y, seed):
+    shape = tilt_indenter(Box(size=(6e-3, 4e-3, 5e-3)), (about_x, about_y))
+    turn = rotate(about_x, about_y)
+    u, v = np.random.default_rng(seed).uniform(-0.999, 0.999, (2, 50)) * [[3e-3], [2e-3]]
+    x, y, z = turn @ np.stack([u, v, np.zeros(50)])
+    lowest = -np.abs(turn[2, :2]) @ [3e-3, 2e-3]
+    assert shape.gap(x, y) == pytest.approx(z - lowest, abs=1e-9)
+    assert np.isinf(shape.gap(*(turn @ [3.01e-3, 0.0, 0.0])[:2, None])).all()
+
+
+def rotate(about_x, about_y):
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()
+
+
+@settings(max_examples=8)
+@given(about_x=ANGLE)
+def test_the_flanks_of_a_cone_turn_by_the_tilt(about_x):
+    flank = np.radians(20)
+    shape = tilt_indenter(Cone(angle=np.pi - 2 * flank, radius=5e-3), (about_x, 0.0))
+    y = np.array([-2e-3, 2e-3])
+    expected = np.tan([flank - about_x, flank + about_x]) * 2e-3
+    assert shape.gap(np.zeros(2), y) == pytest.approx(expected, abs=1e-9)
+
+
+@settings(max_examples=8)
+@given(about_x=ANGLE, about_y=ANGLE)
+def test_the_end_of_a_rounded_tip_is_a_sphere_beside_the_axis(about_x, about_y):
+    radius = 2e-3
+    shape = tilt_indenter(RoundedTip(radius=radius), (about_x, about_y))
+    centre = rotate(about_x, about_y) @ [0, 0, radius]
+    x, y = np.random.default_rng(1).uniform(-0.5e-3, 0.5e-3, (2, 30))
+    assert shape.gap(centre[0] + x, centre[1] + y) == pytest.approx(spherical_gap(radius, x, y), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "base", [Box(size=(6e-3, 4e-3, 5e-3)), Roller(radius=3e-3, length=6e-3), Cylinder(radius=3e-3)]
+)
+def test_a_tilt_about_one_axis_keeps_the_mirror_plane_across_it(base):
+    x, y = np.random.default_rng(2).uniform(-1.5e-3, 1.5e-3, (2, 200))
+    about_x, about_y, both = (tilt_indenter(base, tilt) for tilt in ((0.05, 0.0), (0.0, 0.05), (0.05, 0.02)))
+    assert about_x.mirror_symmetry == (True, False)
+    assert about_y.mirror_symmetry == (False, True)
+    assert both.mirror_symmetry == (False, False)
+    assert about_x.gap(-x, y) == pytest.approx(about_x.gap(x, y), abs=1e-12)
+    assert about_y.gap(x, -y) == pytest.approx(about_y.gap(x, y), abs=1e-12)
+    assert (about_x.gap(x, np.abs(y)) >= about_x.gap(x, -np.abs(y))).all()  # the side of positive y is raised
+    assert not about_x.is_flat
+    assert not about_x.axisymmetric
+
+
+def test_a_sphere_and_no_tilt_change_nothing():
+    ball, nut = Sphere(radius=3e-3), Nut(across=13e-3, bore=8e-3)
+    assert tilt_indenter(ball, (0.1, -0.1)) is ball
+    assert tilt_indenter(nut, (0.0, 0.0)) is nut
+
+
+@pytest.mark.parametrize("base", [Nut(across=13e-3, bore=8e-3), Box(size=(6e-3, 4e-3, 5e-3)), RoundedTip(radius=1e-3)])
+def test_solids_of_the_fast_model_touch_at_the_same_height(base):
+    import mujoco
+
+    shape = tilt_indenter(base, (0.08, -0.05))
+    spec = mujoco.MjSpec()
+    for index, solid in enumerate(shape.primitives()):
+        kinds = {"box": mujoco.mjtGeom.mjGEOM_BOX, "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE}
+        kinds |= {"sphere": mujoco.mjtGeom.mjGEOM_SPHERE, "hull": mujoco.mjtGeom.mjGEOM_MESH}
+        extra = {}
+        if solid.kind == "hull":
+            spec.add_mesh(name=f"{index}", uservert=np.ravel(solid.vertices))
+            extra = {"meshname": f"{index}"}
+        geom = spec.worldbody.add_geom(type=kinds[solid.kind], pos=solid.position, quat=solid.quaternion, **extra)
+        if solid.kind != "hull":
+            geom.size[: len(solid.size)] = solid.size
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    heights = []
+    for x, y in np.stack(np.meshgrid(np.linspace(-6e-3, 6e-3, 41), np.linspace(-6e-3, 6e-3, 41)), -1).reshape(-1, 2):
+        hit = np.zeros(1, dtype=np.int32)
+        distance = mujoco.mj_ray(model, data, [x, y, -1.0], [0, 0, 1.0], None, 1, -1, hit)
+        gap = float(shape.gap(np.array([x]), np.array([y]))[0])
+        if distance >= 0 and np.isfinite(gap):
+            heights.append(distance - 1.0 - gap)
+    assert len(heights) > 5
+    assert heights == pytest.approx(np.zeros(len(heights)), abs=2e-6)
+
+
+def test_large_tilts_are_refused_in_words():
+    with pytest.raises(ValueError, match="at most 10 degrees about either axis, not 12"):
+        tilt_indenter(Box(size=(6e-3, 4e-3, 5e-3)), (0.0, np.radians(12)))

@@ -1,0 +1,56 @@
+"""Printing of the results of one indentation as images and a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from validation.cli.output import describe_cover, print_rows
+
+if TYPE_CHECKING:
+    from validation.campaign.comparison import Comparison
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """Print the images of texel forces of the chosen models, their results and their scores."""
+    from rich.console import Console
+
+    from validation.cli.heat_map import draw_force_images
+    from validation.sensor_file import SensorDescription
+
+    console = Console(highlight=False)
+    case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
+    console.print(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}", markup=False)
+    if isinstance(sensor, SensorDescription):
+        console.print(f"cover: {describe_cover(sensor.cover)}\n", markup=False)
+    images = []
+    if comparison.fem is not None and "fem" in comparison.models:
+        images.append(("finite elements", comparison.fem.texel_forces))
+    if comparison.fast is not None:
+        images.append(("fast model", comparison.fast.texel_forces))
+    console.print(draw_force_images(array, images, width=console.width))
+    print_rows(_list_results(comparison))
+
+
+def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
+    fem, fast = comparison.fem, comparison.fast
+    if fem is not None and "fem" in comparison.models:
+        errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
+        assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
+        yield "finite elements", f"{fem.total_force:.4f} N, {_format_force(fem.outside)} of it outside the array"
+        yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
+        yield "", f"elastic energy {1e3 * fem.energy:.4g} mJ"
+        yield "", f"error estimate {errors}"
+        yield "", f"assumes {assumptions}; {fem.seconds:.2f} s"
+    if fast is not None:
+        yield "fast model", f"{fast.total_force:.4f} N, {_format_force(fast.outside)} of it outside the array"
+        yield "", f"{fast.seconds:.3f} s"
+    if comparison.score is not None:
+        for name, value in comparison.score.as_json().items():
+            yield name, "none" if value is None else f"{value:.4g}"
+
+
+def _format_force(value: float) -> str:
+    # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
+    return f"{round(value, 4) + 0.0:.4f} N"
