@@ -52,8 +52,8 @@ from meshes.pose import PlanarPose
 
 #: Seconds after which a case is given up and counted as failed.
 LIMIT = 240
-#: Number of cases on covers of limited size, which are solved in three dimensions [-].
-MOST_SOLID = 40
+#: Coefficient of the cases with friction [-].
+COULOMB = 0.4
 #: Poisson ratios that are drawn in half of the layers; the others are even in 0..0.5 [-].
 RATIOS = (0.0, 0.3, 0.45, 0.49, 0.499, 0.5)
 #: Outlines on a grid of unit squares: corners of the L, the T, the U and a bracket.
@@ -63,8 +63,10 @@ OUTLINES = {
     "U": ((0, 0), (9, 0), (9, 8), (7, 8), (7, 2), (2, 2), (2, 8), (0, 8)),
     "bracket": ((0, 0), (6, 0), (6, 1.5), (1.5, 1.5), (1.5, 8.5), (6, 8.5), (6, 10), (0, 10)),
 }
-#: Axisymmetric shapes, flat faces and rollers, and the share of the cases that each kind of contact has [-].
-KINDS = {"round": 0.45, "face": 0.2, "roller": 0.1, "no-slip": 0.15, "limited": 0.1}
+#: Share of the cases that each kind has: bodies of revolution, flat faces and rollers without friction on wide covers;
+#: bodies of revolution without slip and with friction on wide covers; bodies of revolution on covers of limited size,
+#: which are solved in three dimensions, with all three [-].
+KINDS = {"round": 0.38, "face": 0.2, "roller": 0.1, "no-slip": 0.12, "friction": 0.11, "limited": 0.09}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,7 +142,9 @@ def draw_case(seed: int, number: int) -> Case:
     cover = draw_cover(rng)
     thickness = cover.thickness
     depth = log_uniform(rng, 0.005, 0.25) * thickness
-    friction = math.inf if kind == "no-slip" else 0.0
+    friction = {"no-slip": math.inf, "friction": COULOMB}.get(kind, 0.0)
+    if kind == "limited":
+        friction = float(rng.choice([0.0, 0.0, 0.0, COULOMB, math.inf]))
     indenter: Indenter
     if kind == "face":
         indenter = draw_face(rng, thickness)
@@ -189,7 +193,9 @@ def describe(
     control = "load" if by_load else "depth"
     return (
         f"{layers} {cover.base}; {shape} mm; {control} at {depth / cover.thickness:.3g} h; "
-        f"pitch {1e3 * pitch[0]:.3g} mm" + ("; no slip" if friction else "") + ("; limited" if cover.size else "")
+        f"pitch {1e3 * pitch[0]:.3g} mm"
+        + (f"; friction {friction:g}" if friction else "")
+        + ("; limited" if cover.size else "")
     )
 
 

@@ -1,7 +1,7 @@
 """Independent truths for random presses at small strain, for `coverage.py`.
 
-No truth uses the code under test: exact contacts of bodies of revolution without friction and without slip, and
-boundary elements on two or three grids for flat faces and rollers (`fem_reference.closed_form`).  Each truth has an
+No truth uses the code under test (`fem_reference.closed_form`): exact contacts of bodies of revolution without friction
+and without slip, ring elements with Coulomb friction, and boundary elements for flat faces and rollers.  Each has an
 error of its own, the change by the last refinement.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from fem_reference.closed_form import LayerContact, PressedCells, indent, press_face, pressed_shape, stuck_punch
 from fem_reference.closed_form.no_slip import stuck_shape
+from fem_reference.closed_form.rings import RingContact, press_with_friction
 from meshes import Cover, Cylinder, FlatPunch, Indenter, Roller, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
@@ -22,6 +23,9 @@ from meshes.pose import PlanarPose
 FACE_CELLS, ROLLER_CELLS = (10, 15, 22), (10, 15, 22)
 #: Increments of a contact without slip on the two grids [-].
 INCREMENTS = (16, 32)
+#: Rings of a contact with friction, of a curved indenter and of a flat punch, and relative error of the area that two
+#: curved contacts share: the last ring is only partly in contact [-].
+RINGS, PUNCH_RINGS, RING_EDGE = (64, 96), (16, 24), 1e-3
 #: Error of a contact in closed form, as a share of its values: tables and quadrature [-].
 ROUNDING = 3e-6
 #: Quantities that have an error estimate.
@@ -55,10 +59,12 @@ def solve_truth(
         RuntimeError: If a boundary-element contact does not converge.
     """
     wide = replace(cover, size=None)
+    if indenter.axisymmetric and friction and np.isfinite(friction):
+        counts = PUNCH_RINGS if indenter.is_flat else RINGS
+        rings = [press_with_friction(wide, indenter, depth, friction, rings=count) for count in counts]
+        return _refine_rings(rings, array, pose, flat=indenter.is_flat)
     if indenter.axisymmetric:
         solve = _solve_free if not friction else _solve_stuck
-        if friction and np.isfinite(friction):
-            raise ValueError("no independent truth with Coulomb friction")
         return _refine_round(solve(wide, indenter, depth), array, pose, "closed form" if not friction else "no slip")
     if friction:
         raise ValueError("no independent truth with friction under this shape")
@@ -140,6 +146,28 @@ def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, po
         texel_forces=forces[1],
         error={name: value + ROUNDING for name, value in change.items()},
         source=source,
+    )
+
+
+def _refine_rings(rings: list[RingContact], array: TexelArray, pose: PlanarPose, *, flat: bool) -> Truth:
+    """Compute the truth from ring elements of two widths; a flat punch converges with order 2."""
+    table = np.array(
+        [[each.force, np.pi * each.contact_radius**2, *each.texel_forces(array, pose.at)] for each in rings]
+    )
+    change = np.abs(table[1] - table[0])
+    last = table[1] + (table[1] - table[0]) / ((PUNCH_RINGS[1] / PUNCH_RINGS[0]) ** 2 - 1) if flat else table[1]
+    peak = 2 + int(np.argmax(np.abs(last[2:])))
+    error = change / np.abs(last) / (4 if flat else 1) + ROUNDING
+    return Truth(
+        values={"total_force": float(last[0]), "depth": rings[1].depth, "contact_area": float(last[1])},
+        texel_forces=last[2:],
+        error={
+            "total_force": float(error[0]),
+            "depth": float(error[0]),
+            "peak_texel": float(error[peak]),
+            "contact_area": float(error[1]) + (0.0 if flat else RING_EDGE),
+        },
+        source="ring elements",
     )
 
 

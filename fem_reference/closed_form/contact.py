@@ -101,19 +101,35 @@ class LayerContact:
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
         """Compute the forces on the n texels of an array, for the indenter above the point `at` of the array [N]."""
-        half = np.array(array.texel_size) / 2
-        centres = array.centres[:, :2] - at
-        pressure = self.base_pressure(float(np.hypot(*(np.abs(centres).max(axis=0) + half))))
-        thickness = self.cover.thickness if self.cover else np.inf
-        points, weights = [], []
-        for edge in half:
-            panels = int(np.ceil(2 * edge / thickness * _PANELS))
-            nodes, weight = np.polynomial.legendre.leggauss(_POINTS)
-            ends = np.linspace(-edge, edge, panels + 1)[:-1, None]
-            points.append((ends + (nodes + 1) * edge / panels).ravel())
-            weights.append(np.tile(weight * edge / panels, panels))
-        out = [weights[0] @ pressure(np.hypot(x + points[0][:, None], y + points[1])) @ weights[1] for x, y in centres]
-        return np.where(array.active, out, 0.0)
+        return integrate_texels(array, at, self.base_pressure, self.cover.thickness if self.cover else np.inf)
+
+
+def integrate_texels(
+    array: TexelArray, at: tuple[float, float], base_pressure: Callable[[float], CubicSpline], thickness: float
+) -> FloatArray:
+    """Integrate an axisymmetric pressure on the base over the texels of an array.
+
+    Args:
+        array: Array with n texels.
+        at: Position of the axis in the frame of the array [m].
+        base_pressure: Function that tabulates the pressure [Pa] up to a distance from the axis [m].
+        thickness: Thickness of the cover, to which the quadrature is fitted [m].
+
+    Returns:
+        Force on each texel; 0 on inactive texels, which measure nothing, shape (n,) [N].
+    """
+    half = np.array(array.texel_size) / 2
+    centres = array.centres[:, :2] - at
+    pressure = base_pressure(float(np.hypot(*(np.abs(centres).max(axis=0) + half))))
+    points, weights = [], []
+    for edge in half:
+        panels = int(np.ceil(2 * edge / thickness * _PANELS))
+        nodes, weight = np.polynomial.legendre.leggauss(_POINTS)
+        ends = np.linspace(-edge, edge, panels + 1)[:-1, None]
+        points.append((ends + (nodes + 1) * edge / panels).ravel())
+        weights.append(np.tile(weight * edge / panels, panels))
+    out = [weights[0] @ pressure(np.hypot(x + points[0][:, None], y + points[1])) @ weights[1] for x, y in centres]
+    return np.where(array.active, out, 0.0)
 
 
 def punch(cover: Cover, radius: float, depth: float, *, nodes: int | None = None) -> LayerContact:

@@ -1,0 +1,54 @@
+"""Ring elements with Coulomb friction, against the exact contacts without friction and without slip."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference.closed_form import indent, stuck_punch, stuck_shape
+from fem_reference.closed_form.rings import press_with_friction
+from meshes import Cylinder, Sphere, TexelArray
+
+ARRAY = TexelArray.grid(3, 3, 3.4e-3)
+PUNCH, BALL = Cylinder(radius=3e-3), Sphere(radius=5e-3)
+
+
+def middle(contact):
+    return contact.texel_forces(ARRAY)[4]
+
+
+@pytest.mark.parametrize("nu", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
+def test_a_punch_has_both_limits(bonded, nu):
+    cover = bonded(nu)
+    limits = ((1e-9, indent(cover, PUNCH, depth=1e-4)), (1e3, stuck_punch(cover, 3e-3).press(1e-4)))
+    for friction, exact in limits:
+        found = press_with_friction(cover, PUNCH, 1e-4, friction, rings=12)
+        assert found.force == pytest.approx(exact.force, rel=4e-3)
+        assert middle(found) == pytest.approx(middle(exact), rel=2e-3)
+
+
+def test_a_ball_without_friction(bonded):
+    exact = indent(bonded(0.3), BALL, depth=2e-4)
+    found = press_with_friction(bonded(0.3), BALL, 2e-4, 1e-9, rings=64)
+    assert found.force == pytest.approx(exact.force, rel=1e-4)
+    assert middle(found) == pytest.approx(middle(exact), rel=1e-4)
+    assert found.contact_radius == pytest.approx(exact.contact_radius, rel=3e-3)
+
+
+@pytest.mark.slow
+def test_a_ball_without_slip(bonded):
+    exact = stuck_shape(bonded(0.49), lambda r: BALL.gap(r, np.zeros_like(r)), 1.5e-3, steps=16)
+    found = press_with_friction(bonded(0.49), BALL, exact.depth, 1e3, rings=64)
+    assert found.force == pytest.approx(exact.force, rel=2e-3)
+    assert middle(found) == pytest.approx(middle(exact), rel=3e-3)
+
+
+def test_shear_obeys_coulombs_law_and_slip_reaches_the_edge(bonded):
+    found = press_with_friction(bonded(0.3), BALL, 2e-4, 0.2, rings=48)
+    touching = found.pressure > 0
+    share = np.abs(found.shear[touching]) / (0.2 * found.pressure[touching])
+    assert share.max() <= 1 + 1e-9
+    assert share[-3:] == pytest.approx(1)
+    assert share[0] < 0.5
+    low, high = (press_with_friction(bonded(0.3), BALL, 2e-4, mu, rings=48).force for mu in (0.05, 1.0))
+    assert low < found.force < high
