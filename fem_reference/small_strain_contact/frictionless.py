@@ -101,6 +101,7 @@ def solve_contact(
     face = Face.measure(measure_gap, middle, half) if indenter.is_flat else None
     if face is not None:
         middle, half = face.middle, face.half
+    fixed = indenter.mirror_symmetry if face is None and sides is None else (True, True)
     for _ in range(_REFINEMENTS):
         grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
         if face is not None:
@@ -112,8 +113,7 @@ def solve_contact(
         touching = pressure > 0
         # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
         near = touching if touching.any() else gap == gap.min()
-        extent = np.array([np.abs(grid.x[near] - middle[0]).max(), np.abs(grid.y[near] - middle[1]).max()])
-        extent += np.array(grid.cell) / 2
+        middle, extent = _enclose(grid, near, middle, fixed)
         if face is not None or (extent > _FILLED * half).all():
             break
         half = np.minimum(np.maximum(_MARGIN * extent, _SHRINKING * half), half)
@@ -122,6 +122,24 @@ def solve_contact(
     force = pressure[touching] * grid.area
     area = measure_area(pressure, np.isfinite(gap), grid.cell)
     return ContactPatch(x=grid.x[touching], y=grid.y[touching], force=force, cell=grid.cell, depth=approach, area=area)
+
+
+def _enclose(
+    grid: CellGrid, near: BoolArray, middle: FloatArray, keep: tuple[bool, bool]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the middle and the half widths of a rectangle that contains some cells, shape (2,) each [m].
+
+    The contact of a shape without a plane of symmetry, such as a tilted face, may lie far beside the axis.
+
+    Args:
+        grid: Grid of cells.
+        near: Whether each cell is to be contained, shape (rows, columns).
+        middle: Middle of the present rectangle, shape (2,) [m].
+        keep: Whether to keep this middle along x, and along y.
+    """
+    low, high = (np.array([bound(grid.x[near]), bound(grid.y[near])]) for bound in (np.min, np.max))
+    middle = np.where(keep, middle, (low + high) / 2)
+    return middle, np.maximum(high - middle, middle - low) + np.array(grid.cell) / 2
 
 
 def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:

@@ -36,6 +36,12 @@ def test_opposite_tilts_mirror_the_image(wts):
     assert find_moment(one)[0] > 1e-4 > -1e-4 > find_moment(other)[0]
 
 
+def test_a_narrow_contact_beside_the_axis_is_resolved(wts):
+    found = press(make_cover(0.45, "linear-elastic"), wts, BOX, load=1.0, tilt=(0.0, np.radians(10)))
+    assert max(found.error_estimate.values()) < 0.02
+    assert find_moment(found)[0] > 2e-3
+
+
 def test_yaw_turns_the_tilted_indenter(wts):
     """Tilted about its own x axis by yaw 90 degrees, the lowered side of negative y points to positive x."""
     found = press(make_cover(0.45, "linear-elastic"), wts, BOX, load=1.0, tilt=(0.03, 0.0), yaw=np.pi / 2)
