@@ -30,6 +30,9 @@ from meshes.array_types import FloatArray
 PENALTY = 300.0
 #: Depth of the first step of a loading path over the cover thickness, small enough for a linear response [-].
 FIRST_DEPTH = 0.02
+#: Smallest number of steps of a loading path with friction, over the number of elements through the cover, in the r-z
+#: plane.  The error of the steps then decreases with the elements, and the differences between grids show both [-].
+FRICTION_STEPS = 1.25
 #: Element size at the rounded edge of a flat punch over the radius of the edge [-].
 _EDGE_ELEMENT = 0.46
 #: Radius of the region of small elements over the radius of the contact, under a curved indenter [-].
@@ -117,6 +120,7 @@ def press_axisymmetric(
         constrained=find_constrained(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
         units=units,
         load_scale=path.load_scale,
+        friction_steps=round(FRICTION_STEPS * elements_per_thickness),
     )
     reached = problem.follow(
         path.scaled_targets,

@@ -9,8 +9,8 @@ Friction: a tangential spring connects each point in contact to the position on 
 return mapping limits the traction of the spring to Coulomb's cone (Simo and Laursen 1992, section 3; Wriggers 2006,
 section 5.2).  Within one Newton solution the friction limit is computed from fixed contact pressures.  The tangent is
 then symmetric, and exact except for the rotation of the tangent plane on curved indenters.  The cone is then updated
-from the new pressures until it no longer changes.  Slip is measured from the last recorded state, so steps must be
-small while the contact grows.
+from the new pressures until it no longer changes.  Slip is measured from the last recorded state.  A point that comes
+into contact during a step has moved freely before; the position where it touches is extrapolated from its last motion.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ TANGENTIAL_PENALTY = 1 / 40
 _ORDER = 5
 #: Distance from the top of the cover, over the height of the top, below which a facet counts as part of the top [-].
 _ON_TOP = 1e-9
+#: Largest distance over which the motion of a point that will touch is extrapolated, over the last step [-].
+_AHEAD = 2.0
 #: Absolute value below which a shape function counts as zero on a facet [-].
 _ZERO = 1e-9
 #: Lower bound of denominators that may be zero [N] or [Pa].
@@ -58,6 +60,8 @@ class ContactState:
         position: Positions of the quadrature points in the frame of the indenter, shape (f, q, d) [m].
         weight: Reference area that belongs to each quadrature point of the meshed part, shape (f, q) [m2].
         sticking: Whether each point is in contact and does not slide, shape (f, q).
+        gap: Vertical distance of each point from the indenter, negative for penetration, shape (f, q) [m].
+        depth: Approach of the indenter from first touch [m].
     """
 
     force: FloatArray
@@ -72,6 +76,8 @@ class ContactState:
     position: FloatArray
     weight: FloatArray
     sticking: BoolArray
+    gap: FloatArray
+    depth: float
 
 
 class SurfaceContact:
@@ -115,6 +121,9 @@ class SurfaceContact:
         self._recorded_position = self._position
         self._recorded_traction = np.zeros_like(self._position)
         self._cone_pressure = np.zeros_like(self.weight)
+        self._ahead = np.zeros_like(self._position)
+        self._last_depth, self._last_position = 0.0, self._position
+        self._last_gap = np.asarray(indenter.height(*self._split_plane(self._position)))
         self._spring = penalty * (TANGENTIAL_PENALTY if np.isfinite(friction) else 1.0)
         component = np.arange(self._dimension)
         self._unknowns = (self._dimension * self._nodes[:, :, None] + component).reshape(len(self._nodes), -1)
@@ -131,8 +140,7 @@ class SurfaceContact:
         d = self._dimension
         displacement = state[self._unknowns].reshape(*self._nodes.shape, d)
         moved = self._position + np.einsum("fqa,fai->fqi", self._shape, displacement)
-        x, y = moved[..., 0], moved[..., 1] if d == 3 else np.zeros_like(moved[..., 0])  # noqa: PLR2004
-        surface = self._indenter.evaluate(x, y)
+        surface = self._indenter.evaluate(*self._split_plane(moved))
         # Contact pressure; `normal` is the normal of the indenter, scaled to a vertical component of 1.
         overlap = moved[..., -1] - (self._top - depth + surface.height)
         trial = self._penalty * overlap + self._multiplier
@@ -166,7 +174,14 @@ class SurfaceContact:
             position=position,
             weight=self.weight,
             sticking=sticking,
+            gap=-overlap,
+            depth=depth,
         )
+
+    def _split_plane(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of positions, shape (f, q) each; y is 0 in axisymmetric meshes, where x is the radius."""
+        x = position[..., 0]
+        return x, position[..., 1] if self._dimension == 3 else np.zeros_like(x)  # noqa: PLR2004
 
     def _return_to_cone(
         self, position: FloatArray, normal: FloatArray, pressure: FloatArray
@@ -213,12 +228,22 @@ class SurfaceContact:
     def record_slip(self, contact: ContactState) -> None:
         """Record positions and tractions of a converged state, from which slip is measured in the next step.
 
-        The recorded position of a point that sticks is not changed.
+        The recorded position of a point that sticks is not changed.  That of a point out of contact is the position
+        where it will touch if the last motion continues.
         """
-        if contact.traction is not None:
-            sticking = contact.sticking[..., None]
-            self._recorded_position = np.where(sticking, self._recorded_position, contact.position)
-            self._recorded_traction = contact.traction
+        if contact.traction is None:
+            return
+        if contact.depth > self._last_depth:
+            step = contact.depth - self._last_depth
+            closing = (self._last_gap - contact.gap) / step
+            ahead = np.where(closing > 0, contact.gap / np.where(closing > 0, closing, 1.0), 0.0)
+            ahead = np.where(contact.pressure > 0, 0.0, np.clip(ahead, 0.0, _AHEAD * step))
+            self._ahead = ahead[..., None] * (contact.position - self._last_position) / step
+            self._last_depth, self._last_gap, self._last_position = contact.depth, contact.gap, contact.position
+        open_ = (contact.pressure <= 0)[..., None]
+        sticking = contact.sticking[..., None]
+        self._recorded_position = np.where(sticking, self._recorded_position, contact.position + open_ * self._ahead)
+        self._recorded_traction = contact.traction
 
     def augment(self, pressure: FloatArray) -> None:
         """Set the pressure at each quadrature point that is added to that of the penalty, to reduce the penetration.

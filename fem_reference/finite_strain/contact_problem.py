@@ -49,8 +49,6 @@ _ITERATIONS, _FRICTION_ITERATIONS = 24, 60
 #: Number of Newton iterations at the beginning of a step in which the tangent omits the curvature of the indenter,
 #: which makes the iteration diverge far from equilibrium [-].
 _UNCURVED_ITERATIONS = 2
-#: Smallest number of steps to a target with friction, because slip depends on the loading history [-].
-_FRICTION_STEPS = 16
 #: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
 #: between two updates over their sum [-].
 _CONE_CHANGE = 1e-4
@@ -100,6 +98,8 @@ class ContactProblem:
         units: Units of length and stress of this problem; messages are in SI units.
         load_scale: Factor on the heights of the indenter and on the targets; messages are divided by it [-].
         overlap: Mean penetration, over the depth, below which augmentation stops [-].
+        friction_steps: Smallest number of steps to a target with friction, because slip depends on the loading
+            history [-].
     """
 
     solid: Solid | SmallStrainSolid
@@ -108,6 +108,7 @@ class ContactProblem:
     units: Units
     load_scale: float = 1.0
     overlap: float = OVERLAP
+    friction_steps: int = 16
 
     def follow(
         self,
@@ -193,16 +194,16 @@ class ContactProblem:
             solve=solve,
             describe=self._describe,
             easy=np.inf if friction else EASY_ITERATIONS,
-            longest=abs(target) / _FRICTION_STEPS if friction else np.inf,
+            longest=abs(target) / self.friction_steps if friction else np.inf,
         )
 
     def _take_first_step(self, depth: float, target: float, control: Control) -> ContactEquilibrium:
         """Solve at a small depth from the undeformed state; the depth is halved until Newton's method converges.
 
-        With friction, the step is also at most 1 / `_FRICTION_STEPS` of the target.
+        With friction, the step is also at most 1 / `friction_steps` of the target.
         """
         undeformed = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
-        most = target / _FRICTION_STEPS if self.contact.friction else np.inf
+        most = target / self.friction_steps if self.contact.friction else np.inf
         for halving in range(_FIRST_HALVINGS):
             step = depth / 2**halving
             if control == "depth" and step > most:

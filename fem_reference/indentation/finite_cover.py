@@ -23,6 +23,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
     CONTACT_ASSUMPTION,
+    LEAST_FRICTION_ERROR,
     SOLID_GRIDS,
     BlockModel,
     correct_path,
@@ -86,6 +87,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         solutions=correct_path(path, accurate, partial(solve_block_pair, model=model, progress=progress)),
         least_order=1.0 if path.friction else 2.0,
         least_overlap=OVERLAP,
+        least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
         assumptions=state_rounding(indenter, fillet) | CONTACT_ASSUMPTION,
     )
 

@@ -25,6 +25,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
     CONTACT_ASSUMPTION,
+    LEAST_FRICTION_ERROR,
     SOLID_GRIDS,
     BlockModel,
     SolvedPair,
@@ -85,6 +86,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         solutions=solutions,
         least_order=2.0 if corrected and not path.friction else 1.0,
         least_overlap=OVERLAP,
+        least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
         assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
         | (CONTACT_ASSUMPTION if corrected else {}),
     )
