@@ -119,9 +119,10 @@ class GridStudy:
         if self.extrapolate and weigh_grids(grids)[1]:
             coarse, middle, _ = sizes
             before = values[1] + (values[1] - values[0]) * middle / (coarse - middle)
-            return max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2])) / abs(result)
-        error = grid_convergence(values, sizes, least=self.least_order, most=self.most_order) / abs(result)
-        return max(error, self.least_error)
+            error = max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2]))
+        else:
+            error = grid_convergence(values, sizes, least=self.least_order, most=self.most_order)
+        return max(error / abs(result), self.least_error)
 
 
 def estimate_spread(values: Sequence[float]) -> float:

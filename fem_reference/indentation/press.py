@@ -18,7 +18,7 @@ from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields
-from meshes import Cover, Indenter, TexelArray, tilt_indenter
+from meshes import Cover, Indenter, TexelArray, TriangleMesh, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
@@ -209,7 +209,10 @@ def _press_on_grids(
     for grids in study.solutions:
         _check_depth(path.cover, grids[-1].depth)
     seconds = (time.perf_counter() - started) / len(path.targets)
-    return [_combine_grids(study, grids, path, place, seconds) for grids in study.solutions]
+    return [
+        _combine_grids(study, grids, path, place, target=target, seconds=seconds)
+        for grids, target in zip(study.solutions, path.targets, strict=True)
+    ]
 
 
 def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None, refinement: int) -> GridStudy:
@@ -245,7 +248,7 @@ def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
 
 
 def _combine_grids(
-    study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath, place: Place, seconds: float
+    study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath, place: Place, *, target: float, seconds: float
 ) -> Indentation:
     """Combine the solutions of one target on three grids to the result for one pose.
 
@@ -254,6 +257,7 @@ def _combine_grids(
         grids: Solutions of the target, coarsest grid first.
         path: Cover, indenter and friction.
         place: Array, and pose of the indenter.
+        target: Load [N] or depth [m] that was asked for.
         seconds: Time that the solutions took [s].
     """
     started = time.perf_counter()
@@ -267,7 +271,8 @@ def _combine_grids(
     base = study.combine(grids, base_forces)
     texel_forces, outside = base[:-1], float(base[-1])
     peak = int(np.argmax(np.abs(texel_forces)))
-    total = float(study.combine(grids, lambda each: each.total_force))
+    # A prescribed load is the one that was asked for, so that `balance` shows if a solver misses it.
+    total = target if path.control == "load" else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
     overlap = max(finest.overlap, study.least_overlap)
     errors = {
@@ -277,7 +282,7 @@ def _combine_grids(
         + study.base_error
         + _FORCE_PER_OVERLAP * overlap
         + abs(balance),
-        "contact_area": estimate_spread([each.area for each in grids]),
+        "contact_area": max(estimate_spread([each.area for each in grids]), study.least_error),
     }
     errors["total_force" if path.control == "load" else "depth"] = 0.0
     x, y, force = finest.contact.T
@@ -339,6 +344,12 @@ def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
     if cover.size is not None:
         x, y = (1e3 * edge for edge in cover.size)
         out["sides"] = f"free, {x:.4g} x {y:.4g} mm, touched on top only"
+    facets = path.indenter.measure_facets(depth) if isinstance(path.indenter, TriangleMesh) else 0.0
+    if facets:
+        out["facets"] = (
+            f"pressed as they are, up to {facets * 1e3:.2g} mm ({facets / depth:.1%} of the depth) from the smooth "
+            "surface that they stand for, which no error estimate contains"
+        )
     share = depth / cover.thickness
     if cover.small_strain_only and share > _SMALL_STRAIN_DEPTH:
         out["range"] = f"indented to {share:.0%} of the thickness: more than small strain is meant for"

@@ -13,17 +13,17 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.finite_cover import solid_influence
 from fem_reference.linear_response.point_spread import TexelInfluence, point_spread
+from fem_reference.linear_response.superposition import superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Cover, Indenter, TexelArray
+from meshes import Cover, Indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
@@ -33,6 +33,8 @@ Progress = Callable[[str], None] | None
 #: Number of cells across the contact on all grids, coarsest first; three neighbouring grids give a result and its
 #: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat [-].
 CELLS = (64, 96, 144, 224, 336)
+#: Smallest relative error that estimates assume: that of the tabulated compliance of the top [-].
+_LEAST_ERROR = 1e-4
 #: Depth over cover thickness at which flat faces are solved; the value is arbitrary because the solution is linear [-].
 _FLAT_DEPTH = 1e-2
 #: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
@@ -40,9 +42,6 @@ _WINDOW = 1.35
 #: Size of the contact over that of the rectangle of cells above which the rectangle may be too small for the contact;
 #: one to two cells less than 1 [-].
 _FULL = 0.98
-#: Step of the grid to which contact forces are moved for the superposition, over the cover thickness, and number of
-#: grid points that replace one force along each axis [-].
-_GRID_STEP, _STENCIL = 1 / 8, 6
 
 
 def study_path(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
@@ -63,6 +62,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress, refinement: 
         least_order=1.0,
         most_order=1.0,
         extrapolate=path.indenter.is_flat,
+        least_error=_LEAST_ERROR,
         base_error=base_response.error_estimate["peak_texel"],
         assumptions={},
     )
@@ -130,54 +130,9 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: Texe
         area=patch.area,
         overlap=0.0,
         contact=contact,
-        base_forces=partial(_superpose, contact, base_response),
+        base_forces=partial(superpose, contact, base_response),
         energy=float(patch.force @ work) / 2,
     )
-
-
-def _superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: PlanarPose) -> FloatArray:
-    """Compute the forces on n texels and outside them due to all contact forces by superposition, shape (n + 1,) [N].
-
-    The base response varies smoothly with the position of a force.  Contact forces are therefore replaced by forces on
-    a regular grid of points that have the same effect on every polynomial of a position up to degree 5.
-
-    Args:
-        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).
-        base_response: Base forces per unit point load.
-        array: Array with n texels.
-        pose: Pose of the indenter in the frame of the array.
-    """
-    x, y, force = contact.T
-    step = base_response.thickness * _GRID_STEP
-    (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.to_array(x, y))
-    loads = (along.T @ sp.diags_array(force) @ across).toarray()
-    return base_response.base_forces(array, grid_x, grid_y, loads)
-
-
-def _interpolate(places: FloatArray, step: float) -> tuple[FloatArray, sp.csr_array]:
-    """Choose a regular grid over m places and interpolate from it, with Lagrange polynomials of degree 5.
-
-    Args:
-        places: Positions, shape (m,) [m].
-        step: Largest step of the grid [m].
-
-    Returns:
-        Points of the grid, shape (g,) [m], and the weight of every point at every place, shape (m, g) [-].
-    """
-    low, high = float(places.min()), float(places.max())
-    count = max(_STENCIL, int(np.ceil((high - low) / step)) + 1)
-    if not high > low:
-        return np.array([low]), sp.csr_array(np.ones((len(places), 1)))
-    grid = np.linspace(low, high, count)
-    offset = (places - low) / (high - low) * (count - 1)
-    first = np.clip(np.floor(offset).astype(int) - _STENCIL // 2 + 1, 0, count - _STENCIL)
-    node = np.arange(_STENCIL)
-    local = (offset - first)[:, None]
-    weight = np.ones((len(places), _STENCIL))
-    for other in node:
-        weight *= np.where(node == other, 1.0, (local - other) / np.where(node == other, 1, node - other))
-    row = np.repeat(np.arange(len(places)), _STENCIL)
-    return grid, sp.csr_array((weight.ravel(), (row, (first[:, None] + node).ravel())), shape=(len(places), count))
 
 
 def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:

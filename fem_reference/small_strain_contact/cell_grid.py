@@ -164,10 +164,13 @@ def _sample(gap: GapFunction, middle: FloatArray, half: FloatArray) -> FloatArra
     inside: BoolArray = np.isfinite(gap(x, y))
     around = np.ones((3, 3), dtype=bool)
     outline = ndimage.binary_dilation(inside, around) & ~ndimage.binary_erosion(inside, around)
-    part = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
-    u, v = np.meshgrid(part * step[0], part * step[1], indexing="ij")
+    # One point at random in each part, so that the rounding to whole parts does not add up along a straight edge.
+    u, v = (each.ravel() for each in np.indices((_PARTS, _PARTS)))
+    chance = np.random.default_rng(0).random((2, int(outline.sum()), _PARTS**2))
+    u, v = ((each + jitter) / _PARTS - 0.5 for each, jitter in zip((u, v), chance, strict=True))
     share = inside.astype(float)
-    share[outline] = np.isfinite(gap(x[outline][:, None] + u.ravel(), y[outline][:, None] + v.ravel())).mean(axis=1)
+    points = x[outline][:, None] + step[0] * u, y[outline][:, None] + step[1] * v
+    share[outline] = np.isfinite(gap(*points)).mean(axis=1)
     return share
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem_reference.linear_response.point_spread import PointSpread, point_spread
+from fem_reference.linear_response.point_spread import point_spread
+from fem_reference.linear_response.superposition import superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.frictionless import guess_touching
@@ -25,8 +26,6 @@ CELLS = (8, 16)
 #: Reach of the table of compliances: the larger of these multiples of the diagonal of the rectangle around all
 #: indenters and of the decay length of the cover's response [-].
 _DIAGONALS, _DECAY_LENGTHS = 1.5, 4.0
-#: Number of cells whose texel forces are superposed at once, to limit the memory [-].
-_BLOCK = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +71,7 @@ class SeveralIndentations:
 
     Attributes:
         texel_forces: Normal force on each of n texels, shape (n,) [N].
-        outside: Force that no active texel measures [N].
+        outside: Force on the base outside the active texels, computed independently of the loads [N].
         depths: Approach of each indenter from first touch, at its axis, shape (bodies,) [m].
         slopes: Tilts of each indenter as slopes along x and along y, shape (bodies, 2) [-].
         contact: Columns x, y in the frame of the array [m] and force [N] of the m cells in contact, shape (m, 3).
@@ -107,25 +106,19 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     diagonal = float(np.hypot(*np.ptp(corners, axis=0)))
     surface = surface_compliance(cover, max(_DIAGONALS * diagonal, _DECAY_LENGTHS * decay_length(cover)))
     solved = [_solve(surface, bodies, corners, cover.thickness / count) for count in CELLS]
-    coarse, fine = (_superpose(spread, array, contact) for contact, _ in solved)
-    # The error of the texel forces is proportional to the cell size, so they are extrapolated to cell size zero.
+    coarse, fine = (superpose(contact, spread, array, PlanarPose()) for contact, _ in solved)
+    # The error of the forces is proportional to the cell size, so they are extrapolated to cell size zero.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]
     load = sum(body.load for body in bodies)
     return SeveralIndentations(
-        texel_forces=forces,
-        outside=load - float(forces.sum()),
+        texel_forces=forces[:-1],
+        outside=float(forces[-1]),
         depths=motion[:, 0],
         slopes=motion[:, 1:],
         contact=contact,
-        error_estimate={"misplaced": float(np.abs(fine - coarse).sum() / (2 * load))},
+        error_estimate={"misplaced": float(np.abs(fine - coarse)[:-1].sum() / (2 * load))},
     )
-
-
-def _superpose(spread: PointSpread, array: TexelArray, contact: FloatArray) -> FloatArray:
-    """Compute the forces on n texels due to the forces on all cells in contact, by superposition, shape (n,) [N]."""
-    blocks = np.array_split(contact, max(1, len(contact) // _BLOCK))
-    return np.asarray(sum(block[:, 2] @ spread.texel_influence(array, block[:, :2]) for block in blocks))
 
 
 def _solve(

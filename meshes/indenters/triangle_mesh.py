@@ -21,6 +21,10 @@ _SYMMETRY_POINTS = 61
 #: rounding in STL files, which have single precision, over the larger half width of the body [-], and rounding in
 #: double precision [m].
 _RELATIVE_TOLERANCE, _TOLERANCE = 1e-6, 1e-9
+#: Distance between the middles of two edges, over the larger half width of the body, below which they are one edge [-].
+_SAME_PLACE = 1e-6
+#: Angle between two facets above which they form an edge of the body [rad].
+_EDGE_ANGLE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,6 +96,37 @@ class TriangleMesh(Indenter):
         """Return the height of the lowest triangle over each point; inf beside the body [m]."""
         x, y = np.broadcast_arrays(x, y)
         return self._gap.evaluate(x.ravel(), y.ravel()).reshape(x.shape)
+
+    def measure_facets(self, height: float) -> float:
+        """Estimate how far the facets up to a height deviate from the smooth surface that they stand for.
+
+        Two facets that meet at a small angle are chords of an arc with the sagitta width times angle over 8.  The
+        deviation of a facet is the sum over its sides.  Facets that meet at a larger angle form an edge of the body.
+
+        Args:
+            height: Height above the lowest point up to which facets are considered [m].
+
+        Returns:
+            Largest deviation, 0 if no facets meet at a small angle [m].
+        """
+        facets = self._lower[self._lower[..., 2].min(axis=1) < height]
+        normal = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
+        double_area = np.linalg.norm(normal, axis=1)
+        facets, normal = facets[double_area > 0], normal[double_area > 0] / double_area[double_area > 0, None]
+        ends = np.stack([facets, np.roll(facets, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        owner = np.repeat(np.arange(len(facets)), 3)
+        width = np.repeat(double_area[double_area > 0], 3) / length
+        # Facets that share an edge share its middle; sorting the middles brings them together.
+        middle = np.round(ends.mean(axis=1) / (_SAME_PLACE * max(self.footprint))).astype(np.int64)
+        order = np.lexsort(middle.T)
+        one, other = order[:-1], order[1:]
+        shared = (middle[one] == middle[other]).all(axis=1)
+        one, other = one[shared], other[shared]
+        angle = np.arccos(np.clip((normal[owner[one]] * normal[owner[other]]).sum(axis=1), -1.0, 1.0))
+        angle[angle > _EDGE_ANGLE] = 0.0
+        each = np.concatenate([one, other])
+        return float(np.bincount(owner[each], width[each] * np.tile(angle, 2) / 8).max(initial=0.0))
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Return one hull if the lower surface is convex; else hulls whose union approximates the lower surface.

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form, press
+from fem_reference.small_strain_contact import frictionless
+from fem_reference.small_strain_contact.constrained_solver import find_pressures
 from meshes import Box, Cylinder, Nut, Roller, Sphere, TexelArray
 
 #: The ends by default, what lies between in the slow tier.
@@ -145,3 +147,25 @@ def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts):
     assert "the finest feasible grids reach" in missed.warnings[-1]
     with pytest.raises(ValueError, match="relative error between 0 and 1"):
         press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=1.0)
+
+
+@pytest.mark.parametrize("shape", [Box(size=(8e-3, 2e-3, 5e-3)), Sphere(radius=5e-3)])
+def test_a_contact_solver_that_misses_the_load_shows_in_the_balance(bonded, wts, shape, monkeypatch, tmp_path):
+    """Pressures 2 % too large: planted in the solver, found in the result."""
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    good = press(bonded(0.45), wts, shape, load=1.25)
+    assert abs(good.balance) < 1e-4
+    assert not good.warnings
+
+    def miss(*arguments, **options):
+        pressure, motion = find_pressures(*arguments, **options)
+        return 1.02 * pressure, motion
+
+    monkeypatch.setattr(frictionless, "find_pressures", miss)
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "other"))
+    # a flat face is scaled to its load, whatever the solver says
+    wrong = press(bonded(0.45), wts, shape, load=1.25)
+    if not shape.is_flat:
+        assert wrong.balance == pytest.approx(0.02, rel=1e-2)
+        assert "differ from the load by +2.00%" in wrong.warnings[0]
+    assert wrong.depth < 0.99 * good.depth or wrong.balance > 0.01
