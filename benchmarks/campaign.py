@@ -19,7 +19,8 @@ import time
 
 import numpy as np
 
-from fem_reference.indentation.press import Indentation, press, press_path
+from fem_reference.indentation.press import press, press_path
+from fem_reference.indentation.result import Indentation
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, TexelArray
 from meshes.constants import STANDARD_GRAVITY

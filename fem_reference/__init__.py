@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fem_reference.errors import ConvergenceError
     from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
-    from fem_reference.indentation.press import Indentation, press, press_path
+    from fem_reference.indentation.press import press, press_path
+    from fem_reference.indentation.result import Indentation
     from fem_reference.linear_response.point_spread import PointSpread, point_spread
 
 #: The module that defines each public name of this package.  A module is imported when one of its names is first used,
@@ -23,7 +24,7 @@ _MODULES = {
     "ConvergenceError": "fem_reference.errors",
     "Squeezed": "fem_reference.finite_strain.bonded_disk",
     "compress_disk": "fem_reference.finite_strain.bonded_disk",
-    "Indentation": "fem_reference.indentation.press",
+    "Indentation": "fem_reference.indentation.result",
     "press": "fem_reference.indentation.press",
     "press_path": "fem_reference.indentation.press",
     "PointSpread": "fem_reference.linear_response.point_spread",

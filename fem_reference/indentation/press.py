@@ -9,71 +9,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
-from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
-from fem_reference.indentation.linear_fields import solve_linear_fields
-from meshes import Cover, Indenter, TexelArray, TriangleMesh, tilt_indenter
-from meshes.array_types import FloatArray
+from fem_reference.indentation.grid_solution import GridStudy
+from fem_reference.indentation.result import Indentation, combine_grids
+from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.pose import Place, PlanarPose
-
-#: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
-#: on a sphere agrees with the finite-strain force within 0.3 % [-].
-_SMALL_STRAIN_DEPTH = 0.3
-#: Relative error of a force per relative error of the depth.  The penetration that remains in the contact is an error
-#: of the depth, and contact forces increase at most with the square of the depth [-].
-_FORCE_PER_OVERLAP = 2.0
-#: Estimated relative error above which a result has a warning [-].
-_LARGE_ERROR = 0.05
-#: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
-_LARGE_IMBALANCE = 1e-3
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Indentation:
-    """Result of pressing one indenter into a cover at one load or depth.
-
-    Attributes:
-        texel_forces: Normal force on each of n texels, shape (n,) [N].
-        outside: Force that acts on the base outside the active texels [N], computed independently of the load.
-        total_force: Normal force on the indenter [N].
-        balance: Sum of `texel_forces` and `outside` over `total_force`, minus 1 [-].
-        depth: Approach of the indenter from first touch of the undeformed cover [m].
-        contact_area: Contact area [m2].
-        contact: Columns x, y in the frame of the array [m] and normal force [N] of m contact points, shape (m, 3).  The
-            points are those of the finest grid and lie on the deformed cover: at small strain, cells without friction
-            and nodes under a flat face without slip, else quadrature points.  Their forces, multiplied by one factor
-            near 1, add up to `total_force`.
-        shear: Components x and y, in the frame of the array, of the frictional force that the indenter exerts on the
-            cover at these points, multiplied by the same factor, shape (m, 2) [N]; None without friction.
-        energy: Elastic energy stored in the cover [J].  Without friction it equals the work of the load.
-        fields: Displacement and stress in the cover, if they were asked for, on the finest mesh.
-        error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
-            `contact_area`; 0 for the prescribed one of force and depth [-].
-        assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
-        warnings: Sentences about large errors and other reasons not to rely on the result.
-        seconds: Elapsed time of the computation, near zero for a stored result [s].
-    """
-
-    texel_forces: FloatArray
-    outside: float
-    total_force: float
-    balance: float
-    depth: float
-    contact_area: float
-    contact: FloatArray
-    shear: FloatArray | None
-    energy: float
-    fields: CoverFields | None
-    error_estimate: dict[str, float]
-    assumptions: dict[str, str]
-    warnings: tuple[str, ...]
-    seconds: float
 
 
 def press(
@@ -210,7 +155,7 @@ def _press_on_grids(
         _check_depth(path.cover, grids[-1].depth)
     seconds = (time.perf_counter() - started) / len(path.targets)
     return [
-        _combine_grids(study, grids, path, place, target=target, seconds=seconds)
+        combine_grids(study, grids, path, place, target=target, seconds=seconds)
         for grids, target in zip(study.solutions, path.targets, strict=True)
     ]
 
@@ -245,115 +190,6 @@ def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
         return result
     sentence = f"{accuracy:.2%} wanted, but the finest feasible grids reach {', '.join(missed)}"
     return replace(result, warnings=(*result.warnings, sentence))
-
-
-def _combine_grids(
-    study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath, place: Place, *, target: float, seconds: float
-) -> Indentation:
-    """Combine the solutions of one target on three grids to the result for one pose.
-
-    Args:
-        study: Properties of the three grids.
-        grids: Solutions of the target, coarsest grid first.
-        path: Cover, indenter and friction.
-        place: Array, and pose of the indenter.
-        target: Load [N] or depth [m] that was asked for.
-        seconds: Time that the solutions took [s].
-    """
-    started = time.perf_counter()
-    # The base forces of each grid are computed once; they are needed for the result and for its error.
-    grids = [replace(each, base_forces=_keep(each.base_forces(place.array, place.pose))) for each in grids]
-    finest = grids[-1]
-
-    def base_forces(solution: GridSolution) -> FloatArray:
-        return solution.base_forces(place.array, place.pose)
-
-    base = study.combine(grids, base_forces)
-    texel_forces, outside = base[:-1], float(base[-1])
-    peak = int(np.argmax(np.abs(texel_forces)))
-    # A prescribed load is the one that was asked for, so that `balance` shows if a solver misses it.
-    total = target if path.control == "load" else float(study.combine(grids, lambda each: each.total_force))
-    balance = float(base.sum()) / total - 1
-    overlap = max(finest.overlap, study.least_overlap)
-    errors = {
-        "total_force": study.estimate_error(grids, lambda each: each.total_force) + _FORCE_PER_OVERLAP * overlap,
-        "depth": study.estimate_error(grids, lambda each: each.depth) + overlap,
-        "peak_texel": study.estimate_error(grids, lambda each: float(base_forces(each)[peak]))
-        + study.base_error
-        + _FORCE_PER_OVERLAP * overlap
-        + abs(balance),
-        "contact_area": max(estimate_spread([each.area for each in grids]), study.least_error),
-    }
-    errors["total_force" if path.control == "load" else "depth"] = 0.0
-    x, y, force = finest.contact.T
-    scale = total / force.sum()
-    turn = replace(place.pose, at=(0.0, 0.0))
-    shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
-    fields = _find_fields(finest, path, place, scale) if path.fields else None
-    return Indentation(
-        texel_forces=texel_forces,
-        outside=outside,
-        total_force=total,
-        balance=balance,
-        depth=float(study.combine(grids, lambda each: each.depth)),
-        contact_area=finest.area,
-        contact=np.column_stack([*place.pose.to_array(x, y), force * scale]),
-        shear=shear,
-        energy=float(study.combine(grids, lambda each: each.energy)),
-        fields=fields,
-        error_estimate=errors,
-        assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
-        warnings=_warn(errors, balance),
-        seconds=seconds + time.perf_counter() - started,
-    )
-
-
-def _keep(values: FloatArray) -> BaseForces:
-    """Return a function that returns the same forces for the one array and pose that they were computed for."""
-    return lambda _array, _pose: values
-
-
-def _warn(errors: dict[str, float], balance: float) -> tuple[str, ...]:
-    """State in words which estimated errors are large, and whether the forces on the base miss the load."""
-    large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
-    out = [f"large estimated error: {', '.join(large)}"] if large else []
-    if abs(balance) > _LARGE_IMBALANCE:
-        out.append(f"the forces on the base differ from the load by {balance:+.2%}")
-    return tuple(out)
-
-
-def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: float) -> CoverFields:
-    """Return displacement and stress in the cover in the frame of the array, solved from the contact forces if absent.
-
-    Args:
-        finest: Solution on the finest grid.
-        path: Cover and indenter.
-        place: Array, and pose of the indenter.
-        scale: Total force of the result over that of the contact forces [-].
-    """
-    if finest.fields is None:
-        return solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
-    return finest.fields if path.cover.size is not None else finest.fields.to_array(place.pose)
-
-
-def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
-    """State the assumptions about strain, friction, base and sides of the cover, and whether the depth is in range."""
-    cover, friction = path.cover, path.friction
-    law = "no slip" if np.isinf(friction) else f"Coulomb, coefficient {friction:g}" if friction else "frictionless"
-    out = {"strain": "small" if cover.small_strain_only else "finite", "friction": law, "base": cover.base}
-    if cover.size is not None:
-        x, y = (1e3 * edge for edge in cover.size)
-        out["sides"] = f"free, {x:.4g} x {y:.4g} mm, touched on top only"
-    facets = path.indenter.measure_facets(depth) if isinstance(path.indenter, TriangleMesh) else 0.0
-    if facets:
-        out["facets"] = (
-            f"pressed as they are, up to {facets * 1e3:.2g} mm ({facets / depth:.1%} of the depth) from the smooth "
-            "surface that they stand for, which no error estimate contains"
-        )
-    share = depth / cover.thickness
-    if cover.small_strain_only and share > _SMALL_STRAIN_DEPTH:
-        out["range"] = f"indented to {share:.0%} of the thickness: more than small strain is meant for"
-    return out
 
 
 def _check_targets(

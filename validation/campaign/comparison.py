@@ -15,7 +15,7 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel import FastIndentation, Parameters
-    from fem_reference.indentation.press import Indentation
+    from fem_reference.indentation.result import Indentation
 
 Progress = Callable[[str], None]
 

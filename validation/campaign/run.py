@@ -22,7 +22,7 @@ from validation.metrics import Score, score
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fem_reference.indentation.press import Indentation
+    from fem_reference.indentation.result import Indentation
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[int, int, str], None]

@@ -16,7 +16,7 @@ from fem_reference.errors import ConvergenceError
 from meshes import Cover, Indenter, TexelArray
 
 if TYPE_CHECKING:
-    from fem_reference.indentation.press import Indentation
+    from fem_reference.indentation.result import Indentation
 
 _LOG = logging.getLogger(__name__)
 

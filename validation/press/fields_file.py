@@ -14,7 +14,7 @@ from meshes.npz import pack_npz
 
 if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
-    from fem_reference.indentation.press import Indentation
+    from fem_reference.indentation.result import Indentation
 
 _LOG = logging.getLogger(__name__)
 
