@@ -15,6 +15,8 @@ from meshes.array_types import FloatArray
 
 #: Number of points on each ring of an axisymmetric contact [-].
 RING_POINTS = 32
+#: Lower bound of a denominator that may be zero [N].
+_TINY = 1e-300
 
 
 def collect_points(contact: ContactState) -> FloatArray:
@@ -25,14 +27,17 @@ def collect_points(contact: ContactState) -> FloatArray:
     meshed part, shape (m, 5).
     """
     touching = contact.pressure > 0
-    weight = contact.weight[touching]
-    position = contact.position[touching][:, :-1]
-    # `ContactState.force` is the force of the cover on the indenter along z, and friction on the cover is opposite.
-    friction = np.zeros((len(weight), position.shape[1] + 1))
+    pressing = contact.pressure * contact.weight
+    # `ContactState.traction` acts on the indenter, and friction on the cover is opposite.  It oscillates between the
+    # points of one facet, so the force on a facet is divided among its points in proportion to the normal forces, which
+    # keeps it inside Coulomb's cone.
+    friction = np.zeros_like(contact.position)
     if contact.traction is not None:
-        friction = contact.traction[touching] * weight[:, None]
-    normal = contact.pressure[touching] * weight + friction[:, -1]
-    return np.column_stack([position, normal, -friction[:, :-1]])
+        whole = (contact.traction * contact.weight[..., None]).sum(axis=1, keepdims=True)
+        total = np.maximum(pressing.sum(axis=1, keepdims=True), _TINY)
+        friction = whole * (pressing / total)[..., None]
+    normal = pressing + friction[..., -1]
+    return np.column_stack([contact.position[touching][:, :-1], normal[touching], -friction[touching][:, :-1]])
 
 
 def unfold_points(points: FloatArray, symmetric: tuple[bool, bool]) -> FloatArray:
