@@ -61,11 +61,12 @@ from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_c
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.pressure.cover_kernels import CoverCells
-from fastmodel.sensor import OptionWarning, Sensor, attach, recommend_options
+from fastmodel.sensor import OptionWarning, RangeWarning, Sensor, attach, recommend_options
 from fastmodel.signal.butterworth import Butterworth, FilterBank
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
+from fastmodel.validity import Validity
 
 __version__ = version("softcover")
 
@@ -98,6 +99,7 @@ __all__ = [
     "ParametersError",
     "Placement",
     "Plate",
+    "RangeWarning",
     "Sensor",
     "ShapeError",
     "Spread",
@@ -105,6 +107,7 @@ __all__ = [
     "Tabulated",
     "TexelContact",
     "UnknownNameError",
+    "Validity",
     "add_geoms",
     "add_indenter",
     "attach",

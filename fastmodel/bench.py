@@ -22,6 +22,7 @@ from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose, make_z_rotation
 from fastmodel.sensor import recommend_options
+from fastmodel.validity import describe_limits
 from meshes import Indenter
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
@@ -66,6 +67,7 @@ class FastIndentation:
         depth: Approach of the indenter since its first touch of the undeformed cover [m]; None for methods without a
             meaningful depth, and for several or tilting indenters.
         method: Name of the contact method, or its settings as text.
+        warnings: Sentences about reasons not to rely on the result.
         seconds: Wall-clock time of the simulation [s].
     """
 
@@ -76,6 +78,7 @@ class FastIndentation:
     chatter: float
     depth: float | None
     method: str
+    warnings: tuple[str, ...]
     seconds: float
 
 
@@ -174,6 +177,7 @@ def indent_together(
         chatter=chatter,
         depth=float(approach[0]) if approach is not None and len(placements) == 1 and placements[0].guided else None,
         method=name,
+        warnings=describe_limits(reading, parameters.validity),
         seconds=time.perf_counter() - started,
     )
 
@@ -325,5 +329,6 @@ def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[
         texel_forces=np.mean(spread, axis=0) if spread else None,
         carried=float(totals.mean()),
         approach=readings[-1].approach,
+        fewest_cells=readings[-1].fewest_cells,
     )
     return mean, float(totals.std() / load)

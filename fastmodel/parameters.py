@@ -28,6 +28,7 @@ from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import Electronics
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated
+from fastmodel.validity import Validity
 from meshes import TexelArray, atomic_file
 from meshes.array_types import FloatArray
 from meshes.npz import pack_npz
@@ -41,8 +42,12 @@ NPZ_NAME = "cover.npz"
 SENSORS = Path(__file__).parent / "sensors"
 #: Name of the spread operator among the tables of the npz file.
 _OPERATOR = "operator"
+#: Attributes of `CoverCells` that are arrays.
+_CELL_ARRAYS = ("compliance", "influence", "table", "loads", "load_depths", "loaded_compliance", "loaded_influence")
 #: Attributes of `CoverCells` that are stored in the npz file, with the names of their tables there.
-_CELL_TABLES = {name: f"cells_{name}" for name in ("compliance", "influence", "table")}
+_CELL_TABLES = {name: f"cells_{name}" for name in _CELL_ARRAYS}
+#: Value of `validity` in the TOML file if the range of the fast model is not stated.
+_NOT_STATED = "not stated"
 #: Names of tables that the format itself uses; further tables must not have them.
 _RESERVED = (_OPERATOR, *_CELL_TABLES.values())
 
@@ -60,6 +65,7 @@ class Parameters:
         tables: Further arrays about the cover, by name, that are stored in `cover.npz`, for example a point response.
         cells: Compliance and influence of the cover between cells smaller than a texel, for the contact methods
             `cover` and `foundation`; None if unknown.
+        validity: The range in which the contact method `cover` agrees with the finite elements; None if not stated.
     """
 
     array: TexelArray
@@ -69,6 +75,7 @@ class Parameters:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     tables: Mapping[str, FloatArray] = field(default_factory=dict)
     cells: CoverCells | None = None
+    validity: Validity | None = None
 
     def __post_init__(self) -> None:
         """Check that spread operator, gains and cells fit the array.
@@ -164,6 +171,9 @@ def load(sensor: str | Path) -> Parameters:
         low_pass = Butterworth(**document.take("filter")) if "filter" in document.values else None
     with document.section("cells"):
         cells = _build_cells(document.take("cells"), tables) if "cells" in document.values else None
+    with document.section("validity"):
+        stated = document.values.get("validity", _NOT_STATED)
+        validity = None if stated == _NOT_STATED else Validity(**stated)
     with document.section("parameters"):
         return Parameters(
             array=array,
@@ -172,6 +182,7 @@ def load(sensor: str | Path) -> Parameters:
             filter=low_pass,
             provenance=dict(document.values.get("provenance", {})),
             cells=cells,
+            validity=validity,
             tables={name: table for name, table in tables.items() if name not in _RESERVED},
         )
 
@@ -230,6 +241,7 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     if parameters.cells is not None:
         values = _describe_dataclass(parameters.cells)
         document["cells"] = {name: value for name, value in values.items() if name not in _CELL_TABLES}
+    document["validity"] = _NOT_STATED if parameters.validity is None else _describe_dataclass(parameters.validity)
     if parameters.provenance:
         document["provenance"] = _convert_values(parameters.provenance)
     return document

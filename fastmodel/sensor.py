@@ -40,6 +40,10 @@ class OptionWarning(UserWarning):
     """Warn of options of the model or of the sensor that reduce accuracy; the options stay as they are."""
 
 
+class RangeWarning(UserWarning):
+    """Warn that a contact lies beyond the range in which the fast model agrees with the finite elements."""
+
+
 def attach(
     spec: mujoco.MjSpec,
     body: str | mujoco.MjsBody,
@@ -243,6 +247,7 @@ class _RunningSensor:
         self._every, self._timestep = every, float(model.opt.timestep)
         self._tolerance, self._rate = _CLOCK_TOLERANCE * self._timestep, parameters.electronics.rate_hz
         self._data: mujoco.MjData | None = None
+        self._validity = parameters.validity
         spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
         self.chain = SignalChain(parameters, 1.0 / (every * self._timestep), spreads=spreads)
         self.reset(np.zeros(()))
@@ -273,6 +278,10 @@ class _RunningSensor:
                 raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
             self.chain.take(reading)
             self.reading, self._sampled_at = reading, now
+            if self._validity is not None and self._validity.is_exceeded(reading):
+                message = f"sensor {self._name!r}: {self._validity.describe_excess(reading)}"
+                warnings.warn(message, RangeWarning, stacklevel=3)
+                self._validity = None  # warn once
         self._steps += 1
         due = int((self._sampled_at - self._start) * self._rate + _CLOCK_TOLERANCE)
         if due <= self._frames:

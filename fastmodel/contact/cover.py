@@ -18,6 +18,7 @@ from fastmodel.contact.interface import ContactReader, Reading
 from fastmodel.contact.panel_layout import PanelLayout, ScatteredBaseForces, ScatteredGrid, divide_into_panels, lay_out
 from fastmodel.contact.panels import PanelReader
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
+from fastmodel.contact.stretching import StretchingCover
 from fastmodel.errors import ParametersError
 from fastmodel.pose import Pose
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
@@ -26,6 +27,7 @@ from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap import ELLIPSOID, Solid
 from fastmodel.pressure.gap_sampling import BodyShape, PosedBody, sample_gap
 from fastmodel.pressure.winkler import FoundationSolver
+from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
@@ -133,8 +135,9 @@ class CoverContact(_PlateMethod):
         cells.check(array)
         surface = _Surface.divide(self.plate, array, cells.per_texel, apart=max(cells.compliance.shape))
         solver = CoverSolver(cells, surface.grid, tolerance=self.tolerance, steps=self.steps)
-        reader, base = surface.build_plate_reader(model, array, name), surface.build_base_forces(cells, array)
-        return _PressureReader(reader, solver, surface, base, first=_FIRST * cells.thickness)
+        base = StretchingCover(cells, solver, [surface.build_base_forces(each, array) for each in cells.under_loads])
+        reader = surface.build_plate_reader(model, array, name)
+        return _PressureReader(reader, base, surface, base, first=_FIRST * cells.thickness)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -194,9 +197,9 @@ class _PressureReader:
     def __init__(
         self,
         plate: PlateReader,
-        solver: CoverSolver | FoundationSolver,
+        solver: StretchingCover | FoundationSolver,
         surface: _Surface,
-        base: BaseForces | ScatteredBaseForces | None = None,
+        base: StretchingCover | None = None,
         *,
         first: float,
     ) -> None:
@@ -210,7 +213,7 @@ class _PressureReader:
             first: Reach at the first contact of a body, see `_FIRST` [m].
         """
         self._plate, self._solver, self._base, self._grid = plate, solver, base, surface.grid
-        self._coherent = surface.coherent
+        self._coherent, self._regular = surface.coherent, surface.layout is None
         self._first, self._most = first, _MOST * first
         self._reach: dict[int, float] = {}
         self._solved: tuple[PlateContact, Reading] | None = None
@@ -268,15 +271,23 @@ class _PressureReader:
             ]
             if needed == reach:
                 break
+            # The solution on fewer cells is a poor start: where it is exact, the iteration would not add cells.
+            self._solver.reset()
             reach = needed
         for body, top in zip(contact.bodies, height, strict=True):
             self._reach[body] = min(max(_TAKEN * top, _SMALLEST * self._first), self._most)
+        pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
         texel_forces = None
         if self._base is not None and solution.window is not None:
-            texel_forces = self._base.from_window(solution.window, solution.origin)
+            window, origin = solution.window, solution.origin
+            if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and self._regular:
+                load = contact.loads[0]
+                window, origin = self._grid.shift_window(window, origin, load.moment / load.force)
+            texel_forces = self._base.from_window(window, origin)
         return Reading(
             contact_forces=self._grid.sum_on_texels(samples.row, samples.column, solution.forces),
             texel_forces=texel_forces,
             carried=float(solution.forces.sum()),
             approach=solution.approach if self._coherent else None,
+            fewest_cells=int(pressed.min()),
         )

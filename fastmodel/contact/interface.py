@@ -26,12 +26,15 @@ class Reading(NamedTuple):
         carried: Total force that presses on the array and its margin [N].
         approach: Approach of each touching body since its first touch of the undeformed cover, shape (bodies,) [m];
             None if the contact method does not compute the approach.
+        fewest_cells: Number of cells under pressure, of the body that presses on the fewest; None if the contact method
+            has no cells [-].
     """
 
     contact_forces: FloatArray
     texel_forces: FloatArray | None
     carried: float
     approach: FloatArray | None = None
+    fewest_cells: int | None = None
 
 
 class TexelContact(Protocol):

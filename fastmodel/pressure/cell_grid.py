@@ -78,6 +78,32 @@ class CellGrid:
         slot = self._slots.take(row * self.columns + column)
         return np.bincount(slot, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
 
+    def shift_window(
+        self, forces: FloatArray, origin: tuple[int, int], centre: FloatArray
+    ) -> tuple[FloatArray, tuple[int, int]]:
+        """Shift forces on a window of cells by less than a cell, so that they act around a given centre.
+
+        Each force is divided bilinearly among four cells.  If the centre is a cell or more away, nothing is shifted.
+
+        Args:
+            forces: Forces on a window (rectangle) of cells, shape (rows, columns) [N].
+            origin: Row and column of the window's first cell in the grid.
+            centre: Wanted centre of the forces in the array's frame, shape (2,) [m].
+
+        Returns:
+            Forces on a window with one more cell on each side, and the row and column of its first cell.
+        """
+        total = forces.sum()
+        column = (forces.sum(axis=0) @ np.arange(forces.shape[1])) / total + origin[1] + 0.5
+        row = (forces.sum(axis=1) @ np.arange(forces.shape[0])) / total + origin[0] + 0.5
+        x, y = (centre - self.low) / self.edge - (column, row)
+        if not max(abs(x), abs(y)) < 1:
+            return forces, origin
+        wide = np.pad(forces, 1)
+        wide = (1 - abs(x)) * wide + abs(x) * np.roll(wide, 1 if x > 0 else -1, axis=1)
+        wide = (1 - abs(y)) * wide + abs(y) * np.roll(wide, 1 if y > 0 else -1, axis=0)
+        return wide, (origin[0] - 1, origin[1] - 1)
+
     @cached_property
     def _slots(self) -> IntArray:
         """Index of each cell's texel plus one, and 0 for cells in the margin, shape (rows * columns,)."""

@@ -132,12 +132,9 @@ class CoverSolver:
                 which the iteration stops [-].
             steps: Largest number of steps of the iteration [-].
         """
-        self._grid, self._tolerance, self._steps = grid, tolerance, steps
-        self._convolution = cells.convolution
-        kernel = cells.compliance / (cells.cell[0] * cells.cell[1])
+        self._grid, self._tolerance, self._steps, self._cells = grid, tolerance, steps, cells
         self._square = _SQUARE * cells.top_compliance / float(np.sqrt(cells.cell[0] * cells.cell[1]))
-        self._near = np.zeros((2, 2))
-        self._near[: min(2, len(kernel)), : min(2, kernel.shape[1])] = kernel[:2, :2]
+        self._near = [_find_near_compliance(each) for each in cells.under_loads]
         self._place, self._start = compile_kernel(place_cells), compile_kernel(find_start)
         self._minimise = compile_kernel(minimise_energy)
         self._scratch = np.zeros((grid.rows, grid.columns))
@@ -147,7 +144,7 @@ class CoverSolver:
         """Discard the last solution; the next iteration starts from uniform pressure."""
         self._last = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
-    def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
+    def solve(self, samples: GapSamples, loads: Sequence[Load], stretching: float | None = None) -> PressureSolution:
         """Compute the forces on the cells under all bodies.
 
         If the iteration with the prescribed moments does not converge, for example because no pressure on the cells has
@@ -156,10 +153,14 @@ class CoverSolver:
         Args:
             samples: Cells under each body, with their gaps.
             loads: Force and moments of each body.
+            stretching: Load whose nearest tables are used, for a cover that depends on the load; by default the largest
+                force of a body [N].
         """
         cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
-        origin, shape, corner, weight, own = self._place(cells, self._grid.arrays, self._near, self._square)
-        cover = (corner, weight, own, *self._convolution.matrices(*shape))
+        largest = max(load.force for load in loads)
+        nearest = round(self._cells.position_among_loads(largest if stretching is None else stretching))
+        origin, shape, corner, weight, own = self._place(cells, self._grid.arrays, self._near[nearest], self._square)
+        cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape))
         wanted = np.array([load.force for load in loads])
         start = self._start(
             self._last, (samples.row, samples.column, samples.coverage, samples.body), wanted, self._scratch
@@ -181,6 +182,14 @@ class CoverSolver:
             steps=steps,
             converged=converged,
         )
+
+
+def _find_near_compliance(cells: CoverCells) -> FloatArray:
+    """Return the compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N]."""
+    kernel = cells.compliance[:2, :2] / (cells.cell[0] * cells.cell[1])
+    near = np.zeros((2, 2))
+    near[: len(kernel), : kernel.shape[1]] = kernel
+    return near
 
 
 def _join_constraints(samples: GapSamples, loads: Sequence[Load]) -> tuple[FloatArray, FloatArray, list[int]]:

@@ -6,10 +6,14 @@ kernels (tables over distances) describe compliance and influence for arrays of 
 pitch evenly; cell `[i, j]` of a texel lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the
 free side edges of a cover the force at the base also depends on the position of the cell.  For such a cover a table
 over all cells and texels replaces the kernel of the influence.
+
+A cover with a stiff foil becomes stiffer under load, because the foil stretches.  Such a cover has further compliances
+and influences, one of each for some loads.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,6 +52,12 @@ class CoverCells:
         table: Force on each of n texels per unit force distributed uniformly over each cell of the array, shape (n,
             rows * per_texel, columns * per_texel).  The table replaces `influence` for a cover with free side edges;
             None for other covers [-].
+        loads: Ascending loads at which the cover under tension is tabulated, shape (m,); None for a cover whose
+            response does not depend on the load.  `compliance` and `influence` belong to zero load [N].
+        load_depths: Depth in this model of the ball that the tables were fitted to, at each of these loads, shape (m,);
+            None if unknown.  A body that sinks less stretches the cover less, so that smaller loads apply to it [m].
+        loaded_compliance: `compliance` at each of these loads, shape (m, p, q) [m/Pa].
+        loaded_influence: `influence` at each of these loads, shape (m, per_texel + 2 reach, per_texel + 2 reach) [-].
     """
 
     per_texel: int
@@ -58,6 +68,10 @@ class CoverCells:
     thickness: float
     source: str = "given by the user"
     table: FloatArray | None = None
+    loads: FloatArray | None = None
+    load_depths: FloatArray | None = None
+    loaded_compliance: FloatArray | None = None
+    loaded_influence: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values, and make the tables read-only.
@@ -73,7 +87,9 @@ class CoverCells:
             raise ShapeError(f"compliance has shape (rows, columns), not {self.compliance.shape}")
         if len(size) != _MATRIX or size[0] != size[1] or size[0] < s or (size[0] - s) % 2:
             raise ShapeError(f"influence has shape ({s} + 2 reach, {s} + 2 reach), not {size}")
-        tables = [each for each in (self.compliance, self.influence, self.table) if each is not None]
+        self._check_loads()
+        optional = (self.table, self.loads, self.load_depths, self.loaded_compliance, self.loaded_influence)
+        tables = [self.compliance, self.influence, *(each for each in optional if each is not None)]
         if not all(np.isfinite(each).all() for each in tables):
             raise ValueError("compliance and influence must be finite; one holds nan or inf")
         for name, value in (("cell", min(self.cell)), ("top_compliance", self.top_compliance)):
@@ -83,6 +99,54 @@ class CoverCells:
             raise ValueError("thickness and the compliance of a cell under its own pressure must be positive")
         for each in tables:
             each.setflags(write=False)
+
+    def _check_loads(self) -> None:
+        """Check that the tables under load are complete and have the shapes of those without load."""
+        given = (self.loads, self.load_depths, self.loaded_compliance, self.loaded_influence)
+        if self.loads is None or self.loaded_compliance is None or self.loaded_influence is None:
+            if any(each is not None for each in given):
+                raise ShapeError("loads, loaded_compliance and loaded_influence belong together; one is missing")
+            return
+        count = len(self.loads)
+        wanted = [(count, *self.compliance.shape), (count, *self.influence.shape)]
+        if [self.loaded_compliance.shape, self.loaded_influence.shape] != wanted or self.table is not None:
+            raise ShapeError(f"{count} loads need tables under load of shapes {wanted}, and no table by cell and texel")
+        if not count or not (np.diff(self.loads, prepend=0.0) > 0).all():
+            raise ValueError("loads must be positive and ascend")
+        if self.load_depths is not None and self.load_depths.shape != self.loads.shape:
+            raise ShapeError(f"load_depths has shape {self.load_depths.shape}; {count} loads need {self.loads.shape}")
+
+    @cached_property
+    def under_loads(self) -> tuple[CoverCells, ...]:
+        """The cover without load, then at each of `loads`, as covers whose response does not depend on the load."""
+        if self.loads is None or self.loaded_compliance is None or self.loaded_influence is None:
+            return (self,)
+        plain = dataclasses.replace(self, loads=None, load_depths=None, loaded_compliance=None, loaded_influence=None)
+        pairs = zip(self.loaded_compliance, self.loaded_influence, strict=True)
+        return (plain, *(dataclasses.replace(plain, compliance=c, influence=i) for c, i in pairs))
+
+    def position_among_loads(self, load: float) -> float:
+        """Return where a load lies among zero load (0.0), the first of `loads` (1.0) and so on; at most their number.
+
+        Args:
+            load: Force of a body on the cover [N].
+        """
+        if self.loads is None:
+            return 0.0
+        return float(np.interp(load, np.append(0.0, self.loads), np.arange(len(self.loads) + 1)))
+
+    def load_at_depth(self, depth: float) -> float:
+        """Return the load under which the ball of `load_depths` is as deep as given, at least a hundredth of the first.
+
+        Without `load_depths` and beyond the largest of them the load is infinite.
+
+        Args:
+            depth: Approach of a body [m].
+        """
+        if self.loads is None or self.load_depths is None or depth >= self.load_depths[-1]:
+            return np.inf
+        load = np.interp(depth, np.append(0.0, self.load_depths), np.append(0.0, self.loads))
+        return max(float(load), 0.01 * float(self.loads[0]))
 
     @property
     def reach(self) -> int:

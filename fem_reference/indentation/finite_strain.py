@@ -34,9 +34,10 @@ from fem_reference.indentation.correction import (
 )
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
+from fem_reference.linear_response.membrane_tension import membrane_length
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length
-from meshes import TexelArray
+from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
@@ -51,6 +52,10 @@ GRIDS = (6, 9, 13, 19, 28)
 _REACH, _SOLID_REACH = 12.0, 7.0
 #: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
 _REACH_RADII = 1.5
+#: Least radius of axisymmetric meshes for a stiff top layer: over the distance over which the stretch of that layer
+#: decays, which leaves 0.1 % of the texel forces, and at most so many thicknesses, because the factorisation fails for
+#: longer elements [-].
+_REACH_MEMBRANE, _LONGEST = 0.3, 40.0
 #: Number of Gauss points along each side of a texel, for the integral of the base pressure [-].
 _TEXEL_POINTS = 16
 
@@ -148,6 +153,17 @@ def integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) ->
     return np.append(force, spline.integral(grid_x[0], grid_x[-1], grid_y[0], grid_y[-1]) - force.sum())
 
 
+def choose_reach(cover: Cover, contact_radius: float) -> float:
+    """Choose the radius of an axisymmetric mesh, at whose outer boundary all displacements are zero [m].
+
+    Args:
+        cover: Laterally wide cover.
+        contact_radius: Estimated radius of the largest contact [m].
+    """
+    reach = _REACH * decay_length(cover) + _REACH_RADII * contact_radius
+    return max(reach, min(_REACH_MEMBRANE * membrane_length(cover), _LONGEST * cover.thickness))
+
+
 def _solve_axisymmetric(
     path: LoadingPath, contact: FloatArray, progress: Progress, refinement: int
 ) -> list[list[GridSolution]]:
@@ -168,7 +184,7 @@ def _solve_axisymmetric(
 
     def compute() -> dict[str, Any]:
         radius = max(indenter.footprint) if indenter.is_flat else float(np.hypot(*contact[:, :2].T).max())
-        reach = _REACH * decay_length(cover) + _REACH_RADII * radius
+        reach = choose_reach(cover, radius)
         out: dict[str, Any] = {}
         coarse = None
         for count in grids:

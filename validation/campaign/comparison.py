@@ -57,6 +57,7 @@ class Comparison:
                 "contact_forces": image(self.fast.contact_forces),
                 # With rigid boxes as texels the depth is None: the penetration depends on a setting of MuJoCo.
                 **{name: getattr(self.fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
+                "warnings": list(self.fast.warnings),
             }
         return {
             "sensor": sensor.array.name,

@@ -73,11 +73,13 @@ class CaseResult:
         case: The indentation.
         reference: Result of the finite elements.
         predictions: Result and score of each scored model, by the name of the model.
+        warnings: Sentences about reasons not to rely on the fast model in this case.
     """
 
     case: Case
     reference: Indentation
     predictions: Mapping[str, Prediction]
+    warnings: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
         """Return the case and all its results as a dictionary of JSON values."""
@@ -88,6 +90,7 @@ class CaseResult:
             "at": list(self.case.at),
             "yaw": self.case.yaw,
             "reference": describe_reference(self.reference),
+            "warnings": list(self.warnings),
             "models": {
                 name: {
                     "texel_forces": prediction.texel_forces,
@@ -221,7 +224,7 @@ def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
         )
         for name, (texel_forces, outside) in forces.items()
     }
-    return CaseResult(case=case, reference=reference, predictions=predictions)
+    return CaseResult(case=case, reference=reference, predictions=predictions, warnings=fast.warnings)
 
 
 def score_forces(

@@ -23,6 +23,7 @@ from validation.derivation.quadrature import gauss_points
 if TYPE_CHECKING:
     from fem_reference.linear_response.finite_cover import SolidInfluence
     from fem_reference.linear_response.point_spread import PointSpread
+    from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -44,23 +45,39 @@ def cover_cells(cover: Cover, array: TexelArray, spread: PointSpread, *, per_tex
         spread: The point spread function of the cover.
         per_texel: Number of cells along one pitch; if None, it follows from the thickness of the cover [-].
     """
-    from fem_reference.linear_response.surface_compliance import decay_length, surface_compliance
+    from fem_reference.linear_response.surface_compliance import decay_length
 
     count = per_texel or int(np.clip(math.ceil(min(array.pitch) / (_CELL_SIZE * cover.thickness)), *_CELLS_PER_PITCH))
     cell = (array.pitch[0] / count, array.pitch[1] / count)
     reach = math.ceil(_KERNEL_RADIUS * decay_length(cover) / min(cell))
     reach = min(reach, (max(array.rows, array.columns) + 2) * count)
-    surface = surface_compliance(cover, (1.5 * reach + 1) * max(cell))
-    offsets = np.meshgrid(np.arange(reach + 1) * cell[0], np.arange(reach + 1) * cell[1])
+    surface = tabulate_surface(cover, reach, cell)
     return CoverCells(
         per_texel=count,
         cell=cell,
-        compliance=surface.of_rectangle(offsets[0], offsets[1], *cell),
-        influence=_influence_kernel(array, spread, count, reach),
+        compliance=compliance_kernel(surface, reach, cell),
+        influence=influence_kernel(array, spread, count, reach),
         top_compliance=surface.half_space,
         thickness=cover.thickness,
         source="finite elements",
     )
+
+
+def tabulate_surface(cover: Cover, reach: int, cell: tuple[float, float]) -> SurfaceCompliance:
+    """Tabulate the compliance of the cover's top over all distances between cells up to `reach` cells apart."""
+    from fem_reference.linear_response.surface_compliance import surface_compliance
+
+    return surface_compliance(cover, (1.5 * reach + 1) * max(cell))
+
+
+def compliance_kernel(surface: SurfaceCompliance, reach: int, cell: tuple[float, float]) -> FloatArray:
+    """Compute the displacement of a cell's centre per uniform pressure on the cell i rows and j columns away.
+
+    Returns:
+        Displacements per pressure, shape (reach + 1, reach + 1) [m/Pa].
+    """
+    offsets = np.meshgrid(np.arange(reach + 1) * cell[0], np.arange(reach + 1) * cell[1])
+    return surface.of_rectangle(offsets[0], offsets[1], *cell)
 
 
 def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | SolidInfluence) -> CoverCells:
@@ -92,7 +109,7 @@ def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | S
     )
 
 
-def _influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach: int) -> FloatArray:
+def influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach: int) -> FloatArray:
     """Tabulate the force on one texel per unit force on each cell around the texel, spread uniformly over the cell.
 
     Args:

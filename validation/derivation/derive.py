@@ -26,12 +26,14 @@ from validation.derivation.quadrature import gauss_points
 from validation.derivation.resolution import texel_separation, two_point_separation
 from validation.derivation.sensitivity import sigma_sensitivities
 from validation.derivation.undetermined import list_undetermined
+from validation.derivation.validity import press_ball_on_array, state_range
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
     from fastmodel.pressure.cover_kernels import CoverCells
+    from fastmodel.validity import Validity
     from fem_reference.linear_response.point_spread import PointSpread
 
 FloatArray = npt.NDArray[np.float64]
@@ -123,6 +125,7 @@ class Derivation:
             "resolution_on_array": self.resolution_on_array,
             "sensitivity": dict(self.sensitivity),
             "depth": None if self.depth is None else dataclasses.asdict(self.depth),
+            "validity": _describe_range(self.parameters.validity),
             "undetermined": list(self.undetermined),
             "seconds": self.seconds,
         }
@@ -165,6 +168,15 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     if (spread := radial_profile(influence)) is not None:
         tables["point_response_radius"] = np.asarray(spread.radius)
         tables["point_response_pressure"] = np.asarray(spread.pressure_per_force)
+    parameters = Parameters(
+        array=array,
+        spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),
+        filter=sensor.filter,
+        electronics=sensor.electronics,
+        provenance=_describe_provenance(sensor, fit, depth, undetermined),
+        cells=cells,
+        tables=tables,
+    )
     return Derivation(
         sensor=sensor,
         influence=influence,
@@ -172,20 +184,36 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         texel_response_uniform=np.asarray(array.image(uniform), dtype=np.float64),
         outside=_force_outside(influence, array),
         fit=fit,
-        parameters=Parameters(
-            array=array,
-            spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),
-            filter=sensor.filter,
-            electronics=sensor.electronics,
-            provenance=_describe_provenance(sensor, fit, depth, undetermined),
-            cells=cells,
-            tables=tables,
-        ),
+        parameters=_state_range(parameters, sensor, influence, tell),
         error_estimate=influence.error_estimate,
         depth=depth,
         undetermined=undetermined,
         seconds=time.perf_counter() - started,
     )
+
+
+def _describe_range(validity: Validity | None) -> dict[str, Any] | str:
+    """Return the range of the fast model as a dictionary, or the words `not stated`."""
+    return "not stated" if validity is None else dataclasses.asdict(validity)
+
+
+def _state_range(parameters: Parameters, sensor: SensorDescription, influence: Influence, tell: Progress) -> Parameters:
+    """Add tables under load, where they are useful, and the range in which the fast model holds, where it is known.
+
+    The range is not stated for covers with free side edges, and where the finite elements or the fast model fail.
+    """
+    from fem_reference.errors import ConvergenceError
+
+    spread = radial_profile(influence)
+    if spread is None or parameters.cells is None:
+        return parameters
+    tell("range of the fast model, by a ball of one pitch radius")
+    try:
+        presses = press_ball_on_array(sensor.cover, sensor.array, tell)
+        return state_range(parameters, sensor.cover, spread, presses)
+    except (ConvergenceError, ValueError) as error:
+        tell(f"the range of the fast model is not stated: {error}")
+        return parameters
 
 
 def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:

@@ -26,7 +26,7 @@ def press_guided(force):
 def build_matrix(samples, solver):
     """The compliance between sampled cells as a dense matrix [m/N], from the weights and the kernel of the cover."""
     data = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
-    _, _, corner, weight, own = place_cells(data, GRID.arrays, solver._near, solver._square)
+    _, _, corner, weight, own = place_cells(data, GRID.arrays, solver._near[0], solver._square)
     rows = corner[0] + np.array([[0], [0], [1], [1]])
     columns = corner[1] + np.array([[0], [1], [0], [1]])
     kernel = np.zeros((100, 100))
@@ -70,7 +70,7 @@ def test_compiled_kernels_and_plain_python_agree():
     solver = CoverSolver(CELLS, GRID, tolerance=1e-8, steps=50)
     load = Load(force=2.0, moment=2.0 * np.array([0.8e-3, -1.0e-3]), tilts=True)
     data = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
-    _, shape, *shares = place_cells(data, GRID.arrays, solver._near, solver._square)
+    _, shape, *shares = place_cells(data, GRID.arrays, solver._near[0], solver._square)
     nothing = (np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))
     start = find_start(nothing, (*data[:3], samples.body), np.array([2.0]), np.zeros((GRID.rows, GRID.columns)))
     columns, target = load.build_constraints(samples, slice(None))

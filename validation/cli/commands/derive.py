@@ -15,7 +15,7 @@ from validation.cli.output import describe_cover, print_json, print_rows, print_
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from fastmodel import Fit
+    from fastmodel import Fit, Validity
     from validation.derivation.derive import Derivation
 
 _Out = Annotated[Path | None, Parameter(help="Folder for the files; an earlier result is replaced.")]
@@ -93,6 +93,13 @@ def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
         yield "foundation modulus", f"{modulus} ({foundation.estimator})"
         softness = f"solref {contact.solref[0]:.3g} s, 1; impedance {contact.solimp[0]:.4f}"
         yield "MuJoCo's plate", f"{softness}: {1e3 * contact.depth:.3g} mm under {1e3 * contact.mass:.3g} g"
+    validity = derivation.parameters.validity
+    if validity is None:
+        yield "range of fast model", "not stated"
+    else:
+        ball = f"ball of {1e3 * validity.ball_radius:.3g} mm radius, {validity.strain} strain"
+        yield "range of fast model", f"misplaces at most 2 % up to {_format_limit(validity, 2)} ({ball})"
+        yield "", f"and at most 5 % up to {_format_limit(validity, 5)}"
     yield "error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())
     yield "time", f"{derivation.seconds:.2f} s"
     for index, line in enumerate(derivation.undetermined):
@@ -104,6 +111,14 @@ def _list_estimates(fit: Fit) -> Iterator[tuple[str, ...]]:
     for name, pair in sorted(fit.estimates.items(), key=lambda item: item[0] != fit.estimator):
         label = f"{name} (used)" if name == fit.estimator else name
         yield label, *("none" if math.isnan(value) else f"{value:.4f}" for value in pair)
+
+
+def _format_limit(validity: Validity, percent: int) -> str:
+    """Format the load up to which the fast model misplaces at most 2 or 5 % of the force."""
+    load = validity.load_2_percent if percent == 2 else validity.load_5_percent  # noqa: PLR2004 -- percent
+    if load == 0:
+        return "no load"
+    return f"{load:.3g} N" + (", the largest load compared" if load == validity.largest_load else "")
 
 
 def _format_length(value: float) -> str:

@@ -357,10 +357,11 @@ def _read_force(load: str | None, depth: str | None) -> tuple[float | None, floa
 
 
 def _show(comparison: Comparison, *, json: bool) -> None:
-    """Print the results, and write the warnings of the finite-element result to standard error."""
+    """Print the results, and write the warnings of both models to standard error."""
     if json:
         print_json(comparison.as_json())
     else:
         print_comparison(comparison)
-    for sentence in comparison.fem.warnings if comparison.fem is not None else ():
-        say(f"softcover: warning: {sentence}")
+    for result in (comparison.fem, comparison.fast):
+        for sentence in result.warnings if result is not None else ():
+            say(f"softcover: warning: {sentence}")

@@ -1,0 +1,80 @@
+"""The range of contacts in which the fast model agrees with the finite elements, and messages about contacts beyond it.
+
+The range is stated for one reference contact: a ball of one pitch radius over the middle of the array.  Whether another
+contact lies in the range is judged by its depth: at equal depth the strains in the cover are similar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fastmodel.contact.interface import Reading
+
+#: Number of cells of the contact grid under pressure below which a contact is smaller than the cells resolve [-].
+FEWEST_CELLS = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validity:
+    """Loads up to which the fast model misplaces at most 2 and 5 % of the force under a ball.
+
+    Attributes:
+        ball_radius: Radius of the ball, one pitch [m].
+        load_2_percent: Load up to which at most 2 % of the force is on wrong texels [N].
+        load_5_percent: The same for 5 % [N].
+        depth_2_percent: Depth of the ball in the fast model at `load_2_percent` [m].
+        depth_5_percent: Depth of the ball in the fast model at `load_5_percent` [m].
+        largest_load: Largest load of the comparison.  A load above that equals it was not exceeded [N].
+        strain: Strain of the finite elements: `finite` or `small`.
+    """
+
+    ball_radius: float
+    load_2_percent: float
+    load_5_percent: float
+    depth_2_percent: float
+    depth_5_percent: float
+    largest_load: float
+    strain: str
+
+    def is_exceeded(self, reading: Reading) -> bool:
+        """Return whether a contact is deeper than the ball at 5 %; without a known depth, whether its force is larger.
+
+        Only readings with forces at the base of the cover are judged, as the contact method `cover` computes them.
+        """
+        if reading.texel_forces is None:
+            return False
+        if reading.approach is None:
+            return reading.carried > self.load_5_percent
+        return bool(reading.approach.max(initial=0.0) > self.depth_5_percent)
+
+    def describe_excess(self, reading: Reading) -> str:
+        """Describe in one sentence a contact that lies beyond the range."""
+        depth = "" if reading.approach is None else f", {1e3 * reading.approach.max(initial=0.0):.3g} mm deep"
+        known = (
+            "more than 5 % of the force is misplaced"
+            if self.load_5_percent < self.largest_load
+            else "the error is unknown"
+        )
+        return (
+            f"a contact ({reading.carried:.3g} N{depth}) lies beyond the range of the fast model: "
+            f"under a ball of {1e3 * self.ball_radius:.3g} mm radius {known} above {self.load_5_percent:.3g} N, "
+            f"{1e3 * self.depth_5_percent:.3g} mm deep"
+        )
+
+
+def describe_limits(reading: Reading, validity: Validity | None) -> tuple[str, ...]:
+    """Describe in sentences why the texel forces or the depth of a reading may be wrong; empty if nothing is known.
+
+    Args:
+        reading: The reading of a contact.
+        validity: The range of the fast model; None if it is not stated.
+    """
+    messages: list[str] = []
+    if reading.fewest_cells is not None and reading.fewest_cells < FEWEST_CELLS:
+        messages.append(
+            f"a contact covers only {reading.fewest_cells} of the fast model's cells: its depth is not resolved, and "
+            f"its place is uncertain by the size of a cell"
+        )
+    if validity is not None and validity.is_exceeded(reading):
+        messages.append(validity.describe_excess(reading))
+    return tuple(messages)

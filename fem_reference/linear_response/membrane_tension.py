@@ -1,0 +1,127 @@
+"""Linear response of a wide cover whose stiff top layer is under membrane tension.
+
+A foil on a soft layer stretches where an indenter presses it down.  Its tension T, a force per length, resists further
+deflection w with the pressure -T w'' (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells, section 78).  With
+the compliance C(k) of the cover's top for the pressure cos(k x), the pressure that remains for the layers below, and so
+the response to a load, is divided by 1 + T k^2 C(k).  A uniform T stands for the tension near the contact.
+
+The stretched foil also drags the soft layer along in the plane, which widens the base pressure far from the contact.
+The empirical term (k l)^2 with a length l stands for this: the response is divided by 1 + T k^2 C(k) + (k l)^2.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.special import j0
+
+from fem_reference.closed_form.layer import Transfer, hankel_nodes, transfer
+from fem_reference.linear_response.point_spread import PointSpread
+from fem_reference.linear_response.surface_compliance import SurfaceCompliance
+from meshes import Cover
+from meshes.array_types import FloatArray
+
+#: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
+_BLOCK = 256
+#: Least product of wave number and contact radius in the transform of Hertz's pressure, which cancels below [-].
+_SMALL_WAVE = 1e-3
+
+
+def membrane_length(cover: Cover) -> float:
+    """Compute the distance in the plane of the cover over which the stretch of a stiff top decays; 0 for one layer [m].
+
+    For each interface, the layers above are a membrane of stiffness sum E t / (1 - nu^2), and the layers below are a
+    shear foundation of stiffness 1 / sum (t / mu).  The displacement in the plane decays over the square root of the
+    ratio of the two (shear lag; Cox, British Journal of Applied Physics 3, 1952).
+    """
+    lengths = [0.0]
+    for split in range(1, len(cover.layers)):
+        below, above = cover.layers[:split], cover.layers[split:]
+        yielding = sum(layer.thickness / layer.material.shear_modulus for layer in below)
+        membrane = sum(
+            layer.material.youngs_modulus * layer.thickness / (1 - layer.material.poisson_ratio**2) for layer in above
+        )
+        lengths.append((membrane * yielding) ** 0.5)
+    return max(lengths)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Stretch of the top of a cover under a load.
+
+    Attributes:
+        tension: Membrane tension T [N/m].
+        length: Length l of the term (k l)^2 [m].
+    """
+
+    tension: float
+    length: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StretchedResponse:
+    """Changes of a cover's response to a unit point load under stretch, at m distances from the load.
+
+    Attributes:
+        radius: The distances, shape (m,) [m].
+        wave_number: Wave numbers of the Hankel transform, shape (n,) [1/m].
+        waves: Transfer functions of the cover without tension at these wave numbers.
+        hankel: Matrix of the transform from wave numbers to distances, shape (m, n) [1/m2].
+    """
+
+    radius: FloatArray
+    wave_number: FloatArray
+    waves: Transfer
+    hankel: FloatArray
+
+    @classmethod
+    def prepare(cls, cover: Cover, radius: FloatArray) -> StretchedResponse:
+        """Compute the transfer functions of a wide cover and the transform to distances of shape (m,) [m]."""
+        k, weight = hankel_nodes(cover, float(radius.max()))
+        blocks = (radius[start : start + _BLOCK] for start in range(0, len(radius), _BLOCK))
+        bessel = np.concatenate([j0(np.outer(block, k)) for block in blocks])
+        return cls(radius=radius, wave_number=k, waves=transfer(cover, k), hankel=bessel * (k * weight / (2 * np.pi)))
+
+    def remove_contact(self, pressed: PointSpread, contact_radius: float, stretch: Stretch) -> PointSpread:
+        """Compute the point spread function from the base pressure under a ball, by removing the size of the contact.
+
+        The difference between a point load and Hertz's pressure on the contact is that of the stretched cover.
+
+        Args:
+            pressed: Base pressure per force under the ball.
+            contact_radius: Radius of the contact [m].
+            stretch: Stretch of the top that was fitted to `pressed`.
+        """
+        change = self.spread_over_contact(stretch, 0.0) - self.spread_over_contact(stretch, contact_radius)
+        pressure = pressed.pressure(self.radius) + change
+        return dataclasses.replace(pressed, radius=self.radius, pressure_per_force=pressure)
+
+    def stretch_compliance(self, surface: SurfaceCompliance, stretch: Stretch) -> SurfaceCompliance:
+        """Compute the compliance of the top under stretch.
+
+        Args:
+            surface: The compliance of the top without stretch, tabulated at the prepared distances.
+            stretch: Stretch of the top.
+        """
+        change = -self.hankel @ (self.waves.compliance * self._reduce(stretch))
+        regular = CubicSpline(self.radius, surface.regular(self.radius) + change, bc_type=("clamped", "not-a-knot"))
+        return dataclasses.replace(surface, regular=regular)
+
+    def spread_over_contact(self, stretch: Stretch, contact_radius: float) -> FloatArray:
+        """Compute the base pressure per force under Hertz's pressure on a circle, at the distances, shape (m,) [1/m2].
+
+        The Hankel transform of Hertz's pressure per force is 3 (sin x - x cos x) / x^3 with x the product of wave
+        number and radius of the circle.
+        """
+        x = np.maximum(self.wave_number * contact_radius, _SMALL_WAVE)
+        load = 3 * (np.sin(x) - x * np.cos(x)) / x**3
+        return np.asarray(self.hankel @ (load * self.waves.base * (1 - self._reduce(stretch))))
+
+    def _reduce(self, stretch: Stretch) -> FloatArray:
+        """Compute the part of the response that the stretch takes away, shape (n,) [-]."""
+        k = self.wave_number
+        resistance = stretch.tension * k**2 * self.waves.compliance + (k * stretch.length) ** 2
+        return resistance / (1 + resistance)

@@ -1,0 +1,84 @@
+"""The range of the fast model: when a contact lies beyond it, and what the warning says."""
+
+import dataclasses
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import RangeWarning, Validity
+from fastmodel.contact.interface import Reading
+from fastmodel.validity import describe_limits
+from meshes import Sphere
+
+RANGE = Validity(
+    ball_radius=3e-3,
+    load_2_percent=0.5,
+    load_5_percent=1.0,
+    depth_2_percent=0.1e-3,
+    depth_5_percent=0.2e-3,
+    largest_load=2.0,
+    strain="finite",
+)
+
+
+def reading(**changes) -> Reading:
+    return Reading(np.ones(4), np.ones(4), 4.0, np.array([0.15e-3]), 20)._replace(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "beyond"),
+    [
+        ({}, False),
+        ({"approach": np.array([0.15e-3, 0.21e-3])}, True),
+        ({"approach": None}, True),
+        ({"approach": None, "carried": 0.9}, False),
+        ({"approach": np.array([0.3e-3]), "texel_forces": None}, False),
+    ],
+)
+def test_a_contact_is_judged_by_its_depth_and_without_one_by_its_force(changes, beyond):
+    assert RANGE.is_exceeded(reading(**changes)) == beyond
+    assert len(describe_limits(reading(**changes), RANGE)) == beyond
+
+
+def test_the_warning_states_the_contact_and_the_limit():
+    text = RANGE.describe_excess(reading(approach=np.array([0.3e-3])))
+    assert "4 N, 0.3 mm deep" in text
+    assert "above 1 N, 0.2 mm deep" in text
+    assert "more than 5 %" in text
+    assert "unknown" in dataclasses.replace(RANGE, load_5_percent=2.0).describe_excess(reading())
+
+
+def test_a_contact_on_few_cells_is_told():
+    assert "only 8 of" in describe_limits(reading(fewest_cells=8), None)[0]
+    assert describe_limits(reading(fewest_cells=9), None) == ()
+
+
+def test_a_running_sensor_warns_once(wts_derivation):
+    parameters = dataclasses.replace(wts_derivation.parameters, validity=RANGE)
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    sensor = fastmodel.attach(spec, "world", parameters, every=1)
+    fastmodel.add_indenter(spec, Sphere(radius=2e-3), 8.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(100):
+            mujoco.mj_step(model, data)
+            sensor.step(data)
+    assert [each.category for each in caught] == [RangeWarning]
+    assert "sensor" in str(caught[0].message)
+
+
+def test_the_range_survives_saving_and_is_optional(wts_derivation, tmp_path):
+    for validity in (RANGE, None):
+        dataclasses.replace(wts_derivation.parameters, validity=validity).save(tmp_path)
+        assert fastmodel.load(tmp_path).validity == validity
+    text = (tmp_path / "parameters.toml").read_text()
+    assert 'validity = "not stated"' in text
+    (tmp_path / "parameters.toml").write_text(text.replace('validity = "not stated"\n', ""))
+    assert fastmodel.load(tmp_path).validity is None

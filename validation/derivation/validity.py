@@ -1,0 +1,238 @@
+"""Calibration of the fast model under load, and the range in which the fast model agrees with the finite elements.
+
+Finite elements press a ball of one pitch radius over the middle of the array.  At finite strain, a stiff foil on a soft
+layer stretches.  The foil's tension is fitted to the base pressure at every depth of that path, and the fast model gets
+tables at these loads.  Then the fast model repeats the path, and its misplaced force gives the range.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.validity import Validity
+from meshes import Cover, Sphere, TexelArray
+from validation.derivation.cover_kernels import compliance_kernel, influence_kernel, tabulate_surface
+
+if TYPE_CHECKING:
+    from fastmodel.parameters import Parameters
+    from fem_reference.indentation.ball_path import BallPath
+    from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
+    from fem_reference.linear_response.point_spread import PointSpread
+
+FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[str], None]
+
+#: Depths of the ball over the thickness of the cover, at finite and at small strain; and largest depth over the radius
+#: of the ball [-].
+_FINITE_DEPTHS, _SMALL_DEPTHS, _LARGEST_DEPTH = (
+    (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4),
+    (0.02, 0.05, 0.1, 0.2, 0.3),
+    0.5,
+)
+#: Least part of the force that a fitted stretch must move to the right place at one depth; below it, the tables under
+#: load are left out [-].
+_USEFUL = 0.02
+#: Fit of the stretch: bounds of the logarithms of tension, over thickness times mean shear modulus, and of length, over
+#: thickness; their start; and settings of the minimiser [-].
+_BOUNDS, _START = [(-7.0, 9.0), (-7.0, 3.0)], (-1.0, -2.0)
+_MINIMISER: dict[str, Any] = {
+    "method": "Nelder-Mead",
+    "bounds": _BOUNDS,
+    "options": {"xatol": 0.03, "fatol": 1e-4, "maxfev": 100},
+}
+#: Limits of the misplaced part of the force [-].
+_LIMITS = (0.02, 0.05)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BallPresses:
+    """A ball of one pitch radius that finite elements press over the middle of an array to n depths.
+
+    Attributes:
+        radius: Radius of the ball [m].
+        load: Forces on the ball, shape (n,) [N].
+        texel_forces: Force on each texel, then the force outside the texels, shape (n, texels + 1) [N].
+        path: The loading path at finite strain; None at small strain.
+    """
+
+    radius: float
+    load: FloatArray
+    texel_forces: FloatArray
+    path: BallPath | None
+
+
+def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | None) -> BallPresses:
+    """Press a ball of one pitch radius over the middle of an array by finite elements.
+
+    Args:
+        cover: A laterally wide cover.
+        array: A flat array.
+        progress: Called with a line of text before each step.
+
+    Raises:
+        ConvergenceError: If no depth converges.
+    """
+    from fem_reference.indentation.ball_path import press_ball
+    from fem_reference.indentation.press import press_path
+
+    radius = min(array.pitch)
+    most = _LARGEST_DEPTH * radius
+    shares = _SMALL_DEPTHS if cover.small_strain_only else _FINITE_DEPTHS
+    deepest = min(shares[-1] * cover.thickness, most)
+    depths = [share / shares[-1] * deepest for share in shares]
+    if cover.small_strain_only:
+        found = press_path(cover, array, Sphere(radius=radius), depths=depths, progress=progress)
+        return BallPresses(
+            radius=radius,
+            load=np.array([each.total_force for each in found]),
+            texel_forces=np.array([np.append(each.texel_forces, each.outside) for each in found]),
+            path=None,
+        )
+    path = press_ball(cover, radius, depths, progress=progress)
+    forces = [
+        load * np.append(base.texel_influence(array, (0.0, 0.0))[0], base.outside(array, (0.0, 0.0)))
+        for load, base in zip(path.load, path.base, strict=True)
+    ]
+    return BallPresses(radius=radius, load=path.load, texel_forces=np.array(forces), path=path)
+
+
+def add_stretch(
+    cells: CoverCells, cover: Cover, array: TexelArray, spread: PointSpread, presses: BallPresses
+) -> CoverCells:
+    """Add tables under load to the fast model's cells, if the stretch of the cover's top moves much of the force.
+
+    Args:
+        cells: Compliance and influence of the cover without load.
+        cover: A laterally wide cover.
+        array: A flat array.
+        spread: The point spread function of the cover without load.
+        presses: The ball of one pitch radius.
+    """
+    from fem_reference.linear_response.membrane_tension import StretchedResponse
+
+    if presses.path is None or len(cover.layers) == 1:
+        return cells
+    base = StretchedResponse.prepare(cover, spread.radius)
+    stretches, gains = _fit_stretches(cover, base, presses.path)
+    if max(gains) < _USEFUL:
+        return cells
+    reach, cell = len(cells.compliance) - 1, cells.cell
+    surface = tabulate_surface(cover, reach, cell)
+    top = StretchedResponse.prepare(cover, surface.regular.x)
+    spreads = [
+        base.remove_contact(pressed, float(contact), stretch)
+        for pressed, contact, stretch in zip(presses.path.base, presses.path.contact_radius, stretches, strict=True)
+    ]
+    return dataclasses.replace(
+        cells,
+        loads=presses.load,
+        loaded_compliance=np.array(
+            [compliance_kernel(top.stretch_compliance(surface, each), reach, cell) for each in stretches]
+        ),
+        loaded_influence=np.array([influence_kernel(array, each, cells.per_texel, cells.reach) for each in spreads]),
+    )
+
+
+def _fit_stretches(cover: Cover, response: StretchedResponse, path: BallPath) -> tuple[list[Stretch], list[float]]:
+    """Fit the stretch at each of n depths of a path to the base pressure.
+
+    Returns:
+        The n stretches, and the part of the force that each moves to where the finite elements have it [-].
+    """
+    from scipy.optimize import minimize
+
+    from fem_reference.linear_response.membrane_tension import Stretch
+
+    radius = response.radius
+    ring = np.pi * radius * np.gradient(radius)  # half the area of a ring, because misplaced force counts once
+    yielding = sum(layer.thickness / layer.material.shear_modulus for layer in cover.layers)
+
+    def read(logarithms: FloatArray) -> Stretch:
+        tension, length = np.exp(logarithms) * cover.thickness
+        return Stretch(tension=float(tension * cover.thickness / yielding), length=float(length))
+
+    stretches: list[Stretch] = []
+    gains: list[float] = []
+    start = list(_START)
+    for base, contact in zip(path.base, path.contact_radius, strict=True):
+        wanted = base.pressure(radius)
+
+        def misplace(
+            logarithms: FloatArray | None, wanted: FloatArray = wanted, contact: float = float(contact)
+        ) -> float:
+            stretch = Stretch(tension=0.0, length=0.0) if logarithms is None else read(logarithms)
+            return float(ring @ np.abs(response.spread_over_contact(stretch, contact) - wanted))
+
+        fit = minimize(misplace, start, **_MINIMISER)
+        start = [float(value) for value in fit.x]
+        stretches.append(read(fit.x))
+        gains.append(misplace(None) - float(fit.fun))
+    return stretches, gains
+
+
+def measure_misplaced(found: FloatArray, wanted: FloatArray) -> float:
+    """Compute the part of the force on wrong texels, from forces on texels and outside whose sum is the force [-]."""
+    return float(np.abs(found - wanted).sum() / 2 / wanted.sum())
+
+
+def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, presses: BallPresses) -> Parameters:
+    """Add tables under load, where they are useful, and the range of the fast model to its parameters.
+
+    Args:
+        parameters: Parameters of the fast model, with cells.
+        cover: A laterally wide cover.
+        spread: The point spread function of the cover without load.
+        presses: The ball by finite elements.
+
+    Raises:
+        FastModelError: If the fast model cannot press the ball.
+    """
+    if parameters.cells is None:
+        return parameters
+    cells = add_stretch(parameters.cells, cover, parameters.array, spread, presses)
+    parameters = dataclasses.replace(parameters, cells=cells)
+    misplaced, depth = _repeat_presses(parameters, presses)
+    if cells.loads is not None:
+        cells = dataclasses.replace(cells, load_depths=np.maximum.accumulate(depth))
+    limits = [_find_limit(presses.load, misplaced, limit) for limit in _LIMITS]
+    depths = [float(np.interp(limit, np.append(0.0, presses.load), np.append(0.0, depth))) for limit in limits]
+    validity = Validity(
+        ball_radius=presses.radius,
+        load_2_percent=limits[0],
+        load_5_percent=limits[1],
+        depth_2_percent=depths[0],
+        depth_5_percent=depths[1],
+        largest_load=float(presses.load[-1]),
+        strain="small" if presses.path is None else "finite",
+    )
+    return dataclasses.replace(parameters, cells=cells, validity=validity)
+
+
+def _repeat_presses(parameters: Parameters, presses: BallPresses) -> tuple[FloatArray, FloatArray]:
+    """Press the ball by the fast model at n loads; return the misplaced parts of the force [-] and the depths [m]."""
+    from fastmodel import indent
+
+    misplaced, depth = [], []
+    for load, wanted in zip(presses.load, presses.texel_forces, strict=True):
+        found = indent(parameters, Sphere(radius=presses.radius), load=float(load), method="cover")
+        misplaced.append(measure_misplaced(np.append(found.texel_forces, found.outside), wanted))
+        depth.append(found.depth or 0.0)
+    return np.array(misplaced), np.array(depth)
+
+
+def _find_limit(load: FloatArray, misplaced: FloatArray, limit: float) -> float:
+    """Return the load at which the misplaced part first exceeds a limit, interpolated linearly, or the largest load."""
+    over = np.flatnonzero(misplaced > limit)
+    if not over.size:
+        return float(load[-1])
+    first = int(over[0])
+    if first == 0:
+        return 0.0
+    return float(np.interp(limit, misplaced[[first - 1, first]], load[[first - 1, first]]))
