@@ -48,8 +48,11 @@ class TiltedIndenter(Indenter):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Half edge lengths of the rectangle that bounds the upright shape, and nearly the tilted one, in plan [m]."""
-        return self.indenter.footprint
+        """Half edge lengths of the rectangle that bounds the tilted face, or the upright curved shape, in plan [m]."""
+        if not self.indenter.is_flat:
+            return self.indenter.footprint
+        x, y = np.abs(self._rotation[:2, :2]) @ self.indenter.footprint
+        return float(x), float(y)
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the height of the lower surface over its lowest point; inf beside the face [m]."""

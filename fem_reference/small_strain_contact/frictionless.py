@@ -102,6 +102,7 @@ def solve_contact(
     if face is not None:
         middle, half = face.middle, face.half
     fixed = indenter.mirror_symmetry if face is None and sides is None else (True, True)
+    first = middle, half
     for _ in range(_REFINEMENTS):
         grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
         if face is not None:
@@ -116,7 +117,7 @@ def solve_contact(
         middle, extent = _enclose(grid, near, middle, fixed)
         if face is not None or (extent > _FILLED * half).all():
             break
-        half = np.minimum(np.maximum(_MARGIN * extent, _SHRINKING * half), half)
+        middle, half = _clip(middle, np.minimum(np.maximum(_MARGIN * extent, _SHRINKING * half), half), first)
     if not touching.any():
         raise ConvergenceError(f"nothing touches on cells of {max(grid.cell) * 1e3:.2g} mm; press deeper")
     force = pressure[touching] * grid.area
@@ -140,6 +141,16 @@ def _enclose(
     low, high = (np.array([bound(grid.x[near]), bound(grid.y[near])]) for bound in (np.min, np.max))
     middle = np.where(keep, middle, (low + high) / 2)
     return middle, np.maximum(high - middle, middle - low) + np.array(grid.cell) / 2
+
+
+def _clip(middle: FloatArray, half: FloatArray, first: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Clip a rectangle to the first rectangle, so that cell edges stay on the sharp edges of a tilted face.
+
+    Rectangles are given and returned as middle and half widths, shape (2,) each [m].
+    """
+    low = np.maximum(middle - half, first[0] - first[1])
+    high = np.minimum(middle + half, first[0] + first[1])
+    return (low + high) / 2, (high - low) / 2
 
 
 def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:
