@@ -147,20 +147,23 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
 def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> IntArray:
     """Return the indices of the displacements of a meshed block that are zero.
 
-    These are all components on a bonded base, the normal component on a sliding base, all components on the outer
-    boundary unless it is free, and the normal component on planes of symmetry.
+    These are all components on a bonded base, the normal component on a sliding base, and the normal component on
+    planes of symmetry.  On the outer boundary, unless it is free, they are all components above a bonded base and the
+    component normal to the boundary above a sliding base: all would press on the base.
     """
     x, y, z = elements.nodes.T
     base = z < _ON_BOUNDARY
     outer = np.zeros_like(base)
-    planes = []
+    planes, ends = [], []
     for position, side, mirror in zip((x, y), block.sides, block.symmetric, strict=True):
         planes.append((np.abs(position) < _ON_BOUNDARY) & mirror)
-        if not block.free:
-            outer |= position > side[-1] - _ON_BOUNDARY
-            outer |= (position < side[0] + _ON_BOUNDARY) & (not mirror)
-    across = outer | (base & bonded)
-    components = [across | planes[0], across | planes[1], base | outer]
+        ends.append(position > side[-1] - _ON_BOUNDARY)
+        ends[-1] |= (position < side[0] + _ON_BOUNDARY) & (not mirror)
+        ends[-1] &= not block.free
+    if bonded:
+        outer = ends[0] | ends[1]
+        ends = [outer | base] * 2
+    components = [ends[0] | planes[0], ends[1] | planes[1], base | outer]
     return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
 
 

@@ -112,14 +112,19 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
 def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> IntArray:
     """Return the indices of the displacements that are zero: on the axis, on the base and on the outer boundary.
 
+    The displacement of a cover that slides on its base decays only with the inverse of the distance, parallel to the
+    base and without pressure on it.  The outer boundary of such a cover is free; fixed, it would press on the base.
+
     Args:
         cover: Cover; a bonded base constrains both displacements, a sliding base only the normal displacement.
         r: Radii of the n nodes, shape (n,) [thicknesses].
         z: Heights of the n nodes, shape (n,) [thicknesses].
         reach: Radius of the outer boundary [thicknesses].
     """
-    axis, base, outer = r < _TOLERANCE, z < _TOLERANCE, r > reach - _TOLERANCE
-    radial = axis | outer | (base if cover.base == "bonded" else np.zeros_like(base))
+    axis, base = r < _TOLERANCE, z < _TOLERANCE
+    bonded = cover.base == "bonded"
+    outer = (r > reach - _TOLERANCE) & bonded
+    radial = axis | outer | (base & bonded)
     return np.concatenate([2 * np.flatnonzero(radial), 2 * np.flatnonzero(base | outer) + 1])
 
 

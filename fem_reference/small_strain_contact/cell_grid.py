@@ -18,7 +18,7 @@ _SAMPLES, _PARTS = 801, 8
 _LEAST, _MOST, _MOST_IN_ALL, _FINER = 16, 96, 3600, 1.5
 #: Number of cells across the walls of a face, and per thickness of the top layer, where a pattern is repeated nine
 #: times [-].
-_PER_WALL, _PER_LAYER = 30, 4
+_PER_WALL, _PER_LAYER = 45, 4
 #: Share of a face that lies on walls thinner than the wall that the cells resolve [-].
 _THIN_SHARE = 0.1
 #: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].

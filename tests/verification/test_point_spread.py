@@ -66,11 +66,13 @@ def test_uniform_pressure_equals_the_exact_layer(bonded, wts, nu):
     assert np.abs(found - exact).max() < 5e-5
 
 
+@pytest.mark.parametrize("base", ["bonded", "sliding"])
 @pytest.mark.parametrize("nu", RATIOS)
-def test_texels_and_outside_add_up_to_the_load(bonded, wts, nu):
-    spread = point_spread(bonded(nu))
+def test_texels_and_outside_add_up_to_the_load(bonded, wts, nu, base):
+    spread = point_spread(bonded(nu, base=base))
     total = spread.texel_influence(wts, places(wts)).sum(axis=1) + spread.outside(wts, places(wts))
-    assert total == pytest.approx(1, abs=1e-4)
+    assert total == pytest.approx(1, abs=3e-5)
+    assert spread.reaction == pytest.approx(1, abs=1e-9 if base == "sliding" else 2e-5)
 
 
 def test_masked_texels_count_as_outside(bonded, wts):
