@@ -30,8 +30,9 @@ import numpy as np
 LIMIT = 400
 #: Seconds beyond which a command must have said on standard error how far it is.
 PATIENCE = 60
-#: Share of the sensors whose covers have a limited size, and of presses with friction on wide covers [-].
-LIMITED, FRICTION = 0.06, 0.05
+#: Shares of presses in three dimensions (a cover of limited size, or a shape that is not round on rubber), of
+#: those with friction, of sensors with rubber, and of covers on a sliding base [-].
+SOLID, FRICTION, RUBBER, SLIDING, HALF = 0.07, 0.08, 0.25, 0.2, 0.5
 #: Words of which a refusal contains one: it says what would be accepted or what to do instead.
 ADVICE = re.compile(
     r"must|needs?\b|use |give |at least|at most|between|\.\.|or |known|choose|less|more|wider|instead|limit|only|up to"
@@ -49,46 +50,61 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def draw_sensor(rng: np.random.Generator) -> tuple[str, bool]:
-    """Draw the text of a sensor file, and whether its cover has a limited size."""
+def draw_sensor(rng: np.random.Generator, *, solid: bool) -> tuple[str, bool]:
+    """Draw the text of a sensor file, and whether its cover has a limited size.
+
+    Args:
+        rng: Source of random numbers.
+        solid: Whether the press is one in three dimensions; half of these have a cover of limited size.
+    """
     pitch = log_uniform(rng, 0.5, 20)
     count = int(rng.choice([1, 1, 2, 3]))
     thickness = log_uniform(rng, 0.1, 20)
     share = rng.dirichlet(np.full(count, 2.0)) * (1 - 0.05 * count) + 0.05
     rows, columns = (int(rng.integers(2, 13)) for _ in range(2))
+    limited = solid and bool(rng.random() < HALF)
+    rubber = bool(rng.random() < RUBBER) or (solid and not limited)
     lines = ["[array]", f"rows = {rows}", f"columns = {columns}", f'pitch = "{pitch:.4g} mm"', ""]
     for part in share:
-        nu = float(rng.choice([0.0, 0.3, 0.45, 0.49, 0.499, 0.5, round(float(rng.uniform(0, 0.5)), 3)]))
-        lines += ["[[cover.layer]]", f'thickness = "{part * thickness:.4g} mm"']
-        if rng.random() < 0.7:
-            modulus = log_uniform(rng, 1e3, 1e10)
-            lines.append(
-                f'material = {{ model = "linear-elastic", youngs_modulus = "{modulus:.4g} Pa", poisson_ratio = {nu} }}'
-            )
-        elif rng.random() < 0.5:
-            lines.append(f'material = "{rng.choice(RUBBERS)}"')
-        else:
-            shear = log_uniform(rng, 1e3, 1e7)
-            lines.append(
-                f'material = {{ model = "neo-hookean", shear_modulus = "{shear:.4g} Pa", poisson_ratio = {nu} }}'
-            )
-    limited = bool(rng.random() < LIMITED)
+        lines += [
+            "[[cover.layer]]",
+            f'thickness = "{part * thickness:.4g} mm"',
+            f"material = {draw_material(rng, rubber)}",
+        ]
     if limited:
         lines += ["", "[cover]", f'size = ["{columns * pitch + 2:.4g} mm", "{rows * pitch + 2:.4g} mm"]']
-    elif rng.random() < 0.2:
+    elif rng.random() < SLIDING:
         lines += ["", "[cover]", 'base = "sliding"']
     lines += ["", "[electronics]", 'rate = "271 Hz"', 'sensitivity = "2665.7 1/N"']
-    return "\n".join(lines) + "\n", limited
+    return "\n".join(lines) + "\n", limited or rubber
 
 
-def draw_press(rng: np.random.Generator, *, limited: bool) -> list[str]:
-    """Draw the options of `softcover press`."""
+def draw_material(rng: np.random.Generator, rubber: bool) -> str:
+    """Draw a material as text of a sensor file: linear elastic, or a rubber with a stored energy."""
+    nu = float(rng.choice([0.0, 0.3, 0.45, 0.49, 0.499, 0.5, round(float(rng.uniform(0, 0.5)), 3)]))
+    if not rubber:
+        modulus = log_uniform(rng, 1e3, 1e10)
+        return f'{{ model = "linear-elastic", youngs_modulus = "{modulus:.4g} Pa", poisson_ratio = {nu} }}'
+    if rng.random() < HALF:
+        return f'"{rng.choice(RUBBERS)}"'
+    shear = log_uniform(rng, 1e3, 1e7)
+    return f'{{ model = "neo-hookean", shear_modulus = "{shear:.4g} Pa", poisson_ratio = {nu} }}'
+
+
+def draw_press(rng: np.random.Generator, *, solid: bool, round_only: bool) -> list[str]:
+    """Draw the options of `softcover press`.
+
+    Args:
+        rng: Source of random numbers.
+        solid: Whether the press is one in three dimensions: then friction is as likely as anywhere.
+        round_only: Whether any other shape than one of revolution would need three dimensions.
+    """
     a, b = log_uniform(rng, 0.5, 20), log_uniform(rng, 0.5, 20)
     round_shapes = [
         f"sphere:radius={a:.3g}mm",
         f"cylinder:radius={a:.3g}mm",
         f"cone:angle={rng.uniform(60, 170):.0f}deg,radius={a:.3g}mm",
-        f"rounded-tip:radius={a:.3g}mm",
+        f"tip:radius={a:.3g}mm",
     ]
     others = [
         f"box:size={a:.3g}mmx{b:.3g}mmx5mm",
@@ -96,7 +112,8 @@ def draw_press(rng: np.random.Generator, *, limited: bool) -> list[str]:
         f"nut:across={a:.3g}mm,bore={0.6 * a:.3g}mm",
     ]
     friction = bool(rng.random() < FRICTION)
-    shape = str(rng.choice(round_shapes if friction or limited or rng.random() < 0.6 else others))
+    of_revolution = not solid and (friction or round_only or rng.random() < HALF)
+    shape = str(rng.choice(round_shapes if of_revolution else others))
     options = ["--indenter", shape, "--load", f"{log_uniform(rng, 1e-3, 1e3):.4g}N"]
     if friction:
         options += ["--friction", str(rng.choice(["0.4", "no-slip"]))]
@@ -169,14 +186,15 @@ def find_numbers(value: Any) -> Any:  # noqa: ANN401 -- any JSON value
 def try_sensor(seed: int, number: int) -> dict[str, Any]:
     """Derive and press one random sensor."""
     rng = np.random.default_rng([seed, number])
-    text, limited = draw_sensor(rng)
-    options = draw_press(rng, limited=limited)
+    solid = bool(rng.random() < SOLID)
+    text, round_only = draw_sensor(rng, solid=solid)
+    options = draw_press(rng, solid=solid, round_only=round_only)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "sensor.toml"
         path.write_text(text)
         commands = [["derive", str(path), "--json"], ["press", str(path), *options, "--json"]]
         runs = [run_command(each, Path(folder) / "store") for each in commands]
-    return {"seed": seed, "number": number, "limited": limited, "sensor": text, "runs": runs}
+    return {"seed": seed, "number": number, "solid": solid, "sensor": text, "runs": runs}
 
 
 def write_table(records: list[dict[str, Any]], command: str) -> str:
@@ -202,7 +220,7 @@ def write_table(records: list[dict[str, Any]], command: str) -> str:
         "",
         f"`{command}`",
         "",
-        f"{len(records)} sensors, {sum(record['limited'] for record in records)} with a cover of limited size.",
+        f"{len(records)} sensors, {sum(record['solid'] for record in records)} pressed in three dimensions.",
         f"{sum(seconds) / 60:.0f} min of commands, longest {max(seconds):.0f} s.",
         "",
         "| outcome | count |",
