@@ -49,6 +49,14 @@ class Line:
         inner = np.polynomial.legendre.Legendre.basis(self.order).deriv().roots()
         return np.concatenate([[-1.0], np.asarray(inner.real, dtype=float), [1.0]])
 
+    @property
+    def nodes(self) -> FloatArray:
+        """Positions of all nodes on the line, shape (count,) [m]."""
+        out = np.zeros(self.count)
+        start, length = self.edges[:-1, None], np.diff(self.edges)[:, None]
+        out[self.index] = start + length * (self.reference + 1) / 2
+        return out
+
     def shape(self, points: FloatArray, derivative: int = 0) -> FloatArray:
         """Evaluate the shape functions of the reference element -1..1, or their first derivatives.
 

@@ -59,12 +59,14 @@ class FaceGrid:
             cover thickness [-].
         growth: Increase of the element size per distance from these sides [-].
         across: Number of elements across half of the longer side of a face whose sides do not lie on mesh lines [-].
+        order: Polynomial order of the displacement [-].
     """
 
     through: int
     edge: float
     growth: float
     across: int
+    order: int = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,10 +128,11 @@ def press_face(cover: Cover, face: FlatPunch, pose: PlanarPose, grid: FaceGrid) 
         layer=layer,
         shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / modulus,
         bulk_compliance=np.array([modulus / each.material.bulk_modulus for each in cover.layers]),
+        order=grid.order,
     )
     upper = solid.assemble_upper()
     matrix = (upper + sp.triu(upper, 1).T).tocsr()
-    x, y, _ = (np.interp(np.arange(2 * len(e) - 1) / 2, np.arange(len(e)), e) * unit for e in solid.edges)
+    x, y, _ = (line.nodes * unit for line in solid.lines)
     inside = np.asarray(face.signed_distance(*pose.to_indenter(*np.meshgrid(x, y, indexing="ij"))))
     touched = inside > -_SAME * unit
     positions = [each[touched] for each in np.meshgrid(x, y, indexing="ij")]

@@ -17,9 +17,11 @@ from fem_reference.closed_form import (
     traction_compliance,
     transfer,
 )
+from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
+from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
 from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
-from meshes import Cover, Cylinder, Layer, Material, TexelArray
+from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.pose import PlanarPose
 
 THICKNESS = 2e-3
@@ -129,3 +131,44 @@ def test_a_face_that_would_pull_a_stiff_foil_is_solved_with_separation():
     pulled = press_stuck_disk(Cover(layers=(silicone, foil)), 2 * THICKNESS, elements_per_thickness=3)
     assert pulled.tension > 0.01
     assert press_stuck_disk(cover(0.49), 2 * THICKNESS, elements_per_thickness=3).tension < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("nu", "contact_radius"), [(0.3, 2e-3), (0.49, 0.6e-3), (0.5, 4e-3)])
+def test_a_ball_without_slip_has_the_force_of_the_integral_equations_within_its_estimate(nu, contact_radius):
+    ball = Sphere(radius=10 * contact_radius)
+    exact = stuck_shape(cover(nu), lambda r: ball.radius - np.sqrt(ball.radius**2 - r**2), contact_radius)
+    found = press(cover(nu), ARRAY, ball, depth=exact.depth, friction=np.inf)
+    assert found.total_force == pytest.approx(exact.force, rel=min(found.error_estimate["total_force"], 5e-3))
+
+
+def test_few_steps_suffice_where_points_stick_where_they_touch():
+    # Held at their position before the step, points make the contact 4 % too stiff with as few steps.
+    ball, contact_radius = Sphere(radius=40e-3), 2 * THICKNESS
+    exact = stuck_shape(cover(0.5), lambda r: ball.radius - np.sqrt(ball.radius**2 - r**2), contact_radius, steps=16)
+    path = LoadingPath(
+        cover=cover(0.5),
+        indenter=ball,
+        targets=(exact.depth,),
+        control="depth",
+        friction=np.inf,
+        load_scale=1e-3,
+    )
+    states, _ = press_axisymmetric(
+        path, elements_per_thickness=6, contact_radius=contact_radius, fillet=1e-4, reach=16 * THICKNESS
+    )
+    assert states[0].load / 1e-3 == pytest.approx(exact.force, rel=0.012)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [None, (8e-3, 8e-3)])
+def test_elements_of_order_three_stiffen_alike_without_slip(size):
+    # A second discretisation of the ratio of the forces with and without slip.
+    box, layer = Box(size=(4e-3, 4e-3, 5e-3)), replace(cover(0.3), size=size)
+    sticks, slides = (press(layer, ARRAY, box, depth=1e-5, friction=friction) for friction in (np.inf, 0.0))
+    cubic = FaceGrid(through=3, edge=0.008, growth=1.0, across=16, order=3)
+    free, held = press_face(layer, box, PlanarPose(), cubic)
+    assert sticks.total_force / slides.total_force == pytest.approx(
+        held.force / free.force, rel=sticks.error_estimate["total_force"]
+    )
+    assert sticks.error_estimate["total_force"] < 0.01

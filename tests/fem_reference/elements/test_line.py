@@ -89,3 +89,9 @@ def test_gauss_points_integrate_polynomials_of_twice_their_number(steps, count):
     points, weights = gauss_points(edges, count)
     power = 2 * count - 1
     assert weights @ points**power == pytest.approx(edges[-1] ** (power + 1) / (power + 1))
+
+
+def test_the_nodes_of_a_line_lie_where_a_linear_function_has_their_values():
+    line = Line(edges=np.array([0.0, 1.0, 3.0]), order=3)
+    places = np.linspace(0, 3, 7)
+    assert line.at(places) @ line.nodes == pytest.approx(places)
