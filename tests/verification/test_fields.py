@@ -112,3 +112,32 @@ def test_two_layers_have_stresses_of_their_own_and_the_same_traction(bonded):
     assert normal[0] == pytest.approx(normal[1], abs=0.03 * np.abs(normal[0]).max())
     assert np.abs(fields.stress[first, 0, 0] - fields.stress[second, 0, 0]).max() > 0.3 * np.abs(normal[0]).max()
     assert fields.displacement[first] == pytest.approx(fields.displacement[second])
+
+
+def test_base_stress_under_two_layers_is_the_exact_superposition(bonded):
+    """The response to a point load in the wave-number domain, summed over the contact forces."""
+    from dataclasses import replace
+
+    soft, stiff = bonded(0.49, 1.5e-3).layers[0], bonded(0.3, 0.5e-3, 5e6).layers[0]
+    cover = replace(bonded(0.45), layers=(soft, stiff))
+    found = press(cover, ARRAY, BALL, load=0.2, fields=True)
+    base = found.fields.position[:, 2] < 1e-12
+    near = np.flatnonzero(base)[found.fields.position[base, 0] < 6e-3]
+    r = found.fields.position[near, 0]
+    response = closed_form.point_response_spline(cover, 10e-3)
+    x, y, force = found.contact.T
+    exact = [float(force @ response(np.hypot(x - each, y))) for each in r]
+    assert -found.fields.stress[near, 2, 2] == pytest.approx(np.array(exact), abs=0.01 * max(exact))
+
+
+@pytest.mark.parametrize("model", ["linear-elastic", "neo-hookean"])
+def test_every_horizontal_plane_carries_the_load(model):
+    """At small depth, where planes of the undeformed cover are nearly planes of the deformed cover."""
+    found = press(make_cover(0.3, model), ARRAY, BALL, depth=0.02e-3, fields=True)
+    fields = found.fields
+    for height in np.unique(np.round(fields.position[:, 2], 9))[:-1]:
+        plane = np.flatnonzero(np.abs(fields.position[:, 2] - height) < 1e-9)
+        plane = plane[np.argsort(fields.position[plane, 0])]
+        r, stress = fields.position[plane, 0], -fields.stress[plane, 2, 2]
+        total = np.trapezoid(2 * np.pi * r * stress, r)
+        assert total == pytest.approx(found.total_force, rel=0.05)
