@@ -22,8 +22,8 @@ from meshes.pose import PlanarPose
 
 #: Cells of the boundary elements on the successive grids: rectangles and nuts, other faces, and rollers [-].
 BOX_CELLS, FACE_CELLS, ROLLER_CELLS = (8, 12, 18, 27), (6, 9, 14, 21), (10, 15, 22)
-#: Second extrapolation: errors of the first fall by 3.6 (measured: 3.58 to 3.9 on three rectangles with a fifth grid of
-#: 40 cells) from one three grids to the next, so that 1 / 2.6 of the last change is left; a sixth is taken as its error.
+#: Second extrapolation: the error of the first falls by 3.6 with each finer grid (3.6 to 3.9 on three rectangles with a
+#: fifth grid of 40 cells), so that 1 / 2.6 of the last change is left.  A sixth of the change is taken as its error.
 SECOND, SHARE = 2.6, 6.0
 #: Range of the order of convergence of a force under a sharp edge [-].
 ORDERS = (1.3, 3.0)
