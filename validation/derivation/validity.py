@@ -33,7 +33,7 @@ Progress = Callable[[str], None]
 #: of the ball [-].
 _FINITE_DEPTHS, _SMALL_DEPTHS, _LARGEST_DEPTH = (
     (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4),
-    (0.02, 0.05, 0.1, 0.2, 0.3),
+    (0.05, 0.3),
     0.5,
 )
 #: Least part of the force that a fitted stretch must move to the right place at one depth; below it, the tables under
