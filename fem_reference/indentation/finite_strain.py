@@ -204,7 +204,7 @@ def _solve_axisymmetric(
                     [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
                 )
                 out[f"rings_{count}_{i}"] = state.rings
-                if state.fields is not None and count == GRIDS[-1]:
+                if state.fields is not None and count == grids[-1]:
                     out |= state.fields.pack(f"fields_{count}_{i}")
         return out
 

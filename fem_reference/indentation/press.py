@@ -154,6 +154,8 @@ def _press_on_grids(
     for grids in study.solutions:
         _check_depth(path.cover, grids[-1].depth)
     seconds = (time.perf_counter() - started) / len(path.targets)
+    if path.fields and progress is not None:
+        progress("displacement and stress in the cover")
     return [
         combine_grids(study, grids, path, place, target=target, seconds=seconds)
         for grids, target in zip(study.solutions, path.targets, strict=True)

@@ -154,6 +154,8 @@ def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: f
         place: Array, and pose of the indenter.
         scale: Total force of the result over that of the contact forces [-].
     """
+    if finest.fields is None and not path.cover.small_strain_only:
+        raise RuntimeError("the solution at finite strain has no fields")
     if finest.fields is None:
         return solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
     return finest.fields if path.cover.size is not None else finest.fields.to_array(place.pose)
