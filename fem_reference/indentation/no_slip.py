@@ -54,7 +54,7 @@ FACE_GRIDS = (
 _SEPARATES = 2e-3
 #: Smallest estimated error: of axisymmetric solutions; in three dimensions of faces with sides on mesh lines, and of
 #: other faces, which are represented by whole nodes [-].
-_LEAST_DISK, _LEAST_ON_LINES, _LEAST_OFF_LINES = 5e-5, 1e-3, 3e-3
+_LEAST_DISK, _LEAST_ON_LINES, _LEAST_OFF_LINES = 5e-5, 1.5e-3, 3e-3
 
 
 def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy | None:
