@@ -252,14 +252,23 @@ def _give_up(*_: object) -> None:
     raise TimeoutError(f"no result within {LIMIT} s")
 
 
-def run_cases(seed: int, numbers: list[int], lines: Path, processes: int) -> None:
-    """Score cases in several processes, and append each to a file of JSON lines."""
+def run_cases(seed: int, numbers: list[int], lines: Path, *, processes: int, minutes: float) -> None:
+    """Score cases in several processes, and append each to a file of JSON lines; start none after some minutes."""
+    deadline = time.time() + 60 * minutes
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=20) as pool, lines.open("a") as file:
-        jobs = [pool.apply_async(score_case, (seed, number)) for number in numbers]
+        jobs = [pool.apply_async(score_before, (deadline, seed, number)) for number in numbers]
         for done, job in enumerate(jobs, start=1):
-            file.write(json.dumps(job.get()) + "\n")
+            record = job.get()
+            if record is None:
+                break
+            file.write(json.dumps(record) + "\n")
             file.flush()
             print(f"{done} of {len(jobs)} cases", file=sys.stderr)
+
+
+def score_before(deadline: float, seed: int, number: int) -> dict[str, Any] | None:
+    """Score a case, or return None after a point in time [s since 1970]."""
+    return score_case(seed, number) if time.time() < deadline else None
 
 
 def bound_share(hits: int, count: int) -> float:
@@ -344,6 +353,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=12)
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=55, help="start no case after this time")
     parser.add_argument("--lines", type=Path, help="file of JSON lines; a temporary one by default")
     parser.add_argument("--out", type=Path, help="file for the table")
     given = parser.parse_args()
@@ -351,7 +361,13 @@ def main() -> None:
     wanted = range(given.first, given.first + given.cases)
     records = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
     done = {record["number"] for record in records}
-    run_cases(given.seed, [number for number in wanted if number not in done], lines, given.processes)
+    run_cases(
+        given.seed,
+        [number for number in wanted if number not in done],
+        lines,
+        processes=given.processes,
+        minutes=given.minutes,
+    )
     records = [json.loads(line) for line in lines.read_text().splitlines()]
     records = sorted((r for r in records if r["number"] in wanted), key=lambda r: r["number"])
     text = write_table(records, f"python benchmarks/coverage.py --cases {given.cases} --seed {given.seed}")

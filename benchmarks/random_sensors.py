@@ -240,6 +240,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=12)
     parser.add_argument("--first", type=int, default=0, help="number of the first sensor")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=55, help="start no sensor after this time")
     parser.add_argument("--lines", type=Path, help="file of JSON lines; a temporary one by default")
     parser.add_argument("--out", type=Path, help="file for the table")
     given = parser.parse_args()
@@ -248,7 +249,11 @@ def main() -> None:
     records = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
     left = [number for number in wanted if number not in {record["number"] for record in records}]
     with ThreadPoolExecutor(given.processes) as pool, lines.open("a") as file:
-        for done, record in enumerate(pool.map(lambda number: try_sensor(given.seed, number), left), start=1):
+        deadline = time.time() + 60 * given.minutes
+        tried = pool.map(lambda number: try_sensor(given.seed, number) if time.time() < deadline else None, left)
+        for done, record in enumerate(tried, start=1):
+            if record is None:
+                break
             records.append(record)
             file.write(json.dumps(record) + "\n")
             file.flush()
