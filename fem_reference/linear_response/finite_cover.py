@@ -49,6 +49,8 @@ _TEXEL_POINTS = 12
 #: Search for the half width of a texel's response: number of points, and distance beyond the edge of the texel over the
 #: cover thickness [-].
 _WIDTH_POINTS, _WIDTH_REACH = 400, 2.0
+#: Number of unknowns above which a progress line warns that the solution takes minutes [-].
+_MANY = 300_000
 #: Number of loads evaluated at once, to limit the memory [-].
 _BLOCK = 4000
 
@@ -240,7 +242,9 @@ def solid_influence(
         out: dict[str, Any] = {}
         for number, resolution in enumerate(GRIDS):
             if progress is not None:
-                progress(f"solid, {resolution.through} elements through the cover")
+                unknowns = 3 * np.prod([line.count for line in mesh_quarter(cover, array, resolution).lines])
+                patience = "; this takes minutes" if unknowns > _MANY else ""
+                progress(f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
             found = solve_adjoint(cover, array, resolution)
             out |= {f"texels_{number}": found.texels, f"whole_{number}": found.whole}
         return out
