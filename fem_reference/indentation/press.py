@@ -141,7 +141,7 @@ def press_path(
         if accuracy is None or reached <= accuracy:
             return results
         if progress is not None and refinement < finest:
-            progress(f"estimated error {reached:.2%}, {accuracy:.2%} wanted: a finer grid is added")
+            progress(f"estimated error {100 * reached:.3g} %, {100 * accuracy:.3g} % wanted: a finer grid is added")
     return [_state_missed_accuracy(each, accuracy or 0.0) for each in results]
 
 
@@ -186,11 +186,13 @@ def _count_refinements(path: LoadingPath) -> int:
 def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
     """Add a warning to a result whose estimated errors exceed the wanted accuracy on the finest grids."""
     missed = [
-        f"{name.replace('_', ' ')} {value:.2%}" for name, value in result.error_estimate.items() if value > accuracy
+        f"{name.replace('_', ' ')} {100 * value:.3g} %"
+        for name, value in result.error_estimate.items()
+        if value > accuracy
     ]
     if not missed:
         return result
-    sentence = f"{accuracy:.2%} wanted, but the finest feasible grids reach {', '.join(missed)}"
+    sentence = f"{100 * accuracy:.3g} % wanted, but the finest feasible grids reach {', '.join(missed)}"
     return replace(result, warnings=(*result.warnings, sentence))
 
 
