@@ -28,6 +28,9 @@ from meshes.array_types import FloatArray
 #: the stiffness of the surface elements, and the penalty must exceed the reduction by far; below about 30, surfaces
 #: under high pressure wrinkle [-].
 PENALTY = 300.0
+#: Part of the bulk modulus that acts on the displacements directly, under curved indenters at finite strain, in shear
+#: moduli.  Without it, balls on incompressible covers stop before 75 % of the thickness [-].
+_DIRECT_BULK = 50.0
 #: Depth of the first step of a loading path over the cover thickness, small enough for a linear response [-].
 FIRST_DEPTH = 0.02
 #: Smallest number of steps of a loading path with friction, over the number of elements through the cover, in the r-z
@@ -113,7 +116,8 @@ def press_axisymmetric(
     elements = prepare_elements(mesh, region=region, axisymmetric=True)
     # Contact problem in units of the cover's thickness and shear modulus.
     surface = IndenterSurface(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
-    solid = Solid.from_cover(elements, path.cover, units)
+    direct = 0.0 if isinstance(path.indenter, FlatPunch) or path.load_scale < 1 else _DIRECT_BULK
+    solid = Solid.from_cover(elements, path.cover, units, direct=direct)
     problem = ContactProblem(
         solid=solid,
         contact=SurfaceContact(elements, 1.0, surface, penalty=PENALTY / size, friction=path.friction),

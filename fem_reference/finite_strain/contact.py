@@ -29,6 +29,9 @@ from meshes.array_types import BoolArray, FloatArray
 #: stiffer spring, the trial traction leaves the friction cone on one side and then on the opposite side, and Newton's
 #: method cycles.  The elastic slip of the soft spring vanishes as slip is recorded [-].
 TANGENTIAL_PENALTY = 1 / 40
+#: Contact pressure per reference area, in units of stress, above which the penalty grows in proportion.  A surface
+#: under high pressure wrinkles unless the penalty exceeds the pressure over the element size by far [-].
+_STIFFEN = 10.0
 #: Polynomial order of the quadrature on the top facets [-].
 _ORDER = 5
 #: Distance from the top of the cover, over the height of the top, below which a facet counts as part of the top [-].
@@ -116,6 +119,7 @@ class SurfaceContact:
         self._position = np.moveaxis(position, 0, -1)
         self.weight = basis.dx * (2 * np.pi * position[0] if self._dimension == 2 else 1.0)  # noqa: PLR2004
         self._top, self._indenter, self._penalty, self.multiple = top, indenter, penalty, multiple
+        self._first_penalty = penalty
         self._multiplier = np.zeros_like(self.weight)
         self.friction = friction
         self._recorded_position = self._position
@@ -244,6 +248,17 @@ class SurfaceContact:
         sticking = contact.sticking[..., None]
         self._recorded_position = np.where(sticking, self._recorded_position, contact.position + open_ * self._ahead)
         self._recorded_traction = contact.traction
+
+    def stiffen(self, pressure: float) -> None:
+        """Set the penalty in proportion to the largest contact pressure, if that is high.
+
+        With friction the penalty remains, because slip is measured from positions on the penetrated surface.
+
+        Args:
+            pressure: Largest contact pressure per reference area [units of stress].
+        """
+        if not self.friction:
+            self._penalty = self._first_penalty * max(1.0, pressure / _STIFFEN)
 
     def augment(self, pressure: FloatArray) -> None:
         """Set the pressure at each quadrature point that is added to that of the penalty, to reduce the penetration.

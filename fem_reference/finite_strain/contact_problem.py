@@ -81,10 +81,12 @@ class Guess:
     Attributes:
         state: Displacements [m], then mean pressures [Pa], shape (n,).
         depth: Approach of the indenter from first touch [m].
+        contact_pressure: Largest contact pressure that is expected; 0 if unknown [Pa].
     """
 
     state: FloatArray
     depth: float
+    contact_pressure: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,9 +142,13 @@ class ContactProblem:
             last = out[-1] if out else None
             reached = None if guess is None else self._solve_from_guess(guess, target, control, last)
             if reached is None:
-                reached = self._walk(
-                    last or self._take_first_step(first, target, control), target, first, control, progress
-                )
+                start = last or self._take_first_step(first, target, control)
+                try:
+                    reached = self._walk(start, target, first, control, progress)
+                except PathConvergenceError as error:
+                    error.load *= self.units.force / self.load_scale
+                    error.depth *= self.units.length / self.load_scale
+                    raise
             out.append(replace(self._tighten(reached, control), before_augmentation=reached))
             if progress is not None:
                 progress(self._describe(out[-1]))
@@ -160,6 +166,7 @@ class ContactProblem:
         used = before.iterations if before else 0
         load, depth = (target, guess.depth) if control == "load" else (None, target)
         self.contact.augment(np.zeros_like(self.contact.weight))
+        self.contact.stiffen(guess.contact_pressure)
         try:
             return self._solve(guess.state, depth, load, used, tolerance=_STEP_TOLERANCE)
         except STEP_FAILURES as error:
@@ -178,6 +185,7 @@ class ContactProblem:
 
         def solve(before: ContactEquilibrium | None, here: ContactEquilibrium, aim: float) -> ContactEquilibrium:
             state, depth = _extrapolate(before, here, aim, control)
+            self.contact.stiffen(float(here.contact.pressure.max()))
             load = aim if control == "load" else None
             reached = self._solve(state, depth, load, here.iterations, tolerance=_STEP_TOLERANCE)
             self.contact.record_slip(reached.contact)
@@ -217,7 +225,8 @@ class ContactProblem:
                 self.contact.record_slip(here.contact)
                 return here
         millimetres = step * self.units.length / self.load_scale * 1e3
-        raise PathConvergenceError(f"no convergence even at a depth of {millimetres:.3g} mm", None)
+        cause = f"no convergence even at a depth of {millimetres:.3g} mm"
+        raise PathConvergenceError(cause, cause=cause)
 
     def _tighten(self, here: ContactEquilibrium, control: Control) -> ContactEquilibrium:
         """Reduce the penetration of an equilibrium by augmentation, then solve with the smaller target tolerance."""

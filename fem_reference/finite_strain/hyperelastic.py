@@ -3,6 +3,11 @@
 Total Lagrangian formulation with displacement u and mean pressure p as unknowns.  The energy per reference volume is
 W = W_iso(F) - p (J - 1) - p^2 / (2 K), with the deformation gradient F, J = det F, the isochoric energy W_iso and the
 bulk modulus K; the stress is P = dW/dF.  In the undeformed state the tangent equals the matrix of linear elasticity.
+
+A part k < K of the bulk modulus may act on the displacements directly: W = W_iso(F) + k (J - 1)^2 / 2 - q (J - 1) -
+q^2 / 2 (K - k), with the mean pressure p = q - k (J - 1).  The exact solution does not depend on k.  Under mean
+pressures of many shear moduli, Taylor-Hood elements with k = 0 have false instabilities (Auricchio et al. 2010, The
+importance of the exact satisfaction of the incompressibility constraint in nonlinear elasticity).
 """
 
 from __future__ import annotations
@@ -44,21 +49,25 @@ class Solid:
         energies: Isochoric stored energy of each region.
         bulk_compliance: Reciprocal bulk modulus 1 / K of each region; 0 for incompressible materials [1/Pa].
         pattern: Sparsity pattern of the tangent.
+        direct_bulk: Part k of the bulk modulus of each region that acts on the displacements [Pa].
     """
 
     elements: MixedElements
     energies: Sequence[Energy]
     bulk_compliance: FloatArray
     pattern: Pattern
+    direct_bulk: FloatArray
 
     @classmethod
-    def from_cover(cls, elements: MixedElements, cover: Cover, units: Units) -> Solid:
+    def from_cover(cls, elements: MixedElements, cover: Cover, units: Units, *, direct: float = 0.0) -> Solid:
         """Create the solid of a cover from a mesh and the materials of the layers.
 
         Args:
             elements: Elements whose regions are the layers of the cover, bottom first, in `units`.
             cover: Cover with its materials; a small-strain material becomes neo-Hookean with the same moduli.
             units: Units of length and stress of the elements and of the solid.
+            direct: Part of the bulk modulus that acts on the displacements, in shear moduli of each layer, limited to
+                half the bulk modulus [-].
         """
         materials = [layer.material for layer in cover.layers]
         return cls(
@@ -66,6 +75,7 @@ class Solid:
             energies=[Scaled(energy=create_finite_strain_energy(m), factor=1 / units.stress) for m in materials],
             bulk_compliance=np.array([units.stress / m.bulk_modulus for m in materials]),
             pattern=Pattern(elements),
+            direct_bulk=np.array([min(direct * m.shear_modulus, m.bulk_modulus / 2) for m in materials]) / units.stress,
         )
 
     def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
@@ -107,11 +117,13 @@ class Solid:
         F, J, p = self._evaluate_fields(state, part)
         response = self._evaluate_isochoric(F, J, part)
         w, shape = e.weight[part], e.pressure_shape[part]
-        inverse = self.bulk_compliance[e.region[part], None]
+        inverse, direct = self._split_bulk(part)
+        q, p = p, p - direct * (J.value - 1)
         stress = (response.stress - p[..., None] * J.first) * w[..., None]
         forces[part] = e.integrate_force(stress, part)
-        volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + p * inverse) * w)
-        moduli = (response.tangent - p[..., None, None] * J.second) * w[..., None, None]
+        volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + q * inverse) * w)
+        volume = direct[..., None, None] * J.first[..., :, None] * J.first[..., None, :]
+        moduli = (response.tangent - p[..., None, None] * J.second + volume) * w[..., None, None]
         stiff[part] = e.integrate_stiffness(moduli, part)
         couple[part] = -e.integrate_coupling(J.first * w[..., None], part)
         squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
@@ -129,8 +141,9 @@ class Solid:
         """
         whole = slice(None)
         F, J, p = self._evaluate_fields(state, whole)
-        inverse = self.bulk_compliance[self.elements.region][:, None]
-        density = self._evaluate_isochoric(F, J, whole).energy - p * (J.value - 1) - p**2 * inverse / 2
+        inverse, direct = self._split_bulk(whole)
+        volume = direct * (J.value - 1) ** 2 / 2 - p * (J.value - 1) - p**2 * inverse / 2
+        density = self._evaluate_isochoric(F, J, whole).energy + volume
         return float((density * self.elements.weight).sum())
 
     def cauchy_stress(self, state: FloatArray, *, linear: bool = False) -> FloatArray:
@@ -146,7 +159,8 @@ class Solid:
         size = max(1, _POINTS // q)
         for part in (slice(start, start + size) for start in range(0, e, size)):
             F, J, p = self._evaluate_fields(factor * state, part)
-            flat = self._evaluate_isochoric(F, J, part).stress - p[..., None] * J.first
+            flat = self._evaluate_isochoric(F, J, part).stress
+            flat = flat - (p - self._split_bulk(part)[1] * (J.value - 1))[..., None] * J.first
             first = np.zeros_like(F)
             for g, (i, j) in enumerate(self.elements.places):
                 first[..., i, j] = flat[..., g]
@@ -165,6 +179,12 @@ class Solid:
             raise InvertedElementError("an element is turned inside out")
         p = np.einsum("eqb,eb->eq", e.pressure_shape[part], state[e.pressure_cells[part] + e.displacements])
         return F, J, p
+
+    def _split_bulk(self, part: slice) -> tuple[FloatArray, FloatArray]:
+        """Return 1 / (K - k) and k of some elements, shape (e, 1) each [1/Pa], [Pa]."""
+        region = self.elements.region[part]
+        compliance, direct = self.bulk_compliance[region, None], self.direct_bulk[region, None]
+        return compliance / (1 - direct * compliance), direct
 
     def _evaluate_isochoric(self, F: FloatArray, J: Invariant, part: slice) -> Response:
         """Compute isochoric energy, stress and tangent moduli at the quadrature points of some elements."""

@@ -31,7 +31,14 @@ class SolvedPath:
     def transfer_guesses(self, target: MixedElements) -> list[Guess]:
         """Interpolate the equilibrium at every target, before augmentation, to another mesh as initial guesses."""
         path = [each.penalty_solution for each in self.equilibria]
-        return [Guess(state=transfer_state(self.elements, target, each.state), depth=each.depth) for each in path]
+        return [
+            Guess(
+                state=transfer_state(self.elements, target, each.state),
+                depth=each.depth,
+                contact_pressure=float(each.contact.pressure.max()),
+            )
+            for each in path
+        ]
 
 
 def transfer_state(source: MixedElements, target: MixedElements, state: FloatArray) -> FloatArray:

@@ -67,12 +67,15 @@ class PathConvergenceError(ConvergenceError):
     """The solution of a loading path stopped before its target, although steps were halved repeatedly.
 
     Attributes:
-        reached: Last equilibrium on the loading path; None if no step converged.
+        cause: Why the last step did not converge.
+        load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
+            convert it to newtons.
+        depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.
     """
 
-    def __init__(self, message: str, reached: Equilibrium | None) -> None:
+    def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
         super().__init__(message)
-        self.reached = reached
+        self.cause, self.load, self.depth = cause, load, depth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,7 +182,12 @@ def walk_to(
             step, before = abs(aim - done) / 2, None
             _LOG.info("step to %s %.4g halved: %s", control, aim, error)
             if step < abs(target) * _SMALLEST_STEP:
-                raise PathConvergenceError(f"no convergence beyond {describe(here)}: {error}", here) from error
+                raise PathConvergenceError(
+                    f"no convergence beyond {describe(here)}: {error}",
+                    cause=str(error),
+                    load=here.load,
+                    depth=here.depth,
+                ) from error
             continue
         step = min(step * (_GROWTH if here.iterations - before.iterations < easy else 1.0), longest)
     return here

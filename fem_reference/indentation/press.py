@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import GridStudy
 from fem_reference.indentation.result import Indentation, combine_grids
+from fem_reference.indentation.stopped_path import solve_as_far
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.pose import Place, PlanarPose
 
@@ -65,7 +67,7 @@ def press(
     Raises:
         ValueError: If not exactly one of load and depth is given, if it is not positive, if the indenter would pierce
             the cover, or if its axis is not over the cover.
-        ConvergenceError: If the contact does not converge.
+        IncompletePathError: If the solver stops before the load or depth; the error has the results of what it reached.
     """
     return press_path(
         cover,
@@ -121,7 +123,7 @@ def press_path(
 
     Raises:
         ValueError: As for `press`, or if loads or depths descend.
-        ConvergenceError: As for `press`.
+        IncompletePathError: As for `press`.
     """
     targets, control = _check_targets(cover, loads, depths)
     place = Place(array=array, pose=PlanarPose(at=(float(at[0]), float(at[1])), yaw=float(yaw)))
@@ -136,7 +138,7 @@ def press_path(
     )
     finest = _count_refinements(path) if accuracy is not None else 0
     for refinement in range(finest + 1):
-        results = _press_on_grids(path, place, progress, refinement)
+        results = solve_as_far(path, partial(_press_on_grids, place=place, progress=progress, refinement=refinement))
         reached = max(max(each.error_estimate.values()) for each in results)
         if accuracy is None or reached <= accuracy:
             return results

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fem_reference.errors import ConvergenceError
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields
+from fem_reference.materials.stability import warn_of_instability
 from meshes import TriangleMesh
 from meshes.array_types import FloatArray
 from meshes.pose import Place
@@ -70,6 +72,19 @@ class Indentation:
     seconds: float
 
 
+class IncompletePathError(ConvergenceError):
+    """A loading path stopped before its last target load or depth.
+
+    Attributes:
+        reached: Results of the targets that were reached on all grids, then that of the largest load or depth that was
+            reached on all grids; empty if there is none.
+    """
+
+    def __init__(self, message: str, reached: Sequence[Indentation]) -> None:
+        super().__init__(message)
+        self.reached = list(reached)
+
+
 def combine_grids(
     study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath, place: Place, *, target: float, seconds: float
 ) -> Indentation:
@@ -126,7 +141,7 @@ def combine_grids(
         fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
-        warnings=_warn(errors, balance),
+        warnings=_warn(errors, balance) + _warn_of_instability(path, finest.depth),
         seconds=seconds + time.perf_counter() - started,
     )
 
@@ -143,6 +158,15 @@ def _warn(errors: dict[str, float], balance: float) -> tuple[str, ...]:
     if abs(balance) > _LARGE_IMBALANCE:
         out.append(f"the forces on the base differ from the load by {balance:+.2%}")
     return tuple(out)
+
+
+def _warn_of_instability(path: LoadingPath, depth: float) -> tuple[str, ...]:
+    """State in words which materials are pressed beyond their stability."""
+    remaining = 1 - depth / path.cover.thickness
+    if path.load_scale < 1 or path.cover.small_strain_only:
+        return ()
+    said = [warn_of_instability(layer.material, remaining) for layer in path.cover.layers]
+    return tuple(dict.fromkeys(sentence for sentence in said if sentence))
 
 
 def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: float) -> CoverFields:

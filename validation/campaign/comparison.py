@@ -124,6 +124,32 @@ def compare_models(
     return Comparison(sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models))
 
 
+def compare_models_as_far(
+    sensor: SensorDescription | Parameters,
+    case: Case,
+    **options: Any,  # noqa: ANN401 -- those of `compare_models`
+) -> tuple[Comparison, str]:
+    """Compare the models as `compare_models` does; return what the finite elements reached if they stop early.
+
+    Returns:
+        The comparison, and in words how far the finite elements came and why they stopped.  These words are empty if
+        they reached the load or depth; else the comparison is the finite elements' largest load and has no fast model.
+
+    Raises:
+        ConvergenceError: If the finite elements reached nothing, and as for `compare_models`.
+    """
+    from fem_reference import IncompletePathError
+
+    try:
+        return compare_models(sensor, case, **options), ""
+    except IncompletePathError as error:
+        if not error.reached:
+            raise
+        case = dataclasses.replace(case, load=error.reached[-1].total_force)
+        found = Comparison(sensor=sensor, case=case, fem=error.reached[-1], fast=None, score=None, models=("fem",))
+        return found, str(error)
+
+
 def _press(
     sensor: SensorDescription | Parameters,
     case: Case,

@@ -12,16 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fem_reference.errors import ConvergenceError
 from meshes import Cover, Indenter, TexelArray
 
 if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
 
 _LOG = logging.getLogger(__name__)
-
-#: Fraction of the load or depth reached up to which targets are kept when a path stops early [-].
-_WITHIN = 0.999
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,9 +128,9 @@ def trace_curve(
 
     Raises:
         ValueError: If the number of points is not positive, or as for `press_path`.
-        ConvergenceError: If not even the first result is reached.
+        IncompletePathError: If not even the first result is reached.
     """
-    from fem_reference import press_path
+    from fem_reference import IncompletePathError, press_path
 
     if points < 1:
         raise ValueError(f"a curve needs at least one point, not {points}")
@@ -143,27 +139,10 @@ def trace_curve(
     if last is None or (load is not None and depth is not None):
         raise ValueError("give either a load or a depth, not both")
     targets = [last * (i + 1) / points for i in range(points)]
-    stopped = ""
-    while True:
-        try:
-            found = call(cover, array, indenter, **{control: targets}, progress=progress, **options)
-        except ConvergenceError as error:
-            stopped = stopped or str(error)
-            targets = _cut(targets, error, cover, control)  # the path stopped: solve what it reached
-            if not targets:
-                raise
-            continue
-        return LoadCurve(indentations=found, wanted=points, stopped=stopped)
-
-
-def _cut(targets: Sequence[float], error: ConvergenceError, cover: Cover, control: str) -> list[float]:
-    """Return the targets that a path reached before it stopped, at least one fewer than before."""
-    from fem_reference.finite_strain.loading_path import Units, choose_load_scale
-
-    reached = getattr(error, "reached", None)
-    if reached is None:
-        return list(targets[: len(targets) // 2])
-    units = Units.of(cover)
-    value = reached.load * units.force if control == "loads" else reached.depth * units.length
-    value *= _WITHIN / choose_load_scale(cover)
-    return [target for target in targets[:-1] if target <= value]
+    try:
+        found, stopped = call(cover, array, indenter, **{control: targets}, progress=progress, **options), ""
+    except IncompletePathError as error:
+        found, stopped = error.reached, str(error)
+        if not found:
+            raise
+    return LoadCurve(indentations=found, wanted=points, stopped=stopped)

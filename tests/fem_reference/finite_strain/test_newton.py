@@ -158,5 +158,5 @@ def test_no_step_is_longer_than_allowed():
 def test_a_walk_that_cannot_go_on_says_where_it_ended():
     with pytest.raises(PathConvergenceError, match=r"no convergence beyond \d[.\d]*: too far") as stopped:
         walk(10.0, limit=4.0)
-    assert 4.0 - 2 * 10 / 256 < stopped.value.reached.depth <= 4.0
+    assert 4.0 - 2 * 10 / 256 < stopped.value.depth <= 4.0
     assert isinstance(stopped.value, ConvergenceError)

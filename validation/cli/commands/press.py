@@ -182,7 +182,7 @@ def _read_request(
 
 def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
-    from validation.campaign.comparison import compare_models
+    from validation.campaign.comparison import compare_models_as_far
     from validation.cli.sensors import find_parameters
     from validation.json_values import json_text
     from validation.output_folder import new_folder
@@ -192,7 +192,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
         with Progress() as progress:
-            comparison = compare_models(
+            comparison, stopped = compare_models_as_far(
                 request.sensor,
                 request.case,
                 depth=request.depth,
@@ -210,7 +210,9 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     _show(comparison, json=json)
     if files:
         say(f"wrote {', '.join(files)} to {out}")
-    return DONE
+    if stopped:
+        say(f"softcover: {stopped}")
+    return NOT_CONVERGED if stopped else DONE
 
 
 def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:

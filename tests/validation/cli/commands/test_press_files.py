@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.errors import ConvergenceError
 from meshes import Sphere, TexelArray
 from tests.support.rubber import make_cover
 from validation.press.curve import trace_curve
@@ -98,7 +97,8 @@ def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
 
     def stop(cover, array, indenter, *, depths, **options):
         if len(depths) > 2:
-            raise ConvergenceError("no convergence beyond 0.25 mm")
+            reached = real(cover, array, indenter, depths=depths[:2], **options)
+            raise fem_reference.IncompletePathError("no convergence beyond 0.25 mm", reached)
         return real(cover, array, indenter, depths=depths, **options)
 
     monkeypatch.setattr(fem_reference, "press_path", stop, raising=False)

@@ -1,0 +1,80 @@
+"""Return what a loading path reached if the solver stops before the last target."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fem_reference.errors import ConvergenceError
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.newton import PathConvergenceError
+from fem_reference.indentation.result import IncompletePathError, Indentation
+from fem_reference.materials.stability import describe_instability
+
+#: Load or depth that is solved again on all grids, over the largest one that the failed solution reached [-].
+_WITHIN = 0.97
+#: Largest number of attempts to solve the reached part of a path on all grids, for each of which the path is shortened;
+#: one in three dimensions, where an attempt takes long [-].
+_ATTEMPTS, _SOLID_ATTEMPTS = 4, 1
+#: Part of the first target that is tried if the failed solution reached nothing [-].
+_PART = 0.5
+
+
+def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentation]]) -> list[Indentation]:
+    """Solve a loading path; if it stops early, solve the part that was reached and report both.
+
+    Args:
+        path: Loading path.
+        solve: Function that solves a loading path on all grids and returns one result per target.
+
+    Raises:
+        IncompletePathError: If the path stops before its last target.  It has the results of the part that was
+            reached, which was solved again on all grids.
+    """
+    try:
+        return solve(path)
+    except (ConvergenceError, np.linalg.LinAlgError) as error:
+        failure: Exception = error
+    first, part = failure, path
+    for _ in range(_ATTEMPTS if path.indenter.axisymmetric else _SOLID_ATTEMPTS):
+        part = _shorten(part, failure)
+        try:
+            reached = solve(part)
+        except (ConvergenceError, np.linalg.LinAlgError) as error:
+            failure = error
+            continue
+        raise IncompletePathError(_explain(path, first, reached), reached) from first
+    raise IncompletePathError(_explain(path, first, []), []) from first
+
+
+def _shorten(path: LoadingPath, error: Exception) -> LoadingPath:
+    """Return the part of a path that a failed solution reached, with the largest load or depth reached as last target.
+
+    If the error does not say what was reached, only a part of the first target is left.
+    """
+    value = 0.0
+    if isinstance(error, PathConvergenceError):
+        value = _WITHIN * (error.load if path.control == "load" else error.depth)
+    if not 0 < value < path.targets[-1]:
+        return replace(path, targets=(_PART * path.targets[0],))
+    kept = tuple(target for target in path.targets if target < _WITHIN * value)
+    return replace(path, targets=(*kept, value))
+
+
+def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) -> str:
+    """Say in one line how far a path came, why it stopped, and what to do."""
+    thickness = path.cover.thickness
+    if reached:
+        far = reached[-1]
+        share = far.depth / thickness
+        message = f"reached {far.total_force:.3g} N, {far.depth * 1e3:.3g} mm deep ({share:.0%} of the thickness)"
+    else:
+        message = "reached no load"
+    last = path.targets[-1]
+    wanted = f"{last:.3g} N" if path.control == "load" else f"{last * 1e3:.3g} mm"
+    cause = error.cause if isinstance(error, PathConvergenceError) else " ".join(str(error).split())
+    unstable = [describe_instability(layer.material) for layer in path.cover.layers]
+    found = "".join(f"; {sentence}" for sentence in dict.fromkeys(unstable) if sentence)
+    return f"{message} of the {wanted} asked for: {cause}{found}; press less, or with a wider or rounder indenter"
