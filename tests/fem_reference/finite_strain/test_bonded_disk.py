@@ -69,3 +69,11 @@ def test_a_disk_that_folds_says_where(monkeypatch):
     monkeypatch.setattr(bonded_disk, "GRIDS", (3, 4, 5))
     with pytest.raises(ConvergenceError, match="no convergence beyond a compression of"):
         compress_disk(rubber(), radius=1e-3, height=2e-3, strains=[0.999])
+
+
+@pytest.mark.slow
+def test_a_disk_that_cannot_be_compressed_returns_what_it_reached():
+    with pytest.raises(bonded_disk.IncompleteCompressionError, match=r"compressed to 0\.1, not to 0\.3") as stopped:
+        compress_disk(rubber(), radius=12e-3, height=2e-3, strains=[0.05, 0.1, 0.3])
+    alone = compress_disk(rubber(), radius=12e-3, height=2e-3, strains=[0.05, 0.1])
+    assert stopped.value.reached.force == pytest.approx(alone.force)

@@ -11,7 +11,7 @@ from tests.support.rubber import make_cover
 
 @pytest.mark.slow
 def test_a_path_that_stops_returns_its_results(wts):
-    shape = Cone(angle=1.2, radius=3e-3)
+    shape = Cone(angle=0.7, radius=3e-3)
     with pytest.raises(IncompletePathError, match="of the thickness") as stopped:
         press_path(make_cover(0.45), wts, shape, depths=[0.1e-3, 1.9e-3])
     first, last = stopped.value.reached
