@@ -19,7 +19,7 @@ _WITHIN = 0.97
 #: one in three dimensions, where an attempt takes long [-].
 _ATTEMPTS, _SOLID_ATTEMPTS = 4, 1
 #: Part of the first target that is tried if the failed solution reached nothing [-].
-_PART = 0.5
+_PART = 0.2
 
 
 def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentation]]) -> list[Indentation]:
