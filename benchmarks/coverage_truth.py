@@ -1,4 +1,4 @@
-"""Independent truths for random presses at small strain, for `coverage.py`.
+"""Independent truths for random presses at small strain, for `estimate_coverage.py`.
 
 No truth uses the code under test (`fem_reference.closed_form`): exact contacts of bodies of revolution without friction
 and without slip, ring elements with Coulomb friction, and boundary elements for flat faces and rollers.  Each has an

@@ -52,8 +52,8 @@ _UNCURVED_ITERATIONS = 2
 #: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
 #: between two updates over their sum [-].
 _CONE_CHANGE = 1e-4
-#: Largest number of times that the first step of a loading path is halved [-].
-_FIRST_HALVINGS = 12
+#: Largest number of times that the first step of a loading path is halved, and then doubled [-].
+_FIRST_HALVINGS, _FIRST_DOUBLINGS = 12, 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,25 +206,27 @@ class ContactProblem:
         )
 
     def _take_first_step(self, depth: float, target: float, control: Control) -> ContactEquilibrium:
-        """Solve at a small depth from the undeformed state; the depth is halved until Newton's method converges.
+        """Solve at a small depth from the undeformed state, halved and then doubled until Newton's method converges.
 
-        With friction, the step is also at most 1 / `friction_steps` of the target.
+        Under a sharp tip a small depth may lie above the first quadrature point, where nothing is in contact.  With
+        friction, the step is also at most 1 / `friction_steps` of the target.
         """
         undeformed = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         most = target / self.friction_steps if self.contact.friction else np.inf
-        for halving in range(_FIRST_HALVINGS):
-            step = depth / 2**halving
-            if control == "depth" and step > most:
+        largest = min(most, target) if control == "depth" else np.inf
+        steps = [depth / 2**count for count in range(_FIRST_HALVINGS)]
+        for step in (*steps, *(depth * 2**count for count in range(1, _FIRST_DOUBLINGS + 1))):
+            if step > largest:
                 continue
             try:
                 here = self._solve(undeformed, step, None, 0, tolerance=_STEP_TOLERANCE)
             except STEP_FAILURES as error:
-                _LOG.info("first step halved: %s", error)
+                _LOG.info("first step %.3g failed: %s", step, error)
                 continue
             if control == "depth" or here.load <= most:
                 self.contact.record_slip(here.contact)
                 return here
-        millimetres = step * self.units.length / self.load_scale * 1e3
+        millimetres = steps[-1] * self.units.length / self.load_scale * 1e3
         cause = f"no convergence even at a depth of {millimetres:.3g} mm"
         raise PathConvergenceError(cause, cause=cause)
 

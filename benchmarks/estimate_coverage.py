@@ -4,7 +4,7 @@ Each case is drawn from its number and the seed: layers, shape, depth, control, 
 and position.  The truth (`coverage_truth.py`) is computed at the drawn depth; under load control `press` gets the true
 force.  Cases whose truth has an error above a third of an estimate are left out for that quantity, and counted.
 
-    python benchmarks/coverage.py [--cases 400] [--seed 12] [--processes 2] [--out benchmarks/coverage.md]
+    python benchmarks/estimate_coverage.py [--cases 400] [--seed 12] [--processes 2] [--out TABLE.md]
 
 Finished cases are kept in a file of JSON lines, and a second run goes on from there.
 """
@@ -370,7 +370,7 @@ def main() -> None:
     )
     records = [json.loads(line) for line in lines.read_text().splitlines()]
     records = sorted((r for r in records if r["number"] in wanted), key=lambda r: r["number"])
-    text = write_table(records, f"python benchmarks/coverage.py --cases {given.cases} --seed {given.seed}")
+    text = write_table(records, f"python benchmarks/estimate_coverage.py --cases {given.cases} --seed {given.seed}")
     print(text)
     if given.out:
         given.out.write_text(text)
