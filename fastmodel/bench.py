@@ -67,6 +67,8 @@ class FastIndentation:
         depth: Approach of the indenter since its first touch of the undeformed cover [m]; None for methods without a
             meaningful depth, and for several or tilting indenters.
         method: Name of the contact method, or its settings as text.
+        fewest_cells: Number of cells under pressure, of the indenter that presses on the fewest; None for methods
+            without cells [-].
         warnings: Sentences about reasons not to rely on the result.
         seconds: Wall-clock time of the simulation [s].
     """
@@ -78,6 +80,7 @@ class FastIndentation:
     chatter: float
     depth: float | None
     method: str
+    fewest_cells: int | None
     warnings: tuple[str, ...]
     seconds: float
 
@@ -177,6 +180,7 @@ def indent_together(
         chatter=chatter,
         depth=float(approach[0]) if approach is not None and len(placements) == 1 and placements[0].guided else None,
         method=name,
+        fewest_cells=reading.fewest_cells,
         warnings=describe_limits(reading, parameters.validity),
         seconds=time.perf_counter() - started,
     )

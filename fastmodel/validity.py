@@ -1,22 +1,27 @@
 """The range of contacts in which the fast model agrees with the finite elements, and messages about contacts beyond it.
 
-The range is stated for one reference contact: a ball of one pitch radius over the middle of the array.  Whether another
-contact lies in the range is judged by its depth: at equal depth the strains in the cover are similar.
+The range is stated for one reference contact: a ball of one pitch radius, over the centre of a texel and beside it.
+Whether another contact lies in the range is judged by its depth: at equal depth the strains in the cover are similar.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 
 from fastmodel.contact.interface import Reading
 
 #: Number of cells of the contact grid under pressure below which a contact is smaller than the cells resolve [-].
 FEWEST_CELLS = 9
+#: Kinds of strain of the finite elements with which the fast model was compared.
+_STRAINS = ("finite", "small")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Validity:
     """Loads up to which the fast model misplaces at most 2 and 5 % of the force under a ball.
+
+    Smaller loads at which the contact covers fewer than `FEWEST_CELLS` cells are not counted.
 
     Attributes:
         ball_radius: Radius of the ball, one pitch [m].
@@ -35,6 +40,27 @@ class Validity:
     depth_5_percent: float
     largest_load: float
     strain: str
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ValueError: If a number is not a finite number or is negative, if the radius or the largest load is zero,
+                if the loads or depths descend, or if the kind of strain is unknown.
+        """
+        for name in (each.name for each in fields(self) if each.name != "strain"):
+            value = getattr(self, name)
+            if not isinstance(value, (int, float)) or isinstance(value, bool) or not 0 <= value < math.inf:
+                raise ValueError(f"{name} must be a finite number that is not negative, not {value!r}")
+        for name in ("ball_radius", "largest_load"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} must be positive, not 0")
+        if not self.load_2_percent <= self.load_5_percent <= self.largest_load:
+            raise ValueError("load_2_percent, load_5_percent and largest_load must not descend")
+        if self.depth_2_percent > self.depth_5_percent:
+            raise ValueError("depth_2_percent must not exceed depth_5_percent")
+        if self.strain not in _STRAINS:
+            raise ValueError(f"strain must be {' or '.join(_STRAINS)}, not {self.strain!r}")
 
     def is_exceeded(self, reading: Reading) -> bool:
         """Return whether a contact is deeper than the ball at 5 %; without a known depth, whether its force is larger.

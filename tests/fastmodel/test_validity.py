@@ -1,6 +1,8 @@
 """The range of the fast model: when a contact lies beyond it, and what the warning says."""
 
 import dataclasses
+import math
+import re
 import warnings
 
 import mujoco
@@ -10,6 +12,7 @@ import pytest
 import fastmodel
 from fastmodel import RangeWarning, Validity
 from fastmodel.contact.interface import Reading
+from fastmodel.errors import ParametersError
 from fastmodel.validity import describe_limits
 from meshes import Sphere
 
@@ -49,6 +52,33 @@ def test_the_warning_states_the_contact_and_the_limit():
     assert "above 1 N, 0.2 mm deep" in text
     assert "more than 5 %" in text
     assert "unknown" in dataclasses.replace(RANGE, load_5_percent=2.0).describe_excess(reading())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("ball_radius", 0.0, "ball_radius must be positive"),
+        ("ball_radius", "3 mm", "ball_radius must be a finite number"),
+        ("load_2_percent", -0.1, "load_2_percent must be a finite number"),
+        ("load_5_percent", math.nan, "load_5_percent must be a finite number"),
+        ("depth_5_percent", True, "depth_5_percent must be a finite number"),
+        ("largest_load", math.inf, "largest_load must be a finite number"),
+        ("largest_load", 0.9, "must not descend"),
+        ("load_2_percent", 1.1, "must not descend"),
+        ("depth_2_percent", 0.3e-3, "must not exceed depth_5_percent"),
+        ("strain", "large", "strain must be finite or small, not 'large'"),
+    ],
+)
+def test_a_range_of_bad_values_is_refused_also_in_a_file(tmp_path, wts_derivation, name, value, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(RANGE, **{name: value})
+    dataclasses.replace(wts_derivation.parameters, validity=RANGE).save(tmp_path / "sensor")
+    path = tmp_path / "sensor" / "parameters.toml"
+    text = f'"{value}"' if isinstance(value, str) else str(value).lower()
+    head, section = path.read_text().split("[validity]")
+    path.write_text(head + "[validity]" + re.sub(rf"(?m)^{name} = .*$", f"{name} = {text}", section))
+    with pytest.raises(ParametersError, match=rf"parameters.toml: \[validity\] .*{message}"):
+        fastmodel.load(tmp_path / "sensor")
 
 
 def test_a_contact_on_few_cells_is_told():

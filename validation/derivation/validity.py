@@ -1,13 +1,15 @@
 """Calibration of the fast model under load, and the range in which the fast model agrees with the finite elements.
 
-Finite elements press a ball of one pitch radius over the middle of the array.  At finite strain, a stiff foil on a soft
-layer stretches.  The foil's tension is fitted to the base pressure at every depth of that path, and the fast model gets
-tables at these loads.  Then the fast model repeats the path, and its misplaced force gives the range.
+Finite elements press a ball of one pitch radius over the middle of a texel, and beside it.  At finite strain, a stiff
+foil on a soft layer stretches.  The foil's tension is fitted to the base pressure at every depth of that path, and the
+fast model gets tables at these loads.  Then the fast model repeats the path, and the larger of its misplaced forces at
+the two points gives the range.  Contacts on fewer cells than the fast model resolves are not counted; it warns of them.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.pressure.cover_kernels import CoverCells
-from fastmodel.validity import Validity
+from fastmodel.validity import FEWEST_CELLS, Validity
 from meshes import Cover, Sphere, TexelArray
 from validation.derivation.cover_kernels import compliance_kernel, influence_kernel, tabulate_surface
 
@@ -33,9 +35,12 @@ Progress = Callable[[str], None]
 #: of the ball [-].
 _FINITE_DEPTHS, _SMALL_DEPTHS, _LARGEST_DEPTH = (
     (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4),
-    (0.05, 0.3),
+    (0.05, 0.1, 0.15, 0.18, 0.2, 0.22, 0.24, 0.27, 0.3),
     0.5,
 )
+#: Second point of the ball, off the grid of texels and of the fast model's cells: distance from the centre of a texel,
+#: over the size of the texel [-].
+_BESIDE = (0.3, 0.4)
 #: Least part of the force that a fitted stretch must move to the right place at one depth; below it, the tables under
 #: load are left out [-].
 _USEFUL = 0.02
@@ -53,23 +58,25 @@ _LIMITS = (0.02, 0.05)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BallPresses:
-    """A ball of one pitch radius that finite elements press over the middle of an array to n depths.
+    """A ball of one pitch radius that finite elements press on p points of an array to n depths.
 
     Attributes:
         radius: Radius of the ball [m].
-        load: Forces on the ball, shape (n,) [N].
-        texel_forces: Force on each texel, then the force outside the texels, shape (n, texels + 1) [N].
+        points: Positions of the ball's axis, shape (p, 2) [m].
+        load: Forces on the ball, equal at all points, shape (n,) [N].
+        texel_forces: Force on each texel, then the force outside the texels, shape (p, n, texels + 1) [N].
         path: The loading path at finite strain; None at small strain.
     """
 
     radius: float
+    points: FloatArray
     load: FloatArray
     texel_forces: FloatArray
     path: BallPath | None
 
 
 def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | None) -> BallPresses:
-    """Press a ball of one pitch radius over the middle of an array by finite elements.
+    """Press a ball of one pitch radius by finite elements over the centre of the middle active texel, and beside it.
 
     Args:
         cover: A laterally wide cover.
@@ -87,20 +94,36 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
     shares = _SMALL_DEPTHS if cover.small_strain_only else _FINITE_DEPTHS
     deepest = min(shares[-1] * cover.thickness, most)
     depths = [share / shares[-1] * deepest for share in shares]
+    points = _choose_points(array)
     if cover.small_strain_only:
-        found = press_path(cover, array, Sphere(radius=radius), depths=depths, progress=progress)
+        ball = Sphere(radius=radius)
+        found = [
+            press_path(cover, array, ball, depths=depths, at=(float(x), float(y)), progress=progress) for x, y in points
+        ]
         return BallPresses(
             radius=radius,
-            load=np.array([each.total_force for each in found]),
-            texel_forces=np.array([np.append(each.texel_forces, each.outside) for each in found]),
+            points=points,
+            load=np.array([each.total_force for each in found[0]]),
+            texel_forces=np.array([[np.append(each.texel_forces, each.outside) for each in path] for path in found]),
             path=None,
         )
     path = press_ball(cover, radius, depths, progress=progress)
     forces = [
-        load * np.append(base.texel_influence(array, (0.0, 0.0))[0], base.outside(array, (0.0, 0.0)))
-        for load, base in zip(path.load, path.base, strict=True)
+        [
+            load * np.append(base.texel_influence(array, point)[0], base.outside(array, point))
+            for load, base in zip(path.load, path.base, strict=True)
+        ]
+        for point in points
     ]
-    return BallPresses(radius=radius, load=path.load, texel_forces=np.array(forces), path=path)
+    return BallPresses(radius=radius, points=points, load=path.load, texel_forces=np.array(forces), path=path)
+
+
+def _choose_points(array: TexelArray) -> FloatArray:
+    """Return the centre of the active texel nearest to the middle one, and a point off the grid, shape (2, 2) [m]."""
+    centres = array.centres[:, :2]
+    distance = np.linalg.norm(centres - centres[array.middle], axis=1)
+    centre = centres[np.argmin(np.where(array.active, distance, math.inf))]
+    return np.array([centre, centre + np.multiply(_BESIDE, array.texel_size)])
 
 
 def add_stretch(
@@ -193,38 +216,58 @@ def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, press
 
     Raises:
         FastModelError: If the fast model cannot press the ball.
+        ValueError: If the fast model's cells do not resolve the contact at any depth.
     """
     if parameters.cells is None:
         return parameters
     cells = add_stretch(parameters.cells, cover, parameters.array, spread, presses)
     parameters = dataclasses.replace(parameters, cells=cells)
-    misplaced, depth = _repeat_presses(parameters, presses)
+    misplaced, depth, resolved = _repeat_presses(parameters, presses)
     if cells.loads is not None:
-        cells = dataclasses.replace(cells, load_depths=np.maximum.accumulate(depth))
-    limits = [_find_limit(presses.load, misplaced, limit) for limit in _LIMITS]
-    depths = [float(np.interp(limit, np.append(0.0, presses.load), np.append(0.0, depth))) for limit in limits]
+        cells = dataclasses.replace(cells, load_depths=np.maximum.accumulate(depth.mean(axis=0)))
+    if not resolved.any():
+        raise ValueError(f"under a ball of one pitch radius, fewer than {FEWEST_CELLS} cells are under pressure")
+    counted = resolved.any(axis=0)
+    load, worst, deepest = (
+        presses.load[counted],
+        np.where(resolved, misplaced, 0.0).max(axis=0)[counted],
+        np.where(resolved, depth, 0.0).max(axis=0)[counted],
+    )
+    limits = [_find_limit(load, worst, limit) for limit in _LIMITS]
+    depths = [float(np.interp(limit, np.append(0.0, load), np.append(0.0, deepest))) for limit in limits]
     validity = Validity(
         ball_radius=presses.radius,
         load_2_percent=limits[0],
         load_5_percent=limits[1],
         depth_2_percent=depths[0],
         depth_5_percent=depths[1],
-        largest_load=float(presses.load[-1]),
+        largest_load=float(load[-1]),
         strain="small" if presses.path is None else "finite",
     )
     return dataclasses.replace(parameters, cells=cells, validity=validity)
 
 
-def _repeat_presses(parameters: Parameters, presses: BallPresses) -> tuple[FloatArray, FloatArray]:
-    """Press the ball by the fast model at n loads; return the misplaced parts of the force [-] and the depths [m]."""
+def _repeat_presses(
+    parameters: Parameters, presses: BallPresses
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Press the ball by the fast model on p points at n loads.
+
+    Returns:
+        The misplaced parts of the force, shape (p, n) [-]; the depths, shape (p, n) [m]; and whether the contact covers
+        enough cells, shape (p, n).
+    """
     from fastmodel import indent
 
-    misplaced, depth = [], []
-    for load, wanted in zip(presses.load, presses.texel_forces, strict=True):
-        found = indent(parameters, Sphere(radius=presses.radius), load=float(load), method="cover")
-        misplaced.append(measure_misplaced(np.append(found.texel_forces, found.outside), wanted))
-        depth.append(found.depth or 0.0)
-    return np.array(misplaced), np.array(depth)
+    misplaced, depth = np.zeros((2, *presses.texel_forces.shape[:2]))
+    resolved = np.zeros(misplaced.shape, dtype=bool)
+    ball = Sphere(radius=presses.radius)
+    for p, n in np.ndindex(misplaced.shape):
+        x, y = presses.points[p].tolist()
+        found = indent(parameters, ball, load=float(presses.load[n]), at=(x, y), method="cover")
+        misplaced[p, n] = measure_misplaced(np.append(found.texel_forces, found.outside), presses.texel_forces[p, n])
+        depth[p, n] = found.depth or 0.0
+        resolved[p, n] = (found.fewest_cells or 0) >= FEWEST_CELLS
+    return misplaced, depth, resolved
 
 
 def _find_limit(load: FloatArray, misplaced: FloatArray, limit: float) -> float:

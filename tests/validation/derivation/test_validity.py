@@ -8,10 +8,19 @@ import pytest
 import fastmodel
 from fem_reference import point_spread
 from fem_reference.indentation.ball_path import press_ball
+from fem_reference.linear_response.finite_cover import SolidInfluence
 from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse, membrane_length
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
-from validation.derivation.validity import _find_limit, measure_misplaced, press_ball_on_array, state_range
+from validation.derivation.derive import _describe_range, _state_range
+from validation.derivation.validity import (
+    _choose_points,
+    _find_limit,
+    _repeat_presses,
+    measure_misplaced,
+    press_ball_on_array,
+    state_range,
+)
 
 FOIL = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 3e9}, poisson_ratio=0.38)
 COVER = Cover(
@@ -32,15 +41,44 @@ def test_limits_are_interpolated_and_say_whether_they_were_reached():
 def test_a_linear_cover_is_in_range_up_to_the_largest_load(derivation):
     found = derivation.parameters.validity
     assert found.strain == "small"
-    assert found.load_2_percent == found.load_5_percent == found.largest_load > 0
+    assert 1 < found.load_2_percent <= found.load_5_percent == found.largest_load
+    assert 0 < found.depth_2_percent <= found.depth_5_percent
     assert found.ball_radius == derivation.sensor.array.pitch[0]
     assert derivation.parameters.cells.loads is None
 
 
-def test_the_range_is_not_stated_with_free_side_edges(derivation):
-    from validation.derivation.derive import _describe_range
+def test_contacts_on_few_cells_do_not_count_and_the_worse_point_does(derivation):
+    sensor, parameters = derivation.sensor, derivation.parameters
+    presses = press_ball_on_array(sensor.cover, sensor.array, None)
+    misplaced, _, resolved = _repeat_presses(parameters, presses)
+    counted = resolved.any(axis=0)
+    assert not counted[0]
+    assert counted.sum() >= 5
+    worst = np.where(resolved, misplaced, 0.0).max(axis=0)
+    assert worst[-1] > misplaced[1, -1]  # beside the centre of the texel less force is misplaced
+    assert parameters.validity.load_2_percent == _find_limit(presses.load[counted], worst[counted], 0.02)
+    assert _find_limit(presses.load, misplaced.max(axis=0), 0.02) == 0
 
-    assert _describe_range(None) == "not stated"
+
+def test_the_ball_presses_on_an_active_texel_and_off_the_grid():
+    active = np.ones((3, 3), dtype=bool)
+    active[1, :] = False
+    array = TexelArray.grid(3, 3, 2e-3, active=active)
+    centre, beside = _choose_points(array)
+    assert array.active[np.argmin(np.linalg.norm(array.centres[:, :2] - centre, axis=1))]
+    assert centre == pytest.approx([0.0, -2e-3])
+    assert beside - centre == pytest.approx([0.6e-3, 0.8e-3])
+
+
+def test_the_range_is_not_stated_with_free_side_edges(derivation):
+    cover = dataclasses.replace(derivation.sensor.cover, size=(30e-3, 60e-3))
+    sensor = dataclasses.replace(derivation.sensor, cover=cover)
+    parameters = dataclasses.replace(derivation.parameters, validity=None)
+    sides = SolidInfluence(cover=cover, array=sensor.array, grids=())
+    steps: list[str] = []
+    assert _state_range(parameters, sensor, sides, steps.append) is parameters
+    assert _describe_range(parameters.validity) == "not stated"
+    assert not steps  # no ball was pressed
 
 
 def test_tension_takes_force_away_and_the_contact_can_be_removed(bonded):
