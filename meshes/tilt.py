@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meshes.indenters.indenter import FloatArray, Indenter, Primitive, quantity_field
 from meshes.indenters.sphere import Sphere
@@ -16,8 +17,13 @@ MOST_TILT = float(np.radians(10))
 #: Rounding that is allowed for a tilt at the limit [rad].
 _ROUNDING = 1e-9
 #: Number of steps of the iteration for the height of the surface, and largest change of the height in the last step,
-#: over the size of the shape; the iteration converges where slope times sine of the tilt is below 1 [-].
+#: over the size of the shape; the iteration converges where slope times tangent of the tilt is below 1 [-].
 _STEPS, _CONVERGED = 40, 1e-9
+#: Search for the height where the iteration fails: smallest sampled height over the height of the shape, number of
+#: samples, number of halvings of the interval found, and largest jump over the height of the shape that is no wall [-].
+_LEAST_HEIGHT, _HEIGHTS, _HALVINGS, _JUMP = 1e-4, 120, 50, 1e-6
+#: Samples along each side of the shape for its height [-].
+_SHAPE_SAMPLES = 101
 #: Search for the lowest point: samples along each side of the searched rectangle, number of searches, and size of the
 #: next rectangle over the distance of the samples [-].
 _SAMPLES, _SEARCHES, _ZOOM = 61, 8, 4.0
@@ -78,7 +84,7 @@ class TiltedIndenter(Indenter):
         """Return the convex solids of the upright indenter, rotated and raised so that the lowest point is at z = 0."""
         turn = self._rotation
         angle = float(np.hypot(*self.tilt))
-        axis = np.array([*self.tilt, 0.0]) / angle
+        axis = np.array([*self.tilt, 0.0]) / (angle or 1.0)
         quaternion = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
         raised = np.array([0.0, 0.0, self.lowest_point[2]])
         return tuple(
@@ -119,7 +125,58 @@ class TiltedIndenter(Indenter):
             z = next_z
             if change.max(initial=0.0) < _CONVERGED**2 * size:
                 break
-        return np.where(change < _CONVERGED * size, z, np.inf)
+        # A flat face is exact after one step; beside it there are only walls.
+        failed = ~np.isfinite(z) | (change >= _CONVERGED * size)
+        if not self.indenter.is_flat and failed.any():
+            z = z.copy()
+            z[failed] = self._search_height(x[failed], y[failed], plane[failed])
+        return np.asarray(z)
+
+    def _search_height(self, x: FloatArray, y: FloatArray, plane: FloatArray) -> FloatArray:
+        """Search upwards for the height of the rotated surface by sampling and bisection; inf where there is none [m].
+
+        Args:
+            x: Positions of k points, shape (k,) [m].
+            y: The other coordinate, shape (k,) [m].
+            plane: Height of the rotated plane w = 0 above each point, shape (k,) [m].
+        """
+        back = self._rotation.T
+
+        def rise(height: FloatArray, at: slice | NDArray[np.bool_] = slice(None)) -> FloatArray:
+            """Height over the surface along the axis of the upright indenter, -inf beside it [m]."""
+            z = plane[at] + height
+            u, v = (row[0] * x[at] + row[1] * y[at] + row[2] * z for row in back[:2])
+            return np.asarray(back[2, 2] * height - self.indenter.gap(u, v))
+
+        low, high = np.zeros_like(x), np.full_like(x, np.inf)
+        for height in np.geomspace(_LEAST_HEIGHT, 1.0, _HEIGHTS) * self._upright_height / back[2, 2]:
+            left = np.isinf(high)
+            above = np.zeros_like(left)
+            above[left] = rise(np.full(int(left.sum()), height), left) >= 0
+            high[above] = height
+            low[left & ~above] = height
+        found = np.isfinite(high)
+        low, high = low[found], high[found]
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            above = rise(middle, found) >= 0
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        # At a wall the height over the surface jumps; elsewhere it is continuous and zero at the surface.
+        surface = rise(high, found) < _JUMP * self._upright_height
+        z = np.full_like(x, np.inf)
+        z[found] = np.where(surface, plane[found] + high, np.inf)
+        return z
+
+    @cached_property
+    def _upright_height(self) -> float:
+        """Largest height of the upright indenter's lower surface, with a margin for the samples [m]."""
+        x, y = np.meshgrid(*(np.linspace(-half, half, _SHAPE_SAMPLES) for half in self.indenter.footprint))
+        gap = self.indenter.gap(x, y)
+        return 1.05 * float(gap[np.isfinite(gap)].max())
+
+    def measure_facets(self, height: float, turn: FloatArray | None = None) -> float:
+        """Estimate how far facets up to a height over the lowest point deviate from the surface they stand for [m]."""
+        return self.indenter.measure_facets(height, self._rotation if turn is None else turn @ self._rotation)
 
 
 def tilt_indenter(indenter: Indenter, tilt: tuple[float, float]) -> Indenter:

@@ -23,6 +23,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.indentation.finite_cover import lay_out_cover
 from fem_reference.linear_response import axisymmetric
 from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import FlatPunch
 from meshes.array_types import FloatArray, IntArray
@@ -59,13 +60,30 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
         The fields in the frame of the array.
 
     Raises:
-        ValueError: If a cover of limited size slides on its base and is not loaded symmetrically.
+        ValueError: As `state_missing_fields` says.
     """
+    missing = state_missing_fields(path, place.pose)
+    if missing:
+        raise ValueError(missing)
     if path.cover.size is not None:
         return _solve_finite_cover(path, contact, place.pose, depth)
     if path.indenter.axisymmetric:
         return _solve_axisymmetric(path, contact, depth).to_array(place.pose)
     return _solve_wide_block(path, contact, depth).to_array(place.pose)
+
+
+def state_missing_fields(path: LoadingPath, pose: PlanarPose) -> str:
+    """Say in one line why an indentation has no fields; empty if it has.
+
+    A cover of limited size that slides on its base is not held sideways, unless symmetry holds it.
+    """
+    cover = path.cover
+    if cover.size is None or cover.base == "bonded" or all(find_mirror_planes(path.indenter, pose)):
+        return ""
+    return (
+        "no fields: those of a cover of limited size that slides on its base need a load that mirrors in both its "
+        "middle planes; press its middle or bond its base"
+    )
 
 
 def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
@@ -111,11 +129,6 @@ def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
     block = lay_out_cover(path, pose, contact[:, :2], _SOLID_COUNT, size)
-    if path.cover.base == "sliding" and not all(block.symmetric):
-        raise ValueError(
-            "fields of a cover of limited size that slides on its base need a load that mirrors in both its middle "
-            "planes; press its middle or bond its base"
-        )
     return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 

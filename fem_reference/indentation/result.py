@@ -12,9 +12,8 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
-from fem_reference.indentation.linear_fields import solve_linear_fields
+from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
 from fem_reference.materials.stability import warn_of_instability
-from meshes import TriangleMesh
 from meshes.array_types import FloatArray
 from meshes.pose import Place
 
@@ -48,7 +47,8 @@ class Indentation:
         shear: Components x and y, in the frame of the array, of the frictional force that the indenter exerts on the
             cover at these points, multiplied by the same factor, shape (m, 2) [N]; None without friction.
         energy: Elastic energy stored in the cover [J].  Without friction it equals the work of the load.
-        fields: Displacement and stress in the cover, if they were asked for, on the finest mesh.
+        fields: Displacement and stress in the cover, if they were asked for, on the finest mesh; None, and a
+            sentence in `warnings`, where they are not available.
         error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
             `contact_area`; 0 for the prescribed one of force and depth [-].
         assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
@@ -127,7 +127,8 @@ def combine_grids(
     scale = total / force.sum()
     turn = replace(place.pose, at=(0.0, 0.0))
     shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
-    fields = _find_fields(finest, path, place, scale) if path.fields else None
+    missing = state_missing_fields(path, place.pose) if path.fields else ""
+    fields = _find_fields(finest, path, place, scale) if path.fields and not missing else None
     return Indentation(
         texel_forces=texel_forces,
         outside=outside,
@@ -141,7 +142,7 @@ def combine_grids(
         fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
-        warnings=_warn(errors, balance) + _warn_of_instability(path, finest.depth),
+        warnings=_warn(errors, balance) + _warn_of_instability(path, finest.depth) + ((missing,) if missing else ()),
         seconds=seconds + time.perf_counter() - started,
     )
 
@@ -193,7 +194,7 @@ def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
     if cover.size is not None:
         x, y = (1e3 * edge for edge in cover.size)
         out["sides"] = f"free, {x:.4g} x {y:.4g} mm, touched on top only"
-    facets = path.indenter.measure_facets(depth) if isinstance(path.indenter, TriangleMesh) else 0.0
+    facets = path.indenter.measure_facets(depth)
     if facets:
         out["facets"] = (
             f"pressed as they are, up to {facets * 1e3:.2g} mm ({facets / depth:.1%} of the depth) from the smooth "

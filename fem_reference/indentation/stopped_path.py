@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import ConvergenceError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.result import IncompletePathError, Indentation
@@ -31,12 +31,15 @@ def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentat
 
     Raises:
         IncompletePathError: If the path stops before its last target.  It has the results of the part that was
-            reached, which was solved again on all grids.
+            reached, which was solved again on all grids.  A contact without friction at small strain has no path: its
+            failure at one target is reported at once.
     """
     try:
         return solve(path)
     except (ConvergenceError, np.linalg.LinAlgError) as error:
         failure: Exception = error
+    if isinstance(failure, TooShallowError) or _is_linear(path):
+        raise IncompletePathError(_explain(path, failure, []), []) from failure
     first, part = failure, path
     for _ in range(_ATTEMPTS if path.indenter.axisymmetric else _SOLID_ATTEMPTS):
         part = _shorten(part, failure)
@@ -63,6 +66,11 @@ def _shorten(path: LoadingPath, error: Exception) -> LoadingPath:
     return replace(path, targets=(*kept, value))
 
 
+def _is_linear(path: LoadingPath) -> bool:
+    """Return whether every target of a path is solved by itself, at small strain without friction."""
+    return path.cover.small_strain_only and not path.friction
+
+
 def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) -> str:
     """Say in one line how far a path came, why it stopped, and what to do."""
     thickness = path.cover.thickness
@@ -77,4 +85,6 @@ def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) ->
     cause = error.cause if isinstance(error, PathConvergenceError) else " ".join(str(error).split())
     unstable = [describe_instability(layer.material) for layer in path.cover.layers]
     found = "".join(f"; {sentence}" for sentence in dict.fromkeys(unstable) if sentence)
+    if isinstance(error, TooShallowError) or _is_linear(path):
+        return f"{message} of the {wanted} asked for: {cause}"
     return f"{message} of the {wanted} asked for: {cause}{found}; press less, or with a wider or rounder indenter"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import TooShallowError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from fem_reference.small_strain_contact.cell_grid import CellGrid, Face, choose_counts
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
@@ -85,7 +85,7 @@ def solve_contact(
 
     Raises:
         ValueError: If not exactly one of load and depth is given, or no cell lies on a face with thin walls.
-        ConvergenceError: If the contact does not converge, or the depth is too small for any cell to be in contact.
+        ConvergenceError: If the contact does not converge; `TooShallowError` if too shallow for any cell to touch.
     """
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
@@ -119,7 +119,7 @@ def solve_contact(
             break
         middle, half = _clip(middle, np.minimum(np.maximum(_MARGIN * extent, _SHRINKING * half), half), first)
     if not touching.any():
-        raise ConvergenceError(f"nothing touches on cells of {max(grid.cell) * 1e3:.2g} mm; press deeper")
+        raise TooShallowError(f"nothing touches on cells of {max(grid.cell) * 1e3:.2g} mm; press deeper")
     force = pressure[touching] * grid.area
     area = measure_area(pressure, np.isfinite(gap), grid.cell)
     return ContactPatch(x=grid.x[touching], y=grid.y[touching], force=force, cell=grid.cell, depth=approach, area=area)

@@ -75,6 +75,15 @@ class Indenter(ABC):
     def primitives(self) -> tuple[Primitive, ...]:
         """Return convex solids whose union has the indenter's lower surface."""
 
+    def measure_facets(self, height: float, turn: FloatArray | None = None) -> float:  # noqa: ARG002 -- as subclasses
+        """Estimate how far facets deviate from the smooth surface that they stand for; 0 for shapes without facets [m].
+
+        Args:
+            height: Height above the lowest point up to which facets are considered [m].
+            turn: Rotation matrix of the body, shape (3, 3); None if it stands upright.
+        """
+        return 0.0
+
 
 class FlatPunch(Indenter):
     """An indenter whose lower surface is a plane with a sharp outline."""

@@ -97,7 +97,7 @@ class TriangleMesh(Indenter):
         x, y = np.broadcast_arrays(x, y)
         return self._gap.evaluate(x.ravel(), y.ravel()).reshape(x.shape)
 
-    def measure_facets(self, height: float) -> float:
+    def measure_facets(self, height: float, turn: FloatArray | None = None) -> float:
         """Estimate how far the facets up to a height deviate from the smooth surface that they stand for.
 
         Two facets that meet at a small angle are chords of an arc with the sagitta width times angle over 8.  The
@@ -105,11 +105,13 @@ class TriangleMesh(Indenter):
 
         Args:
             height: Height above the lowest point up to which facets are considered [m].
+            turn: Rotation matrix of the body, shape (3, 3); None if it stands upright.
 
         Returns:
             Largest deviation, 0 if no facets meet at a small angle [m].
         """
-        facets = self._lower[self._lower[..., 2].min(axis=1) < height]
+        lower = self._lower if turn is None else self._lower @ turn.T
+        facets = lower[lower[..., 2].min(axis=1) - lower[..., 2].min() < height]
         normal = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
         double_area = np.linalg.norm(normal, axis=1)
         facets, normal = facets[double_area > 0], normal[double_area > 0] / double_area[double_area > 0, None]

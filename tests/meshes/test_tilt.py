@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from meshes import Box, Cone, Cylinder, Nut, Roller, RoundedTip, Sphere, tilt_indenter
 from meshes.indenters.sphere import spherical_gap
-from meshes.tilt import MOST_TILT
+from meshes.tilt import MOST_TILT, TiltedIndenter
 
 ANGLE = st.floats(-MOST_TILT, MOST_TILT)
 
@@ -107,3 +107,30 @@ def test_solids_of_the_fast_model_touch_at_the_same_height(base):
 def test_large_tilts_are_refused_in_words():
     with pytest.raises(ValueError, match="at most 10 degrees about either axis, not 12"):
         tilt_indenter(Box(size=(6e-3, 4e-3, 5e-3)), (0.0, np.radians(12)))
+
+
+@pytest.mark.parametrize("degrees", [20, 30])
+@pytest.mark.parametrize("tilt", [5, 9])
+def test_steep_cones_keep_their_surface(degrees, tilt):
+    """The height over the tip is that of the lowest point of the rotated cone above (x, y): a quadratic equation."""
+    half, about = np.radians(degrees / 2), np.radians(tilt)
+    shape = tilt_indenter(Cone(angle=2 * half, radius=5e-3), (about, 0.0))
+    x, y = np.meshgrid(np.linspace(-0.7e-3, 0.7e-3, 31), np.linspace(-0.7e-3, 0.7e-3, 31))
+    # The axis is (0, -sin, cos); on the cone, the part of the position along the axis is its length times cos(half).
+    s, c, k = -np.sin(about), np.cos(about), np.cos(half) ** 2
+    a, b, d = c**2 - k, 2 * s * c * y, (s * y) ** 2 - k * (x**2 + y**2)
+    root = np.sqrt(np.maximum(b**2 - 4 * a * d, 0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roots = np.sort([(-b - root) / (2 * a), (-b + root) / (2 * a)], axis=0)
+    expected = np.where(roots[0] > 1e-9, roots[0], roots[1])
+    gap = shape.gap(x, y)
+    inside = (expected > 0) & (expected < 8e-3)
+    assert inside.mean() > 0.5
+    assert gap[inside] == pytest.approx(expected[inside], abs=1e-8)
+
+
+def test_a_tilt_of_zero_given_directly_changes_nothing():
+    cone = Cone(angle=1.0, radius=5e-3)
+    shape = TiltedIndenter(indenter=cone, tilt=(0.0, 0.0))
+    assert shape.primitives() == cone.primitives()
+    assert shape.gap(np.array([1e-3]), np.zeros(1)) == pytest.approx(cone.gap(np.array([1e-3]), np.zeros(1)))

@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 
 from fem_reference import IncompletePathError, press_path
+from fem_reference.errors import ConvergenceError, TooShallowError
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation.stopped_path import solve_as_far
 from meshes import Cylinder
 from tests.support.rubber import make_cover
 
@@ -19,3 +22,25 @@ def test_a_path_that_stops_returns_its_results(wts):
     for each in (first, last):
         assert each.texel_forces.sum() + each.outside == pytest.approx(each.total_force, rel=2e-3)
     assert "\n" not in str(stopped.value)
+
+
+@pytest.mark.parametrize(
+    ("model", "error"),
+    [
+        ("linear-elastic", ConvergenceError("the contact did not settle")),
+        ("neo-hookean", TooShallowError("nothing touches on cells of 0.1 mm; press deeper")),
+    ],
+)
+def test_where_less_load_is_no_remedy_it_is_neither_tried_nor_advised(model, error):
+    path = LoadingPath(
+        cover=make_cover(0.45, model), indenter=Cylinder(radius=1e-3), targets=(0.1, 0.2), control="load"
+    )
+    tried = []
+
+    def solve(part):
+        tried.append(part.targets)
+        raise error
+
+    with pytest.raises(IncompletePathError, match=f"reached no load of the 0.2 N asked for: {error}$"):
+        solve_as_far(path, solve)
+    assert tried == [(0.1, 0.2)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes import TriangleMesh, read_stl
+from meshes import Sphere, TriangleMesh, read_stl, tilt_indenter
 from tests.support.sampled_shapes import is_flat_where_sampled, is_symmetric_where_sampled
 
 
@@ -57,3 +57,11 @@ def test_the_deviation_of_facets_is_that_of_the_ball_which_they_stand_for(divisi
 def test_a_body_with_edges_alone_has_no_deviation():
     corners = trimesh.creation.box((4e-3, 6e-3, 2e-3)).triangles + np.array([0, 0, 1e-3])
     assert TriangleMesh(triangles=corners).measure_facets(1e-3) == 0
+
+
+def test_a_tilt_keeps_the_deviation_of_facets():
+    mesh = trimesh.creation.icosphere(3, 5e-3)
+    body = TriangleMesh(triangles=mesh.triangles - [0, 0, mesh.bounds[0, 2]])
+    tilted = tilt_indenter(body, (0.1, 0.05))
+    assert tilted.measure_facets(1e-3) == pytest.approx(body.measure_facets(1e-3), rel=0.3)
+    assert Sphere(radius=5e-3).measure_facets(1e-3) == 0

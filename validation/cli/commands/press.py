@@ -161,7 +161,7 @@ def _read_request(
     tilt = collect(faults, lambda: read_tilt(pose[2]))
     coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
-    wanted = collect(faults, lambda: _read_accuracy(accuracy))
+    wanted = collect(faults, lambda: _read_accuracy(accuracy, used=needs_reference or models is None))
     load, depth = collect(faults, lambda: _read_force(*force)) or (None, None)
     if found and position:
         collect(faults, lambda: _check_position(found.array, position))
@@ -257,8 +257,12 @@ def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
         yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
 
 
-def _read_accuracy(text: str | None) -> float | None:
-    """Parse the option `--accuracy`, a share such as 1% or 0.01; None if it is not given [-]."""
+def _read_accuracy(text: str | None, *, used: bool) -> float | None:
+    """Parse the option `--accuracy`, a share such as 1% or 0.01; None if it is not given [-].
+
+    Raises:
+        InputError: If the text is not a share, or if no finite elements are computed.
+    """
     if text is None:
         return None
     number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
@@ -268,6 +272,8 @@ def _read_accuracy(text: str | None) -> float | None:
         value = math.nan
     if not 0 < value < 1:
         raise InputError(f"--accuracy: {text!r} is not a share between 0 and 1; for example --accuracy 1%")
+    if not used:
+        raise InputError("--accuracy: the fast model has none; leave it out, or let --model name fem")
     return value
 
 

@@ -107,7 +107,7 @@ def _evaluate(
     for each in skipped:
         say(f"not scored: {each.case.name} ({each.case.shape}, {each.case.load:.3g} N): {each.reason}")
     for result in evaluation.campaign.cases:
-        for sentence in result.warnings:
+        for sentence in dict.fromkeys((*result.reference.warnings, *result.warnings)):
             say(f"softcover: warning: {result.case.name}: {sentence}")
     say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
     return DONE if all(each.converged for each in skipped) else NOT_CONVERGED
