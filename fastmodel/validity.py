@@ -21,7 +21,7 @@ _STRAINS = ("finite", "small")
 class Validity:
     """Loads up to which the fast model misplaces at most 2 and 5 % of the force under a ball.
 
-    Smaller loads at which the contact covers fewer than `FEWEST_CELLS` cells are not counted.
+    Smaller loads at which the contact covers fewer than `FEWEST_CELLS` cells are not counted, unless none covers more.
 
     Attributes:
         ball_radius: Radius of the ball, one pitch [m].

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.finite_strain import choose_reach
 from fem_reference.indentation.rounding import choose_fillet
 from fem_reference.linear_response.point_spread import PointSpread
@@ -52,7 +52,7 @@ def press_ball(
 ) -> BallPath:
     """Press a ball into a wide cover at finite strain, or read the path from the result store.
 
-    The path ends early where the solution does not converge.
+    If the solution stops early, the depths that it reached are solved anew, on a mesh for their smaller contact.
 
     Args:
         cover: Laterally wide cover; materials for small strain count as neo-Hookean of the same moduli.
@@ -61,7 +61,7 @@ def press_ball(
         progress: Called with a line of text after each step.
 
     Raises:
-        ConvergenceError: If not even the first depth converges.
+        PathConvergenceError: If not even the first depth converges.
     """
     ball = Sphere(radius=radius)
 
@@ -70,10 +70,8 @@ def press_ball(
         while True:
             try:
                 return _solve(LoadingPath(cover=cover, indenter=ball, targets=tuple(wanted), control="depth"), progress)
-            except ConvergenceError:
-                if len(wanted) == 1:
-                    raise
-                wanted = wanted[: len(wanted) // 2]
+            except PathConvergenceError as error:
+                wanted = _keep_reached(wanted, error)
 
     inputs = {"cover": cover, "ball": ball, "depths": list(depths), "elements": _ELEMENTS}
     data = result_store.fetch("ball-path", inputs, compute)
@@ -90,6 +88,14 @@ def press_ball(
     return BallPath(
         radius=radius, depth=data["depth"], load=load, contact_radius=np.sqrt(data["area"] / np.pi), base=base
     )
+
+
+def _keep_reached(depths: list[float], error: PathConvergenceError) -> list[float]:
+    """Return the depths that a stopped path reached, at least one fewer; raise the error again if there are none."""
+    kept = [depth for depth in depths[:-1] if depth <= error.depth]
+    if not kept:
+        raise error
+    return kept
 
 
 def _solve(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[str, Any]:

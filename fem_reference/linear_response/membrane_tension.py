@@ -18,12 +18,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
-from fem_reference.closed_form.layer import Transfer, hankel_nodes, transfer
+from fem_reference.elements.line import gauss_points
 from fem_reference.linear_response.point_spread import PointSpread
-from fem_reference.linear_response.surface_compliance import SurfaceCompliance
+from fem_reference.linear_response.surface_compliance import SurfaceCompliance, WaveResponse, solve_waves
 from meshes import Cover
 from meshes.array_types import FloatArray
 
+#: Product of wave number and cover thickness at which the integrals over the wave number end, smallest number of their
+#: panels, and number of Gauss points in each panel [-].
+_LAST_WAVE, _PANELS, _PANEL_POINTS = 60.0, 64.0, 10
 #: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
 _BLOCK = 256
 #: Least product of wave number and contact radius in the transform of Hertz's pressure, which cancels below [-].
@@ -68,22 +71,26 @@ class StretchedResponse:
     Attributes:
         radius: The distances, shape (m,) [m].
         wave_number: Wave numbers of the Hankel transform, shape (n,) [1/m].
-        waves: Transfer functions of the cover without tension at these wave numbers.
+        waves: Response of the cover without tension at these wave numbers.
         hankel: Matrix of the transform from wave numbers to distances, shape (m, n) [1/m2].
     """
 
     radius: FloatArray
     wave_number: FloatArray
-    waves: Transfer
+    waves: WaveResponse
     hankel: FloatArray
 
     @classmethod
     def prepare(cls, cover: Cover, radius: FloatArray) -> StretchedResponse:
-        """Compute the transfer functions of a wide cover and the transform to distances of shape (m,) [m]."""
-        k, weight = hankel_nodes(cover, float(radius.max()))
+        """Compute the response of a wide cover to waves and the transform to distances of shape (m,) [m]."""
+        end = _LAST_WAVE / cover.thickness
+        panels = int(np.ceil(max(_PANELS, end * float(radius.max()) / np.pi)))
+        k, weight = gauss_points(np.linspace(0, end, panels + 1), _PANEL_POINTS)
         blocks = (radius[start : start + _BLOCK] for start in range(0, len(radius), _BLOCK))
         bessel = np.concatenate([j0(np.outer(block, k)) for block in blocks])
-        return cls(radius=radius, wave_number=k, waves=transfer(cover, k), hankel=bessel * (k * weight / (2 * np.pi)))
+        return cls(
+            radius=radius, wave_number=k, waves=solve_waves(cover, k), hankel=bessel * (k * weight / (2 * np.pi))
+        )
 
     def remove_contact(self, pressed: PointSpread, contact_radius: float, stretch: Stretch) -> PointSpread:
         """Compute the point spread function from the base pressure under a ball, by removing the size of the contact.

@@ -13,8 +13,9 @@ import numpy as np
 from fem_reference.elements.grading import grade_around_edge
 from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
+from fem_reference.linear_response.membrane_tension import membrane_length
 from fem_reference.linear_response.surface_compliance import decay_length
-from fem_reference.small_strain_contact.tension import measure_tension, membrane_length
+from fem_reference.small_strain_contact.tension import measure_tension
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 from meshes.array_types import FloatArray

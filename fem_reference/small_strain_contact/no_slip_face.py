@@ -19,9 +19,10 @@ import scipy.sparse as sp
 
 from fem_reference.elements.grading import fill_by_spacing
 from fem_reference.elements.tensor_product import TensorSolid
+from fem_reference.linear_response.membrane_tension import membrane_length
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
-from fem_reference.small_strain_contact.tension import measure_tension, membrane_length
+from fem_reference.small_strain_contact.tension import measure_tension
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray

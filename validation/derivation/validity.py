@@ -3,7 +3,8 @@
 Finite elements press a ball of one pitch radius over the middle of a texel, and beside it.  At finite strain, a stiff
 foil on a soft layer stretches.  The foil's tension is fitted to the base pressure at every depth of that path, and the
 fast model gets tables at these loads.  Then the fast model repeats the path, and the larger of its misplaced forces at
-the two points gives the range.  Contacts on fewer cells than the fast model resolves are not counted; it warns of them.
+the two points gives the range.  Contacts on fewer cells than the fast model resolves are not counted, because it warns
+of them, unless all contacts are so small.
 """
 
 from __future__ import annotations
@@ -131,6 +132,9 @@ def add_stretch(
 ) -> CoverCells:
     """Add tables under load to the fast model's cells, if the stretch of the cover's top moves much of the force.
 
+    A depth at which the fitted stretch does not bring the base pressure nearer to that of the finite elements is left
+    out.  The minimiser may stop at its largest number of evaluations; what counts is what remains misplaced.
+
     Args:
         cells: Compliance and influence of the cover without load.
         cover: A laterally wide cover.
@@ -144,20 +148,20 @@ def add_stretch(
         return cells
     base = StretchedResponse.prepare(cover, spread.radius)
     stretches, gains = _fit_stretches(cover, base, presses.path)
+    kept = [n for n, gain in enumerate(gains) if gain > 0]
     if max(gains) < _USEFUL:
         return cells
     reach, cell = len(cells.compliance) - 1, cells.cell
     surface = tabulate_surface(cover, reach, cell)
     top = StretchedResponse.prepare(cover, surface.regular.x)
     spreads = [
-        base.remove_contact(pressed, float(contact), stretch)
-        for pressed, contact, stretch in zip(presses.path.base, presses.path.contact_radius, stretches, strict=True)
+        base.remove_contact(presses.path.base[n], float(presses.path.contact_radius[n]), stretches[n]) for n in kept
     ]
     return dataclasses.replace(
         cells,
-        loads=presses.load,
+        loads=presses.load[kept],
         loaded_compliance=np.array(
-            [compliance_kernel(top.stretch_compliance(surface, each), reach, cell) for each in stretches]
+            [compliance_kernel(top.stretch_compliance(surface, stretches[n]), reach, cell) for n in kept]
         ),
         loaded_influence=np.array([influence_kernel(array, each, cells.per_texel, cells.reach) for each in spreads]),
     )
@@ -194,9 +198,11 @@ def _fit_stretches(cover: Cover, response: StretchedResponse, path: BallPath) ->
             return float(ring @ np.abs(response.spread_over_contact(stretch, contact) - wanted))
 
         fit = minimize(misplace, start, **_MINIMISER)
-        start = [float(value) for value in fit.x]
+        gain = misplace(None) - float(fit.fun)
+        if gain > 0:
+            start = [float(value) for value in fit.x]
         stretches.append(read(fit.x))
-        gains.append(misplace(None) - float(fit.fun))
+        gains.append(gain)
     return stretches, gains
 
 
@@ -216,7 +222,6 @@ def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, press
 
     Raises:
         FastModelError: If the fast model cannot press the ball.
-        ValueError: If the fast model's cells do not resolve the contact at any depth.
     """
     if parameters.cells is None:
         return parameters
@@ -224,9 +229,11 @@ def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, press
     parameters = dataclasses.replace(parameters, cells=cells)
     misplaced, depth, resolved = _repeat_presses(parameters, presses)
     if cells.loads is not None:
-        cells = dataclasses.replace(cells, load_depths=np.maximum.accumulate(depth.mean(axis=0)))
+        tabulated = np.isin(presses.load, cells.loads)
+        cells = dataclasses.replace(cells, load_depths=np.maximum.accumulate(depth.mean(axis=0)[tabulated]))
     if not resolved.any():
-        raise ValueError(f"under a ball of one pitch radius, fewer than {FEWEST_CELLS} cells are under pressure")
+        # Under a foil every contact is small, but the foil spreads the force over many cells.
+        resolved = np.ones_like(resolved)
     counted = resolved.any(axis=0)
     load, worst, deepest = (
         presses.load[counted],
