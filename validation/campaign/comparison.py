@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from meshes import tilt_indenter
@@ -36,6 +36,8 @@ class Comparison:
         fast: Result of the fast model; None unless `models` contains `fast`.
         score: Score of the fast model against the finite elements; None unless there are results of both models.
         models: Names of the models that the user chose, some of `MODELS`.
+        wanted: Load [N] or depth [m] that was asked for, under the name `load` or `depth`.
+        stopped: How far the finite elements came and why they stopped early; empty if they did not.
     """
 
     sensor: SensorDescription | Parameters
@@ -44,6 +46,8 @@ class Comparison:
     fast: FastIndentation | None
     score: Score | None
     models: Sequence[str]
+    wanted: Mapping[str, float]
+    stopped: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return the results as a dictionary, under the names that the command line prints as JSON."""
@@ -64,6 +68,8 @@ class Comparison:
             "cover": sensor.describe_cover() if isinstance(sensor, SensorDescription) else None,
             "indenter": self.case.shape,
             "load": self.case.load,
+            "wanted": dict(self.wanted),
+            "stopped": self.stopped or None,
             "at": list(self.case.at),
             "yaw": self.case.yaw,
             "tilt": list(self.case.tilt),
@@ -105,6 +111,7 @@ def compare_models(
         FastModelError: If the method needs cover data that the sensor's parameters lack.
     """
     tell = progress or (lambda _: None)
+    wanted = _name_target(case, depth)
     fem, fast = None, None
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
@@ -121,19 +128,19 @@ def compare_models(
     score = None
     if fem is not None and fast is not None:
         score = score_forces(fem, fast.texel_forces, fast.outside, case.load, sensor.array)
-    return Comparison(sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models))
+    return Comparison(sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models), wanted=wanted)
 
 
 def compare_models_as_far(
     sensor: SensorDescription | Parameters,
     case: Case,
     **options: Any,  # noqa: ANN401 -- those of `compare_models`
-) -> tuple[Comparison, str]:
+) -> Comparison:
     """Compare the models as `compare_models` does; return what the finite elements reached if they stop early.
 
     Returns:
-        The comparison, and in words how far the finite elements came and why they stopped.  These words are empty if
-        they reached the load or depth; else the comparison is the finite elements' largest load and has no fast model.
+        The comparison.  If its `stopped` is not empty, it is that of the largest load that the finite elements reached,
+        and has no fast model.
 
     Raises:
         ConvergenceError: If the finite elements reached nothing, and as for `compare_models`.
@@ -141,13 +148,25 @@ def compare_models_as_far(
     from fem_reference import IncompletePathError
 
     try:
-        return compare_models(sensor, case, **options), ""
+        return compare_models(sensor, case, **options)
     except IncompletePathError as error:
         if not error.reached:
             raise
-        case = dataclasses.replace(case, load=error.reached[-1].total_force)
-        found = Comparison(sensor=sensor, case=case, fem=error.reached[-1], fast=None, score=None, models=("fem",))
-        return found, str(error)
+        return Comparison(
+            sensor=sensor,
+            case=dataclasses.replace(case, load=error.reached[-1].total_force),
+            fem=error.reached[-1],
+            fast=None,
+            score=None,
+            models=("fem",),
+            wanted=_name_target(case, options.get("depth")),
+            stopped=str(error),
+        )
+
+
+def _name_target(case: Case, depth: float | None) -> dict[str, float]:
+    """Return the load of a case [N], or the depth that replaces it [m], by its name."""
+    return {"load": case.load} if depth is None else {"depth": depth}
 
 
 def _press(

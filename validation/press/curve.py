@@ -36,10 +36,22 @@ class LoadCurve:
 
     def as_json(self) -> dict[str, Any]:
         """Return the curve under the names that the command line prints as JSON."""
-        return {"curve": self.rows(), "wanted": self.wanted, "stopped": self.stopped or None}
+        curve = [
+            row | {"warnings": list(each.warnings)} for row, each in zip(self.rows(), self.indentations, strict=True)
+        ]
+        return {"curve": curve, "wanted": self.wanted, "stopped": self.stopped or None}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of all results, each with the load where it first occurs."""
+        first: dict[str, float] = {}
+        for each in self.indentations:
+            for sentence in each.warnings:
+                first.setdefault(sentence, each.total_force)
+        return tuple(f"at {load:.4g} N: {sentence}" for sentence, load in first.items())
 
     def rows(self) -> list[dict[str, float]]:
-        """Return one row for each result: load, depth, contact area, energy, forces, and error estimates."""
+        """Return one row for each result: load, depth, contact area, energy, forces, balance and error estimates."""
         return [
             {
                 "load_N": each.total_force,
@@ -48,6 +60,7 @@ class LoadCurve:
                 "energy_J": each.energy,
                 "peak_texel_N": float(np.abs(each.texel_forces).max()),
                 "outside_N": each.outside,
+                "balance": each.balance,
                 **{f"error_{name}": value for name, value in each.error_estimate.items()},
             }
             for each in self.indentations
@@ -66,7 +79,10 @@ class LoadCurve:
             OSError: If the folder cannot be written.
         """
         text = io.StringIO()
-        rows = self.rows()
+        rows = [
+            row | {"warnings": "; ".join(each.warnings)}
+            for row, each in zip(self.rows(), self.indentations, strict=True)
+        ]
         writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
@@ -124,7 +140,7 @@ def trace_curve(
         load: Load at the last result [N].  Give either `load` or `depth`.
         depth: Depth at the last result [m].
         progress: Called with a line of text before each solve.
-        **options: Further arguments of `press_path`: pose and friction.
+        **options: Further arguments of `press_path`: pose, friction and accuracy.
 
     Raises:
         ValueError: If the number of points is not positive, or as for `press_path`.

@@ -192,7 +192,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
         with Progress() as progress:
-            comparison, stopped = compare_models_as_far(
+            comparison = compare_models_as_far(
                 request.sensor,
                 request.case,
                 depth=request.depth,
@@ -210,9 +210,9 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     _show(comparison, json=json)
     if files:
         say(f"wrote {', '.join(files)} to {out}")
-    if stopped:
-        say(f"softcover: {stopped}")
-    return NOT_CONVERGED if stopped else DONE
+    if comparison.stopped:
+        say(f"softcover: {comparison.stopped}")
+    return NOT_CONVERGED if comparison.stopped else DONE
 
 
 def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
@@ -237,6 +237,7 @@ def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
                 yaw=case.yaw,
                 tilt=case.tilt,
                 friction=request.friction,
+                accuracy=request.accuracy,
                 progress=progress,
             )
         files = curve.write(folder)
@@ -244,6 +245,8 @@ def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
         print_json(curve.as_json())
     else:
         print_table(("load [N]", "depth [mm]", "area [mm²]", "peak texel [N]", "energy [mJ]"), _list_points(curve))
+    for sentence in curve.warnings:
+        say(f"softcover: warning: {sentence}")
     say(f"wrote {', '.join(files)} to {out}")
     if curve.stopped:
         say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")

@@ -8,11 +8,14 @@ import json
 import numpy as np
 import pytest
 
-from fem_reference import press
+from fem_reference import IncompletePathError, press
 from meshes import Sphere, TexelArray
 from tests.support.rubber import make_cover
+from validation.campaign.case import Case
+from validation.campaign.comparison import compare_models_as_far
 from validation.press.curve import trace_curve
 from validation.press.fields_file import write_indentation
+from validation.sensor_file import BUILT_IN
 
 ARRAY = TexelArray.grid(4, 4, pitch=3.4e-3)
 BALL = Sphere(radius=4e-3)
@@ -107,3 +110,30 @@ def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
     assert curve.stopped == "no convergence beyond 0.25 mm"
     assert [each.depth for each in curve.indentations] == pytest.approx([0.08e-3, 0.16e-3])
     assert curve.write(tmp_path)[0] == "curve.csv"
+
+
+def test_a_press_that_stops_early_says_so_in_its_json(monkeypatch):
+    import fem_reference.indentation.press as module
+
+    real = module.press
+
+    def stop(*args, load, **options):
+        raise IncompletePathError("reached 0.1 N of the 5 N asked for", [real(*args, load=0.1, **options)])
+
+    monkeypatch.setattr(module, "press", stop)
+    case = Case(name="press", indenter=BALL, shape="ball", load=5.0, at=(0.0, 0.0), yaw=0.0)
+    found = compare_models_as_far(BUILT_IN["wts-0614-34"], case, models=("fem",)).as_json()
+    assert (found["load"], found["wanted"]) == (0.1, {"load": 5.0})
+    assert found["stopped"].startswith("reached 0.1 N")
+
+
+def test_a_curve_follows_the_accuracy_and_keeps_warnings(monkeypatch, tmp_path):
+    monkeypatch.setattr("fem_reference.indentation.press._count_refinements", lambda _: 0)  # only the usual grids
+    curve = trace_curve(make_cover(0.45, "linear-elastic"), ARRAY, BALL, points=2, load=0.2, accuracy=1e-9)
+    rows = curve.as_json()["curve"]
+    assert all("wanted, but the finest feasible grids reach" in row["warnings"][-1] for row in rows)
+    assert [sentence[:8] for sentence in curve.warnings] == ["at 0.1 N", "at 0.2 N"]
+    curve.write(tmp_path)
+    written = list(csv.DictReader((tmp_path / "curve.csv").open()))
+    assert [float(row["balance"]) for row in written] == [row["balance"] for row in rows]
+    assert all("wanted" in row["warnings"] for row in written)
