@@ -70,9 +70,9 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
             "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
-    accurate = small_strain.solve_path(path, place, progress)
+    accurate = small_strain.study_path(path, place, progress)
     fillet = choose_solid_fillet(cover.thickness, indenter)
-    points = accurate[-1][0].contact[:, :2]
+    points = accurate.solutions[-1][0].contact[:, :2]
     if isinstance(indenter, FlatPunch):
         points = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * indenter.footprint
     model = BlockModel(
@@ -84,10 +84,11 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         integrate=lambda base: partial(integrate_nodal, base),
     )
     return GridStudy(
-        solutions=correct_path(path, accurate, partial(solve_block_pair, model=model, progress=progress)),
+        solutions=correct_path(path, accurate.solutions, partial(solve_block_pair, model=model, progress=progress)),
         least_order=1.0 if path.friction else 2.0,
         least_overlap=OVERLAP,
         least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
+        accurate=accurate,
         assumptions=state_rounding(indenter, fillet) | CONTACT_ASSUMPTION,
     )
 

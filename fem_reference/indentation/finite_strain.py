@@ -80,10 +80,12 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         The solutions of every target with the element sizes and the expected order of convergence.
     """
     corrected = path.indenter.is_flat or not path.indenter.axisymmetric
+    accurate = None
     if corrected:
-        accurate = small_strain.solve_path(path, None, progress)
-        solve = partial(_solve_pair, contact=accurate[-1][0].contact, progress=progress, refinement=refinement)
-        solutions = correct_path(path, accurate, solve)
+        accurate = small_strain.study_path(path, None, progress)
+        contact = accurate.solutions[-1][0].contact
+        solve = partial(_solve_pair, contact=contact, progress=progress, refinement=refinement)
+        solutions = correct_path(path, accurate.solutions, solve)
     else:
         contact = small_strain.estimate_contact(path, None, progress)
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
@@ -92,9 +94,23 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         least_order=2.0 if corrected and not path.friction else 1.0,
         least_overlap=OVERLAP,
         least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
+        accurate=accurate,
         assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
         | (CONTACT_ASSUMPTION if corrected else {}),
+        warnings=_warn_of_boundary(path.cover),
     )
+
+
+def _warn_of_boundary(cover: Cover) -> tuple[str, ...]:
+    """State that a stiff foil reaches beyond the outer boundary of the meshes, if it does."""
+    wanted = _REACH_MEMBRANE * membrane_length(cover)
+    if wanted <= max(_LONGEST * cover.thickness, _REACH * decay_length(cover)):
+        return ()
+    sentence = (
+        f"the stiff top reaches {wanted * 1e3:.3g} mm in its plane, beyond the fixed outer boundary of the mesh: the "
+        "cover is stiffer than a wide one, which no error estimate contains"
+    )
+    return (sentence,)
 
 
 def _solve_pair(

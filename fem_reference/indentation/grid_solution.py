@@ -48,6 +48,8 @@ class GridSolution:
             indenter, shape (m, 2) [N]; None without friction.
         fields: Displacement and stress in the cover in the frame of the mesh: of the array on a cover of limited size,
             else of the indenter; None unless the solver computed them.
+        base_error: Function that estimates, for an array, a pose and the index of a texel, the relative error of the
+            force on this texel due to the computed response of the base [-]; None if no computed response is used.
     """
 
     size: float
@@ -60,6 +62,7 @@ class GridSolution:
     energy: float
     shear: FloatArray | None = None
     fields: CoverFields | None = None
+    base_error: Callable[[TexelArray, PlanarPose, int], float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,8 +78,10 @@ class GridStudy:
             proportional to the element size.
         least_overlap: Smallest value of the penetration over the depth that error estimates assume [-].
         least_error: Smallest estimated relative discretisation error [-].
-        base_error: Relative error of the largest texel force due to the computed base response [-].
+        accurate: Study of the small-strain solutions that `solutions` correct, whose errors are added; None if the
+            solutions are not corrections.
         assumptions: Statements about the solution for the user, by topic.
+        warnings: Sentences about errors that no estimate contains.
     """
 
     solutions: Sequence[Sequence[GridSolution]]
@@ -85,8 +90,9 @@ class GridStudy:
     extrapolate: bool = False
     least_overlap: float = 0.0
     least_error: float = 0.0
-    base_error: float = 0.0
+    accurate: GridStudy | None = None
     assumptions: dict[str, str]
+    warnings: tuple[str, ...] = ()
 
     def combine(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], npt.ArrayLike]) -> FloatArray:
         """Compute a quantity of the result from the solutions of one target on the three grids.

@@ -74,7 +74,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
         return _study_disk(path, progress)
     assert isinstance(path.indenter, FlatPunch)  # noqa: S101 -- for the type checker
     pose = PlanarPose() if wide else place.pose
-    accurate = small_strain.solve_path(path, None if wide else place, progress)
+    accurate = small_strain.study_path(path, None if wide else place, progress)
     pairs = _solve_faces(path, pose, progress)
     if max(face.tension for pair in pairs for face in pair) > _SEPARATES:
         return None
@@ -86,11 +86,12 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
     return GridStudy(
         solutions=[
             [_correct(extrapolate_solutions(grids), slides, sticks, path.control, target) for slides, sticks in solved]
-            for target, grids in zip(path.targets, accurate, strict=True)
+            for target, grids in zip(path.targets, accurate.solutions, strict=True)
         ],
         least_order=1.0,
         most_order=1.0 if on_lines else 4.0,  # the singular stress at the sides limits the order of convergence
         least_error=_LEAST_ON_LINES if on_lines else _LEAST_OFF_LINES,
+        accurate=accurate,
         assumptions={},
     )
 

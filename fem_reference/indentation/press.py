@@ -17,7 +17,7 @@ import numpy as np
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import GridStudy
-from fem_reference.indentation.result import Indentation, combine_grids
+from fem_reference.indentation.result import IncompletePathError, Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.pose import Place, PlanarPose
@@ -136,9 +136,30 @@ def press_path(
     path = LoadingPath(
         cover=cover, indenter=indenter, targets=targets, control=control, friction=friction, fields=fields
     )
+    return _refine(path, place, accuracy, progress)
+
+
+def _refine(
+    path: LoadingPath, place: Place, accuracy: float | None, progress: Callable[[str], None] | None
+) -> list[Indentation]:
+    """Solve a loading path, on finer and finer grids until the estimated errors are below a wanted accuracy.
+
+    Args:
+        path: Cover, indenter, targets and friction.
+        place: Array, and pose of the indenter.
+        accuracy: Wanted relative error; None for the first grids [-].
+        progress: Called with a line of text before each step.
+    """
     finest = _count_refinements(path) if accuracy is not None else 0
+    results: list[Indentation] = []
     for refinement in range(finest + 1):
-        results = solve_as_far(path, partial(_press_on_grids, place=place, progress=progress, refinement=refinement))
+        try:
+            solve = partial(_press_on_grids, place=place, progress=progress, refinement=refinement)
+            results = solve_as_far(path, solve)
+        except IncompletePathError:
+            if not results:
+                raise
+            break  # the results of the coarser grids are complete
         reached = max(max(each.error_estimate.values()) for each in results)
         if accuracy is None or reached <= accuracy:
             return results
@@ -158,10 +179,7 @@ def _press_on_grids(
     seconds = (time.perf_counter() - started) / len(path.targets)
     if path.fields and progress is not None:
         progress("displacement and stress in the cover")
-    return [
-        combine_grids(study, grids, path, place, target=target, seconds=seconds)
-        for grids, target in zip(study.solutions, path.targets, strict=True)
-    ]
+    return [combine_grids(study, number, path, place, seconds=seconds) for number in range(len(path.targets))]
 
 
 def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None, refinement: int) -> GridStudy:
@@ -182,6 +200,8 @@ def _count_refinements(path: LoadingPath) -> int:
     """Return how often the grids of a loading path can be refined."""
     if path.cover.small_strain_only and not path.friction:
         return small_strain.count_refinements(path)
+    if path.cover.small_strain_only and np.isinf(path.friction) and path.indenter.is_flat:
+        return 0  # the grids of a face without slip are fixed
     return finite_strain.count_refinements(path) if path.cover.size is None else 0
 
 

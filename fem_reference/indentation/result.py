@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,8 @@ _SMALL_STRAIN_DEPTH = 0.3
 #: Relative error of a force per relative error of the depth.  The penetration that remains in the contact is an error
 #: of the depth, and contact forces increase at most with the square of the depth [-].
 _FORCE_PER_OVERLAP = 2.0
+#: Smallest estimated error of a contact area: that of the measured area of a face [-].
+_LEAST_AREA_ERROR = 1e-4
 #: Estimated relative error above which a result has a warning [-].
 _LARGE_ERROR = 0.05
 #: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
@@ -85,22 +87,18 @@ class IncompletePathError(ConvergenceError):
         self.reached = list(reached)
 
 
-def combine_grids(
-    study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath, place: Place, *, target: float, seconds: float
-) -> Indentation:
+def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place, *, seconds: float) -> Indentation:
     """Combine the solutions of one target on three grids to the result for one pose.
 
     Args:
-        study: Properties of the three grids.
-        grids: Solutions of the target, coarsest grid first.
+        study: Solutions of every target, and properties of the three grids.
+        number: Index of the target.
         path: Cover, indenter and friction.
         place: Array, and pose of the indenter.
-        target: Load [N] or depth [m] that was asked for.
         seconds: Time that the solutions took [s].
     """
     started = time.perf_counter()
-    # The base forces of each grid are computed once; they are needed for the result and for its error.
-    grids = [replace(each, base_forces=_keep(each.base_forces(place.array, place.pose))) for each in grids]
+    grids = _fix_place(study.solutions[number], place)
     finest = grids[-1]
 
     def base_forces(solution: GridSolution) -> FloatArray:
@@ -110,19 +108,12 @@ def combine_grids(
     texel_forces, outside = base[:-1], float(base[-1])
     peak = int(np.argmax(np.abs(texel_forces)))
     # A prescribed load is the one that was asked for, so that `balance` shows if a solver misses it.
-    total = target if path.control == "load" else float(study.combine(grids, lambda each: each.total_force))
+    by_load = path.control == "load"
+    total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
-    overlap = max(finest.overlap, study.least_overlap)
-    errors = {
-        "total_force": study.estimate_error(grids, lambda each: each.total_force) + _FORCE_PER_OVERLAP * overlap,
-        "depth": study.estimate_error(grids, lambda each: each.depth) + overlap,
-        "peak_texel": study.estimate_error(grids, lambda each: float(base_forces(each)[peak]))
-        + study.base_error
-        + _FORCE_PER_OVERLAP * overlap
-        + abs(balance),
-        "contact_area": max(estimate_spread([each.area for each in grids]), study.least_error),
-    }
-    errors["total_force" if path.control == "load" else "depth"] = 0.0
+    errors = _estimate_errors(study, number, grids, place, peak)
+    errors["peak_texel"] += abs(balance)
+    errors["total_force" if by_load else "depth"] = 0.0
     x, y, force = finest.contact.T
     scale = total / force.sum()
     turn = replace(place.pose, at=(0.0, 0.0))
@@ -142,9 +133,56 @@ def combine_grids(
         fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
-        warnings=_warn(errors, balance) + _warn_of_instability(path, finest.depth) + ((missing,) if missing else ()),
+        warnings=(
+            *_warn(errors, balance),
+            *_warn_of_instability(path, finest.depth),
+            *study.warnings,
+            *([missing] if missing else []),
+        ),
         seconds=seconds + time.perf_counter() - started,
     )
+
+
+def _estimate_errors(
+    study: GridStudy, number: int, grids: Sequence[GridSolution], place: Place, peak: int
+) -> dict[str, float]:
+    """Estimate the relative errors of force, depth, the force on the texel of index `peak`, and contact area [-].
+
+    A solution that corrects a small-strain solution has the errors of both.
+
+    Args:
+        study: Solutions of every target, and properties of the three grids.
+        number: Index of the target.
+        grids: Solutions of the target, with the base forces of the place.
+        place: Array, and pose of the indenter.
+        peak: Index of the texel with the largest force.
+    """
+    overlap = max(grids[-1].overlap, study.least_overlap)
+    errors = {
+        "total_force": _FORCE_PER_OVERLAP * overlap,
+        "depth": overlap,
+        "peak_texel": _FORCE_PER_OVERLAP * overlap,
+        "contact_area": max(estimate_spread([each.area for each in grids]), study.least_error, _LEAST_AREA_ERROR),
+    }
+    quantities: dict[str, Callable[[GridSolution], float]] = {
+        "total_force": lambda each: each.total_force,
+        "depth": lambda each: each.depth,
+        "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
+    }
+    parts = [(study, grids)]
+    if study.accurate is not None:
+        parts.append((study.accurate, _fix_place(study.accurate.solutions[number], place)))
+    for part, solutions in parts:
+        for name, quantity in quantities.items():
+            errors[name] += part.estimate_error(solutions, quantity)
+        if solutions[-1].base_error is not None:
+            errors["peak_texel"] += solutions[-1].base_error(place.array, place.pose, peak)
+    return errors
+
+
+def _fix_place(grids: Sequence[GridSolution], place: Place) -> list[GridSolution]:
+    """Compute the base forces of solutions once for a place; they are needed for the result and for its error."""
+    return [replace(each, base_forces=_keep(each.base_forces(place.array, place.pose))) for each in grids]
 
 
 def _keep(values: FloatArray) -> BaseForces:

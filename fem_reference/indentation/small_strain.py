@@ -16,6 +16,7 @@ import numpy as np
 
 from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.finite_cover import solid_influence
 from fem_reference.linear_response.point_spread import TexelInfluence, point_spread
@@ -23,7 +24,7 @@ from fem_reference.linear_response.superposition import superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Cover, Indenter
+from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
@@ -44,26 +45,24 @@ _WINDOW = 1.35
 _FULL = 0.98
 
 
-def study_path(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
+def study_path(path: LoadingPath, place: Place | None, progress: Progress, refinement: int = 0) -> GridStudy:
     """Solve a frictionless loading path on three grids.
 
     Args:
         path: Cover, indenter, and target loads or depths.
-        place: Array, and pose of the indenter.
+        place: Array, and pose of the indenter; required on a cover of limited size, see `solve_path`.
         progress: Called with a line of text before each solve.
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
 
     Returns:
-        The solutions of every target with the element sizes and the error of the base response.
+        The solutions of every target, and how they converge.
     """
-    base_response = _solve_base_response(path, place, progress)
     return GridStudy(
         solutions=solve_path(path, place, progress, refinement),
         least_order=1.0,
         most_order=1.0,
         extrapolate=path.indenter.is_flat,
         least_error=_LEAST_ERROR,
-        base_error=base_response.error_estimate["peak_texel"],
         assumptions={},
     )
 
@@ -131,8 +130,17 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: Texe
         overlap=0.0,
         contact=contact,
         base_forces=partial(superpose, contact, base_response),
+        base_error=partial(_estimate_base_error, contact, base_response),
         energy=float(patch.force @ work) / 2,
     )
+
+
+def _estimate_base_error(
+    contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: PlanarPose, texel: int
+) -> float:
+    """Estimate the relative error of a texel force due to the base response, from its three grids [-]."""
+    values = [float(superpose(contact, each, array, pose)[texel]) for each in base_response.on_grids]
+    return grid_convergence(values, base_response.sizes) / abs(values[-1]) if values[-1] else 0.0
 
 
 def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:

@@ -15,7 +15,7 @@ square cover with a square array, the solutions of the two mixed parities are eq
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -161,6 +161,16 @@ class SolidInfluence:
         whole = np.einsum("ax,by,ab,xy->", at_x, at_y, loads, grid.whole, optimize=True)
         return np.append(texels, whole - np.sum(texels))
 
+    @property
+    def on_grids(self) -> tuple[SolidInfluence, ...]:
+        """The solutions on three grids, coarsest first; the last is this solution."""
+        return tuple(replace(self, grids=(each,)) for each in self.grids)
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Element sizes of the three grids, coarsest first; only their ratios are used [-]."""
+        return tuple(1 / resolution.across for resolution in GRIDS)
+
     @cached_property
     def error_estimate(self) -> dict[str, float]:
         """Estimated relative errors of the response: `total_force`, `peak_texel` and `sigma` [-].
@@ -168,7 +178,7 @@ class SolidInfluence:
         `peak_texel` is the largest error, over all texels, of the force on a texel under a load above its centre.
         `sigma`, the width of the response, is represented by the half width of the middle texel's response.
         """
-        sizes = [1 / resolution.across for resolution in GRIDS]
+        sizes = self.sizes
         centres = self.array.centres[:, :2]
         own = np.array([np.diag(self._evaluate(grid, centres)) for grid in self.grids])
         widths = [self._find_half_width(grid) for grid in self.grids]

@@ -7,7 +7,7 @@ integrals of the base pressure over rectangles, interpolated in a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -42,8 +42,12 @@ class TexelInfluence(Protocol):
         """Thickness of the cover [m]."""
 
     @property
-    def error_estimate(self) -> dict[str, float]:
-        """Estimated relative errors `total_force`, `peak_texel` and `sigma` [-]."""
+    def on_grids(self) -> Sequence[TexelInfluence]:
+        """The solutions on three grids, coarsest first; the last is this solution."""
+
+    @property
+    def sizes(self) -> Sequence[float]:
+        """Element sizes of the three grids, coarsest first; only their ratios are used [-]."""
 
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the force on each of n texels per unit point load at each of k positions, shape (k, n) [-]."""
@@ -139,6 +143,16 @@ class PointSpread:
         """
         return self._base.outside(array, np.atleast_2d(np.asarray(positions, dtype=float)))
 
+    @property
+    def on_grids(self) -> tuple[PointSpread, ...]:
+        """The solutions on three grids, coarsest first; the last is this solution."""
+        return (*self.coarse, self)
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Element sizes of the three grids, coarsest first [thicknesses]."""
+        return tuple(1 / n for n in GRIDS)
+
     @cached_property
     def error_estimate(self) -> dict[str, float]:
         """Estimated relative errors of the response: `total_force`, `peak_texel` and `sigma` [-].
@@ -146,8 +160,7 @@ class PointSpread:
         `peak_texel` is the error of the force on a square texel as wide as the cover is thick, under a point load.
         `sigma`, the width of the response, is represented by the half width of the base pressure.
         """
-        grids = (*self.coarse, self)
-        sizes = [1 / n for n in GRIDS]
+        grids, sizes = self.on_grids, self.sizes
         patch = TexelArray.grid(1, 1, self.thickness)
         peaks = [float(grid.texel_response(patch)[0]) for grid in grids]
         widths = [grid.half_width for grid in grids]

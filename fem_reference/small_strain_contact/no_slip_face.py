@@ -174,17 +174,18 @@ def _find_constrained(number: list[IntArray], symmetric: tuple[bool, bool], *, b
         number: Indices of the displacements along x, y and z at the nodes, each of shape (nodes along x, y, z).
         symmetric: Whether x = 0 and y = 0 are planes of symmetry.
         bonded: Whether the base holds all displacements, not only the normal one.
-        wide: Whether the displacements on the outer boundary are zero.
+        wide: Whether the outer boundary is held: all displacements above a bonded base, and the one normal to the
+            boundary above a sliding base, where the others would press on the base.
     """
     parts = [number[axis][:, :, 0] for axis in range(3) if bonded or axis == 2]  # noqa: PLR2004 -- normal
     for axis, mirror in enumerate(symmetric):
-        first, last = (np.take(each, 0, axis) for each in number), (np.take(each, -1, axis) for each in number)
+        held = number if bonded else [number[axis]]
         if mirror:
             parts.append(np.take(number[axis], 0, axis))
         elif wide:
-            parts += list(first)
+            parts += [np.take(each, 0, axis) for each in held]
         if wide:
-            parts += list(last)
+            parts += [np.take(each, -1, axis) for each in held]
     return np.unique(np.concatenate([part.ravel() for part in parts]))
 
 

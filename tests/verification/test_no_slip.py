@@ -19,6 +19,7 @@ from fem_reference.closed_form import (
 )
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation import no_slip
 from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
 from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
@@ -172,3 +173,15 @@ def test_elements_of_order_three_stiffen_alike_without_slip(size):
         held.force / free.force, rel=sticks.error_estimate["total_force"]
     )
     assert sticks.error_estimate["total_force"] < 0.01
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+def test_a_sliding_base_carries_the_load_of_a_face_without_slip(nu):
+    """The outer boundary must not press a sliding cover onto its base."""
+    rubber = Material(
+        name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=nu, source="assumed"
+    )
+    cover = Cover(layers=(Layer(thickness=2e-3, material=rubber),), base="sliding")
+    for face in press_face(cover, Box(size=(4e-3, 4e-3, 4e-3)), PlanarPose(), no_slip.FACE_GRIDS[0]):
+        whole = face.base.sum() * (1 + face.symmetric[0]) * (1 + face.symmetric[1])
+        assert whole == pytest.approx(face.force, rel=1e-6)
