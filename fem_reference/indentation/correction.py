@@ -40,7 +40,7 @@ CONTACT_ASSUMPTION = {
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
 #: Smallest estimated error of a loading path with friction: error of its steps and of the springs [-].
-LEAST_FRICTION_ERROR = 5e-3
+LEAST_FRICTION_ERROR = 0.015
 #: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
 #: smaller depths the effect is below the discretisation error [-].
 _SMALLEST_RESOLVED_DEPTH = 0.04

@@ -14,8 +14,8 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 #: which samples at the outline are divided [-].
 _SAMPLES, _PARTS = 801, 8
 #: Number of cells of the pattern that all grids repeat: smallest and largest number along an axis, largest number in
-#: all.  Patterns that are up to this factor finer are tried for one that fits the edges of the face better [-].
-_LEAST, _MOST, _MOST_IN_ALL, _FINER = 16, 96, 3600, 1.5
+#: all.  Grids that are up to this factor finer are tried for one that fits the edges of the face better [-].
+_LEAST, _MOST, _MOST_IN_ALL, _FINER = 16, 96, 3600, 1.2
 #: Number of cells across the walls of a face, and per thickness of the top layer, where a pattern is repeated nine
 #: times [-].
 _PER_WALL, _PER_LAYER = 45, 4
@@ -23,7 +23,7 @@ _PER_WALL, _PER_LAYER = 45, 4
 _THIN_SHARE = 0.1
 #: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].
 _JUMP = 0.05
-#: Largest distance between an edge and a cell edge, over a cell of the pattern, that counts as a fit [-].
+#: Largest distance between an edge and a cell edge, over a cell, that counts as a fit [-].
 _FIT = 0.02
 
 #: Function that computes the gap between indenter and cover [m] from x and y [m]; inf where no contact is possible.
@@ -130,9 +130,9 @@ class CellGrid:
 def choose_counts(half: FloatArray, face: Face | None, layer: float, cells: int) -> IntArray:
     """Choose the numbers of cells along x and y that divide a rectangle.
 
-    All grids repeat one pattern of cells, so that the ratio of their cell sizes is exact.  The pattern has at least 16
-    cells along each axis, more where walls of the face or the top layer are thin, and is chosen so that straight edges
-    of the face along x or y coincide with edges of cells.
+    All grids repeat one pattern of cells, which has at least 16 cells along each axis, more where walls of the face or
+    the top layer are thin.  Every grid is then made finer until straight edges of the face along x or y coincide with
+    edges of cells.
 
     Args:
         half: Half widths of the rectangle, shape (2,) [m].
@@ -152,8 +152,8 @@ def choose_counts(half: FloatArray, face: Face | None, layer: float, cells: int)
     excess = pattern.prod() / _MOST_IN_ALL
     if excess > 1:
         pattern = np.maximum(pattern / np.sqrt(excess), _LEAST)
-    fitted = [_fit_edges(int(np.ceil(n)), each) for n, each in zip(pattern, edges, strict=True)]
-    return cells // _LEAST * np.array(fitted)
+    counts = cells // _LEAST * np.ceil(pattern).astype(int)
+    return np.array([_fit_edges(int(n), each) for n, each in zip(counts, edges, strict=True)])
 
 
 def _sample(gap: GapFunction, middle: FloatArray, half: FloatArray) -> FloatArray:
