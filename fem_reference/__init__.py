@@ -12,17 +12,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fem_reference.errors import ConvergenceError
+    from fem_reference.errors import ConvergenceError, IncompletePathError
     from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
     from fem_reference.indentation.press import press, press_path
-    from fem_reference.indentation.result import IncompletePathError, Indentation
+    from fem_reference.indentation.result import Indentation
     from fem_reference.linear_response.point_spread import PointSpread, point_spread
 
 #: The module that defines each public name of this package.  A module is imported when one of its names is first used,
 #: so that `fem_reference.result_store` can be used where scikit-fem is not installed.
 _MODULES = {
     "ConvergenceError": "fem_reference.errors",
-    "IncompletePathError": "fem_reference.indentation.result",
+    "IncompletePathError": "fem_reference.errors",
     "Squeezed": "fem_reference.finite_strain.bonded_disk",
     "compress_disk": "fem_reference.finite_strain.bonded_disk",
     "Indentation": "fem_reference.indentation.result",

@@ -1,5 +1,10 @@
 """Exceptions that several solvers of `fem_reference` raise."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
 
 class ConvergenceError(RuntimeError):
     """An iterative solver stopped before it reached its tolerance."""
@@ -7,3 +12,16 @@ class ConvergenceError(RuntimeError):
 
 class TooShallowError(ConvergenceError):
     """Nothing touches on the grid of the contact, because the load or depth is too small for it."""
+
+
+class IncompletePathError(ConvergenceError):
+    """A loading path stopped before its last target load or depth.
+
+    Attributes:
+        reached: Results (`Indentation`) of the targets that were reached on all grids, then that of the largest load or
+            depth that was reached on all grids; empty if there is none.
+    """
+
+    def __init__(self, message: str, reached: Sequence[Any]) -> None:
+        super().__init__(message)
+        self.reached = list(reached)

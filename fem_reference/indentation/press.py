@@ -14,10 +14,11 @@ from functools import partial
 
 import numpy as np
 
+from fem_reference.errors import IncompletePathError
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import GridStudy
-from fem_reference.indentation.result import IncompletePathError, Indentation, combine_grids
+from fem_reference.indentation.result import Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.pose import Place, PlanarPose

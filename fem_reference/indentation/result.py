@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem_reference.errors import ConvergenceError
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
@@ -72,19 +71,6 @@ class Indentation:
     assumptions: dict[str, str]
     warnings: tuple[str, ...]
     seconds: float
-
-
-class IncompletePathError(ConvergenceError):
-    """A loading path stopped before its last target load or depth.
-
-    Attributes:
-        reached: Results of the targets that were reached on all grids, then that of the largest load or depth that was
-            reached on all grids; empty if there is none.
-    """
-
-    def __init__(self, message: str, reached: Sequence[Indentation]) -> None:
-        super().__init__(message)
-        self.reached = list(reached)
 
 
 def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place, *, seconds: float) -> Indentation:

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem_reference.errors import ConvergenceError, TooShallowError
+from fem_reference.errors import ConvergenceError, IncompletePathError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation.result import IncompletePathError, Indentation
+from fem_reference.indentation.result import Indentation
 from fem_reference.materials.stability import describe_instability
 
 #: Load or depth that is solved again on all grids, over the largest one that the failed solution reached [-].

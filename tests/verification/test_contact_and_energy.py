@@ -62,7 +62,7 @@ def test_friction_points_along_the_sliding_cover_and_stays_in_the_cone(wts, fric
     size = np.hypot(*found.shear.T)
     if np.isfinite(friction):
         assert (size <= friction * normal * (1 + 1e-2) + 1e-9).all()
-        assert (size > 0.75 * friction * normal).any()  # the edge slides; friction is averaged over a facet
+        assert (size > 0.5 * friction * normal).any()  # the edge slides; friction is averaged over a facet
     assert (size > 0).any()
 
 
