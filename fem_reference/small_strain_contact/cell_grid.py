@@ -23,6 +23,8 @@ _PER_WALL, _PER_LAYER = 45, 4
 _THIN_SHARE = 0.1
 #: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].
 _JUMP = 0.05
+#: Largest jump of the width of a face over four samples at a straight edge, over that over two [-].
+_SHARP = 1.2
 #: Largest distance between an edge and a cell edge, over a cell, that counts as a fit [-].
 _FIT = 0.02
 
@@ -200,14 +202,17 @@ def _measure_walls(lines: BoolArray) -> float:
 def _find_edges(width: FloatArray) -> FloatArray:
     """Find the straight edges of a face from its width at every sample, as positions in samples.
 
-    At an edge the width jumps; the width of the sample that contains the edge tells the position within the sample.
+    At a straight edge the width jumps within one sample, and is the same before and after it, unlike along a curved
+    edge.  The width of the sample that contains the edge tells the position within the sample.
     """
-    before, after = width[:-2], width[2:]
-    middle = np.flatnonzero(np.abs(after - before) > _JUMP * width.max()) + 1
-    jump = width[middle + 1] - width[middle - 1]
-    position = middle + (width[middle + 1] - width[middle]) / jump
-    sharp = (position > middle - _FIT) & (position < middle + 1 + _FIT)
-    return np.asarray(position[sharp])
+    padded = np.pad(width, 2, mode="edge")
+    jump = np.abs(padded[3:-1] - padded[1:-3])
+    around = np.abs(padded[4:] - padded[:-4])
+    largest = ndimage.maximum_filter1d(jump, 3, mode="constant")
+    middle = np.flatnonzero((jump > _JUMP * width.max()) & (jump == largest) & (around < _SHARP * jump))
+    middle = middle[np.diff(middle, prepend=-2) > 1]  # an edge between two samples is found in both
+    before, own, after = (padded[middle + shift] for shift in (1, 2, 3))
+    return np.asarray(middle + (after - own) / (after - before))
 
 
 def _fit_edges(least: int, edges: FloatArray) -> int:

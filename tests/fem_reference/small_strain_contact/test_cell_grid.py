@@ -53,6 +53,19 @@ def test_edges_of_a_letter_fall_on_edges_of_cells():
         assert grid.match_area(L.gap, face).scale == pytest.approx(1, abs=1e-3)
 
 
+@pytest.mark.parametrize(("wall", "places"), [(0.8e-3, [0.1, 0.9]), (0.83e-3, [0.10375, 0.89625])])
+def test_each_edge_of_a_thin_frame_is_found_once(wall, places):
+    outer, hole = ([(s * a, t * a) for s, t in ((1, 1), (-1, 1), (-1, -1), (1, -1))] for a in (4e-3, 4e-3 - wall))
+    face = measure(Prism(points=tuple(outer), holes=(tuple(hole),)))
+    for edges in face.edges:
+        assert edges == pytest.approx(places, abs=1e-4)
+
+
+def test_a_round_face_has_no_straight_edges():
+    for edges in measure(Cylinder(radius=4e-3)).edges:
+        assert edges.size == 0
+
+
 @given(aspect=st.floats(1, 60), layer=st.floats(0.1e-3, 20e-3))
 @settings(max_examples=50, deadline=None)
 def test_slender_and_thin_ones_are_resolved(aspect, layer):
