@@ -140,10 +140,8 @@ def wide(poisson_ratio: float) -> dict[str, float]:
     places = loads()
 
     def answer(elements: int) -> FloatArray:
-        data = solve_point_load(cover, elements_per_thickness=elements, reach=reach).extend(reach)
-        spread = PointSpread(
-            radius=data["radius"], pressure_per_force=data["pressure"], reaction=1.0, thickness=THICKNESS
-        )
+        data = solve_point_load(cover, elements_per_thickness=elements, reach=reach).pack("pad", reach)
+        spread = PointSpread.unpack(data, "pad", thickness=THICKNESS)
         felt = spread.texel_influence(array, places.reshape(-1, 2))
         return np.asarray(felt.reshape(*places.shape[:2], -1).mean(axis=1))
 

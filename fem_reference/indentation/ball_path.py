@@ -77,13 +77,7 @@ def press_ball(
     data = result_store.fetch("ball-path", inputs, compute)
     load = data["load"]
     base = tuple(
-        PointSpread(
-            radius=data[f"radius_{i}"],
-            pressure_per_force=data[f"pressure_{i}"] / load[i],
-            reaction=float(data[f"reaction_{i}"]) / load[i],
-            thickness=cover.thickness,
-        )
-        for i in range(len(load))
+        PointSpread.unpack(data, f"{i}", thickness=cover.thickness, force=force) for i, force in enumerate(load)
     )
     return BallPath(
         radius=radius, depth=data["depth"], load=load, contact_radius=np.sqrt(data["area"] / np.pi), base=base
@@ -116,6 +110,5 @@ def _solve(path: LoadingPath, progress: Callable[[str], None] | None) -> dict[st
         name: np.array([getattr(each, name) for each in states]) for name in ("load", "depth", "area")
     }
     for i, state in enumerate(states):
-        for name, values in state.base.extend(reach).items():
-            out[f"{name}_{i}"] = values
+        out |= state.base.pack(f"{i}", reach)
     return out

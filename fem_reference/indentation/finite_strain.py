@@ -214,8 +214,7 @@ def _solve_axisymmetric(
                 progress=name_grid(progress, count),
             )
             for i, state in enumerate(states):
-                for name, values in state.base.extend(reach).items():
-                    out[f"{name}_{count}_{i}"] = values
+                out |= state.base.pack(f"{count}_{i}", reach)
                 out[f"scalars_{count}_{i}"] = np.array(
                     [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
                 )
@@ -232,12 +231,7 @@ def _read_solution(data: Mapping[str, Any], count: int, target: int, path: Loadi
     """Build one axisymmetric solution from stored arrays; forces and depth are divided by the load scale."""
     key = f"{count}_{target}"
     load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
-    base = PointSpread(
-        radius=data[f"radius_{key}"],
-        pressure_per_force=data[f"pressure_{key}"] / load,
-        reaction=float(data[f"reaction_{key}"]) / load,
-        thickness=path.cover.thickness,
-    )
+    base = PointSpread.unpack(data, key, thickness=path.cover.thickness, force=load)
     force = load / path.load_scale
     points = divide_rings(data[f"rings_{key}"] / [1, path.load_scale, path.load_scale])
     return GridSolution(

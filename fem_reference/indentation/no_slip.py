@@ -193,7 +193,7 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
             if progress is not None:
                 progress(f"no slip, {count} elements through the cover")
             solved = press_stuck_disk(cover, radius, elements_per_thickness=count)
-            out |= {f"{name}_{count}": values for name, values in solved.base.extend(solved.reach).items()}
+            out |= solved.base.pack(f"{count}", solved.reach)
             out[f"contact_{count}"] = solved.rings
             out[f"tension_{count}"] = np.array(solved.tension)
         return out
@@ -217,12 +217,7 @@ def _read_disk(data: Mapping[str, Any], count: int, path: LoadingPath) -> GridSo
     """Build the solution of a flat punch of revolution at a depth of 1 m from stored arrays."""
     points = divide_rings(data[f"contact_{count}"])
     force = float(points[:, 2].sum())
-    base = PointSpread(
-        radius=data[f"radius_{count}"],
-        pressure_per_force=data[f"pressure_{count}"] / force,
-        reaction=float(data[f"reaction_{count}"]) / force,
-        thickness=path.cover.thickness,
-    )
+    base = PointSpread.unpack(data, f"{count}", thickness=path.cover.thickness, force=force)
     return GridSolution(
         size=1 / count,
         total_force=force,

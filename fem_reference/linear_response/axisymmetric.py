@@ -52,18 +52,18 @@ class BaseResponse:
     pressure: FloatArray
     reaction: float
 
-    def extend(self, reach: float) -> dict[str, Any]:
+    def pack(self, key: str, reach: float) -> dict[str, Any]:
         """Extend the base pressure to the axis by symmetry, and to zero at the outer boundary, radius `reach` [m].
 
         Returns:
-            `radius` and `pressure`, shape (m + 2,) each, and `reaction`.
+            `radius_KEY` and `pressure_KEY`, shape (m + 2,) each, and `reaction_KEY`, for the result store.
         """
         r, p = self.radius, self.pressure
         around_axis = CubicSpline(np.r_[-r[3::-1], r[:4]], np.r_[p[3::-1], p[:4]])
         return {
-            "radius": np.r_[0.0, r, reach],
-            "pressure": np.r_[around_axis(0.0), p, 0.0],
-            "reaction": self.reaction,
+            f"radius_{key}": np.r_[0.0, r, reach],
+            f"pressure_{key}": np.r_[around_axis(0.0), p, 0.0],
+            f"reaction_{key}": self.reaction,
         }
 
 

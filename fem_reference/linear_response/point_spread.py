@@ -7,8 +7,8 @@ integrals of the base pressure over rectangles, interpolated in a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
@@ -73,6 +73,23 @@ class PointSpread:
     reaction: float
     thickness: float
     coarse: tuple[PointSpread, ...] = ()
+
+    @classmethod
+    def unpack(cls, data: Mapping[str, Any], key: str, *, thickness: float, force: float = 1.0) -> PointSpread:
+        """Build the base pressure per unit load from arrays that `BaseResponse.pack` returned.
+
+        Args:
+            data: Arrays by name.
+            key: Suffix of their names.
+            thickness: Thickness of the cover [m].
+            force: Force under which the stored pressure was computed [N]; 1 if it is per unit load [-].
+        """
+        return cls(
+            radius=data[f"radius_{key}"],
+            pressure_per_force=data[f"pressure_{key}"] / force,
+            reaction=float(data[f"reaction_{key}"]) / force,
+            thickness=thickness,
+        )
 
     @property
     def reach(self) -> float:
@@ -212,23 +229,12 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
             if progress is not None:
                 progress(f"axisymmetric solve, {n} elements through the cover")
             response = solve_point_load(cover, elements_per_thickness=n, reach=reach)
-            for name, values in response.extend(reach).items():
-                out[f"{name}_{n}"] = values
+            out |= response.pack(f"{n}", reach)
         return out
 
     data = result_store.fetch("point-spread", {"cover": cover, "reach": reach, "grids": GRIDS}, compute)
-    grids: list[PointSpread] = []
-    for n in GRIDS:
-        grids.append(
-            PointSpread(
-                radius=data[f"radius_{n}"],
-                pressure_per_force=data[f"pressure_{n}"],
-                reaction=float(data[f"reaction_{n}"]),
-                thickness=cover.thickness,
-                coarse=tuple(grids) if n == GRIDS[-1] else (),
-            )
-        )
-    return grids[-1]
+    *coarse, finest = (PointSpread.unpack(data, f"{n}", thickness=cover.thickness) for n in GRIDS)
+    return replace(finest, coarse=tuple(coarse))
 
 
 def load_texel(
