@@ -38,7 +38,9 @@ Every error about a user's input is a `FastModelError`, which is a `ValueError`.
 from importlib.metadata import version
 
 from fastmodel.adapters.batch import Batch
+from fastmodel.attachment import attach, recommend_options
 from fastmodel.bench import FastIndentation, Placement, add_geoms, add_indenter, indent, indent_together
+from fastmodel.check import OptionWarning
 from fastmodel.contact.area import AreaTexels
 from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
@@ -61,7 +63,7 @@ from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_c
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.pressure.cover_kernels import CoverCells
-from fastmodel.sensor import OptionWarning, RangeWarning, Sensor, attach, recommend_options
+from fastmodel.sensor import RangeWarning, Sensor
 from fastmodel.signal.butterworth import Butterworth, FilterBank
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame

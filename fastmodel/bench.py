@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fastmodel.attachment import recommend_options
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose, make_z_rotation
-from fastmodel.sensor import recommend_options
 from fastmodel.validity import describe_limits
 from meshes import Indenter
 from meshes.array_types import FloatArray

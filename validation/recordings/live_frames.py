@@ -72,8 +72,8 @@ def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) 
     """
     import mujoco
 
+    from fastmodel.attachment import attach, recommend_options
     from fastmodel.bench import add_indenter
-    from fastmodel.sensor import attach, recommend_options
 
     spec = mujoco.MjSpec()
     recommend_options(spec)
