@@ -67,6 +67,7 @@ from fastmodel.sensor import RangeWarning, Sensor
 from fastmodel.signal.butterworth import Butterworth, FilterBank
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame
+from fastmodel.signal.functions import ChainFunctions, ChainOutput, ChainState
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
 from fastmodel.validity import Validity
 
@@ -80,6 +81,9 @@ __all__ = [
     "Batch",
     "BoxTexels",
     "Butterworth",
+    "ChainFunctions",
+    "ChainOutput",
+    "ChainState",
     "ContactFit",
     "CoverCells",
     "CoverContact",

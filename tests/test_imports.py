@@ -16,7 +16,17 @@ PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
 ALLOWED = {
     "meshes": {"meshes", "numpy", "trimesh", "manifold3d"},
     "fem_reference": {"meshes", "fem_reference", "numpy", "scipy", "skfem", "pypardiso", "pymetis", "trimesh"},
-    "fastmodel": {"meshes", "fastmodel", "numpy", "scipy", "mujoco", "numba", "tomli_w", "gymnasium"},
+    "fastmodel": {
+        "meshes",
+        "fastmodel",
+        "numpy",
+        "scipy",
+        "mujoco",
+        "numba",
+        "tomli_w",
+        "gymnasium",
+        "array_api_compat",
+    },
     "validation/weiss": {"validation", "numpy", "serial"},
 }
 

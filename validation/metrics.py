@@ -280,7 +280,7 @@ def grey_by_line(forces: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     Returns:
         Grey levels 0..255, of the same shape [-].
     """
-    return grey_levels(WTS_0614_34.counts(forces), WTS_0614_34.output_max)
+    return np.asarray(grey_levels(WTS_0614_34.counts(forces), WTS_0614_34.output_max))
 
 
 # --- checks ------------------------------------------------------------------------------------------------

@@ -9,11 +9,13 @@ of its coefficients moves the poles; sections stay stable.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FilterError, ShapeError
+from fastmodel.signal.array_namespace import Array, find_namespace
 from meshes.array_types import FloatArray
 
 #: Highest accepted order of a filter [-].  Higher orders are not tested.
@@ -80,15 +82,62 @@ class Butterworth:
         return np.abs(response)
 
 
-class FilterBank:
-    """One low-pass filter applied to several signals, with separate states for each signal.
+class LowPass:
+    """A low-pass filter sampled at a rate, as pure functions of the states and samples of any number of signals.
 
-    In each step, one product with a constant matrix maps the states and the new sample of every signal to the next
-    states and the filtered sample.
+    States and samples are arrays of any library that follows the array API standard.  In each step, one product with a
+    constant matrix maps the states and the new sample of every signal to the next states and the filtered sample.
     """
 
+    def __init__(self, design: Butterworth | None, rate_hz: float, *, namespace: Any = np) -> None:  # noqa: ANN401
+        """Build the matrix of the filter.
+
+        Args:
+            design: The low-pass filter; None passes every sample unchanged.
+            rate_hz: Sampling rate [Hz].
+            namespace: Module of the arrays, for example `numpy` or `jax.numpy`.
+
+        Raises:
+            FilterError: If the cut-off is not below half the sampling rate.
+        """
+        sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
+        self._transition = namespace.asarray(_combine(sections))
+        # Every section has unit gain at zero frequency, so its input and output are equal in the steady state.
+        b0, b2, a2 = sections[:, 0], sections[:, 2], sections[:, 5]
+        self._steady = namespace.asarray(np.append(np.column_stack([1.0 - b0, b2 - a2]).ravel(), 1.0))
+
+    def settle(self, values: Array) -> Array:
+        """Return the steady states under constant input, two for each of s sections and the filtered sample.
+
+        Args:
+            values: Constant input of every signal, any shape [any unit].
+
+        Returns:
+            The states, shape (2 s + 1, *shape of the values); the last entry is the filtered sample.
+        """
+        return find_namespace(values).reshape(self._steady, (-1, *(1,) * values.ndim)) * values
+
+    def step(self, states: Array, values: Array) -> Array:
+        """Return the states after one more sample; the last entry is the filtered sample.
+
+        Args:
+            states: The states, shape (2 s + 1, *shape of the values).
+            values: New sample of every signal, any shape [unit of the input].
+        """
+        xp, count = find_namespace(values), self._transition.shape[0]
+        if count == 1:  # no filter
+            return values[None, ...]
+        before = xp.concat([states[:-1, ...], values[None, ...]])
+        if values.ndim == 1:
+            return self._transition @ before
+        return xp.reshape(self._transition @ xp.reshape(before, (count, -1)), before.shape)
+
+
+class FilterBank:
+    """One low-pass filter applied to several signals, with separate states for each signal; see `LowPass`."""
+
     def __init__(self, design: Butterworth | None, rate_hz: float, count: int) -> None:
-        """Build the matrix of the filter, and set all states to zero.
+        """Build the filter, and set all states to zero.
 
         Args:
             design: The low-pass filter; None passes every sample unchanged.
@@ -98,10 +147,8 @@ class FilterBank:
         Raises:
             FilterError: If the cut-off is not below half the sampling rate.
         """
-        self._sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
-        self._transition = _combine(self._sections)
-        # Two states per section and, in the last row, the sample.
-        self._states = np.zeros((len(self._transition), count))
+        self._filter = LowPass(design, rate_hz)
+        self._states = self._filter.settle(np.zeros(count))
 
     @property
     def filtered(self) -> FloatArray:
@@ -114,11 +161,7 @@ class FilterBank:
         Args:
             values: Constant input of every signal, a number or shape (count,) [any unit].
         """
-        self._states[-1] = values
-        for k, (b0, _, b2, _, _, a2) in enumerate(self._sections):
-            # Every section has unit gain at zero frequency, so its input and output are equal in the steady state.
-            self._states[2 * k] = (1.0 - b0) * self.filtered
-            self._states[2 * k + 1] = (b2 - a2) * self.filtered
+        self._states = self._filter.settle(np.broadcast_to(values, self.filtered.shape))
 
     def step(self, values: npt.ArrayLike) -> FloatArray:
         """Filter one sample of every signal.
@@ -134,8 +177,7 @@ class FilterBank:
         """
         if np.shape(values) != self.filtered.shape:
             raise ShapeError(f"the filter takes samples of shape {self.filtered.shape}, not {np.shape(values)}")
-        self._states[-1] = values
-        self._states = self._transition @ self._states
+        self._states = self._filter.step(self._states, np.asarray(values, dtype=np.float64))
         return self.filtered.copy()
 
 

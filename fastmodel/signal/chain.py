@@ -11,9 +11,9 @@ import numpy as np
 
 from fastmodel.contact.interface import Reading
 from fastmodel.parameters import Parameters
-from fastmodel.signal.butterworth import FilterBank
 from fastmodel.signal.frame import Frame
-from fastmodel.signal.point_spread import build_operator
+from fastmodel.signal.functions import ChainFunctions
+from meshes.array_types import FloatArray
 
 
 class SignalChain:
@@ -35,14 +35,8 @@ class SignalChain:
         Raises:
             FilterError: If the filter's cut-off is not below half the sampling rate.
         """
-        array = parameters.array
-        self._array, self._electronics = array, parameters.electronics
-        self._inactive = None if array.active.all() else ~array.active
-        self._operator = build_operator(parameters.spread, array) if spreads else None
-        # One signal per texel and, as the last signal, the total force, so that `outside` passes through the same
-        # filter.
-        self._filter = FilterBank(parameters.filter, rate_hz, array.count + 1)
-        self._sample = np.zeros(array.count + 1)
+        self._electronics, self._count = parameters.electronics, parameters.array.count
+        self._functions = ChainFunctions(parameters, rate_hz, spreads=spreads)
         self.outside = 0.0
 
     def settle(self, reading: Reading) -> None:
@@ -51,8 +45,7 @@ class SignalChain:
         Args:
             reading: The constant contact forces.
         """
-        self._filter.settle(self._signals(reading))
-        self._hysteresis = np.zeros(self._array.count)
+        self._state = self._functions.settle(_pressing(reading), reading.carried)
         self._noise = np.random.default_rng(self._electronics.seed)
 
     def take(self, reading: Reading) -> None:
@@ -61,7 +54,9 @@ class SignalChain:
         Args:
             reading: The contact forces of the sample.
         """
-        self._filter.step(self._signals(reading))
+        signals = np.empty(self._count + 1)
+        signals[:-1], signals[-1] = _pressing(reading), reading.carried
+        self._state = self._functions.take_signals(self._state, signals)
 
     def frame(self, time: float, *, noisy: bool = True) -> Frame:
         """Make a frame from the latest filtered sample.
@@ -70,21 +65,11 @@ class SignalChain:
             time: Time of the latest sample [s].
             noisy: Whether to add the noise of the electronics.
         """
-        electronics, filtered = self._electronics, self._filter.filtered
-        forces = filtered[:-1].copy() if self._operator is None else self._operator @ filtered[:-1]
-        self.outside = float(filtered[-1] - forces.sum())
-        delayed = electronics.apply_hysteresis(forces, self._hysteresis)
-        counts = electronics.counts(delayed, self._noise if noisy else None)
-        if self._inactive is not None:
-            counts[self._inactive] = 0
-        image = electronics.image(counts).reshape(self._array.rows, self._array.columns)
-        return Frame(time=time, counts=counts, texel_forces=forces, image=image)
+        self._state, made = self._functions.frame(self._state, self._noise if noisy else None)
+        self.outside = float(made.outside)
+        return Frame(time=time, counts=made.counts, texel_forces=made.texel_forces, image=made.image)
 
-    def _signals(self, reading: Reading) -> np.ndarray:
-        """Return the inputs of the filter: force on each of n texels, then the total force, shape (n + 1,) [N].
 
-        The texel forces are those at the base of the cover if the contact method computes them.
-        """
-        forces = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
-        self._sample[:-1], self._sample[-1] = forces, reading.carried
-        return self._sample
+def _pressing(reading: Reading) -> FloatArray:
+    """Return the texel forces of a reading, at the base of the cover if the contact method computes them, (n,) [N]."""
+    return reading.contact_forces if reading.texel_forces is None else reading.texel_forces

@@ -2,6 +2,9 @@
 
 The force on each texel passes the stages hysteresis, temperature, noise, characteristic, gain, threshold, saturation,
 rounding to whole counts, and 8-bit grey, in this order.  Hysteresis, temperature and noise are off by default.
+
+All functions take arrays of any library that follows the array API standard, with any number of dimensions before that
+of the texels, and change none of them.
 """
 
 from __future__ import annotations
@@ -12,9 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
-from meshes.array_types import FloatArray, IntArray
-
-GreyArray = npt.NDArray[np.uint8]
+from fastmodel.signal.array_namespace import Array, as_floats, find_namespace, round_half_to_even
 
 #: Grey level of white in an 8-bit image [-].
 WHITE = 255
@@ -115,8 +116,8 @@ class Electronics:
         """Factor by which the temperature changes the measured force: 1 + coefficient * excess [-]."""
         return 1.0 + self.temperature_coefficient * self.temperature_excess
 
-    def apply_hysteresis(self, forces: FloatArray, play: FloatArray) -> FloatArray:
-        """Return the forces on n texels after rate-independent hysteresis, shape (n,) [N].
+    def apply_hysteresis(self, forces: Array, play: Array) -> tuple[Array, Array]:
+        """Return the forces on n texels after rate-independent hysteresis, and the outputs of the play operators.
 
         The share `hysteresis_share` of each force passes through a play operator.  The output of the play operator
         stays constant while the input differs from the output by at most `hysteresis_width`.  Otherwise the output
@@ -124,63 +125,78 @@ class Electronics:
         Source: Visintin, Differential Models of Hysteresis (1994), section III.2.
 
         Args:
-            forces: Texel forces of the next frame, shape (n,) [N].
-            play: Output of each texel's play operator, shape (n,); updated in place [N].
+            forces: Texel forces of the next frame, shape (..., n) [N].
+            play: Output of each texel's play operator at the last frame, shape (..., n) [N].
+
+        Returns:
+            Forces after hysteresis and new outputs of the play operators, each of shape (..., n) [N].
         """
         if self.hysteresis_share == 0:
-            return forces
-        np.clip(play, forces - self.hysteresis_width, forces + self.hysteresis_width, out=play)
-        return np.asarray((1 - self.hysteresis_share) * forces + self.hysteresis_share * play)
+            return forces, play
+        xp = find_namespace(forces)
+        followed = xp.clip(play, forces - self.hysteresis_width, forces + self.hysteresis_width)
+        return (1 - self.hysteresis_share) * forces + self.hysteresis_share * followed, followed
 
-    def counts(self, forces: npt.ArrayLike, noise: np.random.Generator | None = None) -> IntArray:
-        """Convert the forces on n texels to counts, shape (..., n) [-].
+    def counts(self, forces: npt.ArrayLike | Array, noise: np.random.Generator | Array | None = None) -> Array:
+        """Convert the forces on n texels to counts, integers of shape (..., n) [-].
 
         Args:
             forces: Texel forces after filter, spread and hysteresis, shape (..., n) [N].
-            noise: Random generator of the noise; None for counts without noise.
+            noise: Random generator of the noise, for arrays of numpy; or independent numbers with the standard normal
+                distribution, shape (..., n) [-]; None for counts without noise.
 
         Raises:
             ShapeError: If the gains are for another number of texels.
         """
-        measured = np.asarray(forces, dtype=np.float64) * self.temperature_gain
+        xp = find_namespace(forces)
+        measured = as_floats(xp, forces)
+        if self.temperature_coefficient:
+            measured = measured * self.temperature_gain
         if noise is not None and self.noise > 0:
-            measured = measured + noise.normal(0.0, self.noise, measured.shape)
+            drawn = noise.standard_normal(measured.shape) if isinstance(noise, np.random.Generator) else noise
+            measured = measured + self.noise * drawn
         if self.characteristic is None:
             signal = self.sensitivity * measured + self.offset
         else:
-            signal = np.asarray(np.polynomial.polynomial.polyval(measured, self.characteristic), dtype=np.float64)
+            *others, last = self.characteristic
+            signal = xp.full_like(measured, last)
+            for coefficient in reversed(others):
+                signal = coefficient + signal * measured
         if self.gains is not None:
             if measured.shape[-1:] != (len(self.gains),):
                 raise ShapeError(f"there are gains for {len(self.gains)} texels, but forces of shape {measured.shape}")
-            signal = signal * np.asarray(self.gains)
-        signal = np.maximum(signal - self.threshold, 0.0)
-        return np.rint(saturate(signal, self.output_max, self.saturation_band)).astype(np.int64)
+            signal = signal * xp.asarray(self.gains, dtype=signal.dtype)
+        if self.threshold:
+            signal = signal - self.threshold
+        limited = saturate(xp.maximum(signal, 0.0), self.output_max, self.saturation_band)
+        return xp.astype(round_half_to_even(xp, limited), xp.int64)
 
-    def image(self, counts: npt.ArrayLike) -> GreyArray:
-        """Convert counts to grey levels 0..255, with white at `output_max`, same shape [-]."""
+    def image(self, counts: npt.ArrayLike | Array) -> Array:
+        """Convert counts to grey levels 0..255, with white at `output_max`, uint8 of the same shape [-]."""
         return grey_levels(counts, self.output_max)
 
 
-def saturate(counts: FloatArray, output_max: float, band: float) -> FloatArray:
+def saturate(counts: Array, output_max: float, band: float) -> Array:
     """Limit counts to a largest value; return the limited counts, same shape [-].
 
     Counts up to the knee output_max - band pass unchanged.  Above the knee the curve continues with slope one and
     approaches the largest count exponentially: output_max - band exp(-(counts - knee) / band).
 
     Args:
-        counts: Unlimited counts, any shape [-].
+        counts: Unlimited counts, floating-point numbers of any shape [-].
         output_max: Largest count [-].
         band: Counts between the knee and the largest count; 0 clips sharply [-].
     """
+    xp = find_namespace(counts)
     if band < _SHARP:
-        return np.minimum(counts, output_max)
+        return xp.minimum(counts, float(output_max))
     knee = output_max - band
-    bent = knee - band * np.expm1(-np.maximum(counts - knee, 0.0) / band)
-    return np.where(counts > knee, bent, counts)
+    bent = knee - band * xp.expm1(-xp.maximum(counts - knee, 0.0) / band)
+    return xp.where(counts > knee, bent, counts)
 
 
-def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
-    """Convert values to grey levels, round(255 values / full_scale) clipped to 0..255, same shape [-].
+def grey_levels(values: npt.ArrayLike | Array, full_scale: float) -> Array:
+    """Convert values to grey levels, round(255 values / full_scale) clipped to 0..255, uint8 of the same shape [-].
 
     All levels are 0 if the full scale is not positive.  Halves are rounded to the even level, as numpy does.
 
@@ -188,10 +204,12 @@ def grey_levels(values: npt.ArrayLike, full_scale: float) -> GreyArray:
         values: Counts [-] or forces [N], any shape.
         full_scale: Value that is shown white (255) [unit of the values].
     """
+    xp = find_namespace(values)
+    floats = as_floats(xp, values)
     if not full_scale > 0:
-        return np.zeros(np.shape(values), dtype=np.uint8)
-    ratio = np.asarray(values, dtype=np.float64) / full_scale
-    return np.asarray(np.rint(WHITE * np.minimum(np.maximum(ratio, 0.0), 1.0)), dtype=np.uint8)
+        return xp.zeros(floats.shape, dtype=xp.uint8)
+    grey = WHITE * xp.minimum(xp.maximum(floats / full_scale, 0.0), 1.0)
+    return xp.astype(round_half_to_even(xp, grey), xp.uint8)
 
 
 #: Electronics of the Weiss WTS 0614-34 in the 2015 report: counts are zero below 0.185 N and saturate from 1.646 N.

@@ -212,7 +212,7 @@ def _predict_counts(form: CurveForm, values: FloatArray, forces: FloatArray, abo
     signal = np.maximum(signal - form.threshold, 0.0)
     if not form.saturation:
         return np.asarray(signal)
-    return saturate(signal, shared["output_max"], abs(shared["saturation_band"]))
+    return np.asarray(saturate(signal, shared["output_max"], abs(shared["saturation_band"])))
 
 
 def _start_and_scale(form: CurveForm, forces: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -65,22 +65,27 @@ def test_every_fault_is_listed():
 
 def test_hysteresis_is_a_loop_of_the_stated_height_at_any_rate():
     electronics = dataclasses.replace(PLAIN, hysteresis_share=0.4, hysteresis_width=0.05)
-    play = np.zeros(1)
-    loading = [electronics.apply_hysteresis(np.array([f]), play)[0] for f in np.linspace(0, 1, 11)]
-    unloading = [electronics.apply_hysteresis(np.array([f]), play)[0] for f in np.linspace(1, 0, 11)][::-1]
+    loading, play = follow(electronics, np.linspace(0, 1, 11), np.zeros(1))
+    unloading = follow(electronics, np.linspace(1, 0, 11), play)[0][::-1]
     height = np.subtract(unloading, loading)[2:-2]
     np.testing.assert_allclose(height, 2 * 0.4 * 0.05)
     assert unloading[0] == pytest.approx(0.4 * 0.05)  # the remanence
-    slow, quick = np.zeros(1), np.zeros(1)
-    for f in np.linspace(0, 1, 500):
-        electronics.apply_hysteresis(np.array([f]), slow)
-    electronics.apply_hysteresis(np.ones(1), quick)
-    assert slow == pytest.approx(quick)
+    slow = follow(electronics, np.linspace(0, 1, 500), np.zeros(1))[1]
+    assert slow == pytest.approx(follow(electronics, [1.0], np.zeros(1))[1])
+
+
+def follow(electronics, path, play):
+    """Force after hysteresis at every step of a path, and the play at its end."""
+    found = []
+    for force in path:
+        delayed, play = electronics.apply_hysteresis(np.array([force]), play)
+        found.append(delayed[0])
+    return found, play
 
 
 def test_without_hysteresis_forces_pass_unchanged():
     forces, play = np.array([0.3, -0.1]), np.zeros(2)
-    assert PLAIN.apply_hysteresis(forces, play) is forces
+    assert PLAIN.apply_hysteresis(forces, play)[0] is forces
 
 
 def test_temperature_scales_the_measured_force():

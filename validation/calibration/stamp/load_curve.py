@@ -71,7 +71,7 @@ class LoadCurve:
             Counts, shape (..., n) [-].
         """
         signal = np.maximum(gains * (self.sensitivity * forces + self.offset) - THRESHOLD, 0.0)
-        return saturate(signal, self.output_max, self.saturation_band)
+        return np.asarray(saturate(signal, self.output_max, self.saturation_band))
 
     def electronics(self, rate_hz: float, gains: FloatArray | None = None) -> Electronics:
         """Return the curve as electronics of the fast model.

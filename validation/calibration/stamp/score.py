@@ -283,7 +283,7 @@ class _SplitTable:
         """Convert counts, shape (n,), to grey levels, shape (rows, columns); masked texels are black."""
         array = self._sensor.array
         grey = grey_levels(np.where(array.active, counts, 0.0), self._shown.full_scale)
-        return grey.reshape(array.rows, array.columns)
+        return np.asarray(grey).reshape(array.rows, array.columns)
 
     def _add_row(
         self,

@@ -22,6 +22,7 @@ _PARTS = {
     "report": "demo, validate",
     "device": "the real sensor and its files",
     "gym": "reinforcement-learning wrapper",
+    "torch": "signal chain on arrays of PyTorch",
     "view": "press --out: fields.vtu",
 }
 

@@ -1,0 +1,152 @@
+"""The signal chain as pure functions over many worlds at once, for arrays of numpy, JAX or PyTorch.
+
+The contact forces come from anywhere, for example from a simulator that runs thousands of worlds on a graphics card:
+
+    functions = ChainFunctions(parameters, rate_hz=1000.0, namespace=jax.numpy)
+    state = functions.settle(forces)                         # forces: (worlds, texels) [N]
+    state = jax.jit(functions.take)(state, forces)           # one more sample
+    state, output = jax.jit(functions.frame)(state)          # output.image: (worlds, rows, columns)
+
+No function changes its arguments.  `SignalChain`, the chain of a `Sensor`, calls the same functions.  Arrays of any
+library that follows the array API standard (2024.12) are accepted, with any number of dimensions before that of the
+texels.  Tests run with numpy, array-api-strict and JAX.  Arrays of PyTorch need the package array-api-compat and are
+not tested.  JAX computes with 32 bits unless `jax.config.update("jax_enable_x64", True)` was called; with 32 bits
+counts may differ by one.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastmodel.parameters import Parameters
+from fastmodel.signal.array_namespace import Array, find_namespace
+from fastmodel.signal.butterworth import LowPass
+from fastmodel.signal.point_spread import build_operator
+
+
+class ChainState(NamedTuple):
+    """The state of the signal chain of n texels.
+
+    Attributes:
+        filter: States of the low-pass filter of every texel and, as the last signal, of the total force, shape (k, ...,
+            n + 1); the last of the k entries is the filtered sample [N].
+        play: Output of each texel's play operator, which models hysteresis, shape (..., n) [N].
+    """
+
+    filter: Array
+    play: Array
+
+
+class ChainOutput(NamedTuple):
+    """The values of one frame of n texels, see `Frame`.
+
+    Attributes:
+        counts: Output of the sensor, integers of shape (..., n) [-].
+        image: The counts as grey levels, uint8 of shape (..., rows, columns) [-].
+        texel_forces: Filtered and spread texel forces, shape (..., n) [N].
+        outside: Part of the filtered contact force that no texel measures, shape (...) [N].
+    """
+
+    counts: Array
+    image: Array
+    texel_forces: Array
+    outside: Array
+
+
+class ChainFunctions:
+    """Filter, point spread, characteristic and image of one sensor, as pure functions."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        rate_hz: float,
+        *,
+        spreads: bool = True,
+        namespace: Any = np,  # noqa: ANN401 -- modules have no common type
+    ) -> None:
+        """Build the matrices of filter and point spread.
+
+        Args:
+            parameters: The array of n texels, its cover and its electronics.
+            rate_hz: Samples of the contact forces per second [Hz].
+            spreads: Whether the functions apply the point spread; False for forces at the base of the cover, which the
+                contact method `cover` computes.
+            namespace: Module of the arrays, for example `numpy` or `jax.numpy`.
+
+        Raises:
+            FilterError: If the filter's cut-off is not below half the sampling rate.
+        """
+        array = parameters.array
+        self._electronics, self._shape = parameters.electronics, (array.rows, array.columns)
+        self._active = None if array.active.all() else namespace.asarray(array.active)
+        self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace)
+        self._spread = None
+        if spreads:
+            # a product with the transposed operator, because the texels are the last dimension
+            of_numpy = namespace is np
+            operator = build_operator(parameters.spread, array) if of_numpy else parameters.spread.operator(array)
+            self._spread = operator.T if of_numpy else namespace.asarray(operator.T.copy())
+
+    def settle(self, forces: Array, carried: Array | None = None) -> ChainState:
+        """Return the steady state under constant forces, without hysteresis.
+
+        Args:
+            forces: Constant contact force on each texel, shape (..., n) [N].
+            carried: Total force, shape (...) [N]; by default the sum of the forces.
+        """
+        signals = _join(forces, carried)
+        return ChainState(filter=self._low_pass.settle(signals), play=find_namespace(forces).zeros_like(forces))
+
+    def take(self, state: ChainState, forces: Array, carried: Array | None = None) -> ChainState:
+        """Return the state after one more sample of the contact forces.
+
+        Args:
+            state: The state before the sample.
+            forces: Contact force on each texel, shape (..., n) [N].
+            carried: Total force, shape (...) [N]; by default the sum of the forces.
+        """
+        return self.take_signals(state, _join(forces, carried))
+
+    def take_signals(self, state: ChainState, signals: Array) -> ChainState:
+        """Return the state after one more sample, see `take`.
+
+        Args:
+            state: The state before the sample.
+            signals: Contact force on each texel and, as the last entry, the total force, shape (..., n + 1) [N].
+        """
+        return ChainState(self._low_pass.step(state.filter, signals), state.play)
+
+    def frame(
+        self, state: ChainState, noise: np.random.Generator | Array | None = None
+    ) -> tuple[ChainState, ChainOutput]:
+        """Return the frame made from the latest sample, and the state after the frame.
+
+        Args:
+            state: The state after the latest sample.
+            noise: Random generator of the noise of the electronics, for arrays of numpy; or independent numbers with
+                the standard normal distribution, shape (..., n) [-]; None for frames without noise.
+        """
+        electronics, filtered = self._electronics, state.filter[-1, ..., :-1]
+        forces = filtered if self._spread is None else filtered @ self._spread
+        xp = find_namespace(forces)
+        delayed, play = electronics.apply_hysteresis(forces, state.play)
+        counts = electronics.counts(delayed, noise)
+        if self._active is not None:
+            counts = xp.where(self._active, counts, xp.zeros_like(counts))
+        image = xp.reshape(electronics.image(counts), (*counts.shape[:-1], *self._shape))
+        output = ChainOutput(
+            counts=counts,
+            image=image,
+            texel_forces=forces,
+            outside=state.filter[-1, ..., -1] - xp.sum(forces, axis=-1),
+        )
+        return ChainState(state.filter, play), output
+
+
+def _join(forces: Array, carried: Array | None) -> Array:
+    """Append the total force to the forces on n texels, shape (..., n + 1) [N]."""
+    xp = find_namespace(forces)
+    total = xp.sum(forces, axis=-1) if carried is None else xp.asarray(carried, dtype=forces.dtype)
+    return xp.concat([forces, total[..., None]], axis=-1)

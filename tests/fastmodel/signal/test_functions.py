@@ -1,0 +1,154 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters
+from fastmodel.contact.interface import Reading
+from fastmodel.signal.chain import SignalChain
+from fastmodel.signal.functions import ChainFunctions
+from meshes import TexelArray
+
+ARRAY = TexelArray.grid(5, 4, 3e-3)
+ARRAY = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 7 != 3)
+ELECTRONICS = dataclasses.replace(
+    WTS_0614_34,
+    noise=0.01,
+    threshold=20.0,
+    saturation_band=2000.0,
+    gains=tuple(np.linspace(0.8, 1.2, ARRAY.count)),
+    hysteresis_share=0.3,
+    hysteresis_width=0.04,
+    temperature_coefficient=0.004,
+    temperature_excess=10.0,
+)
+BENT = dataclasses.replace(ELECTRONICS, characteristic=(-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5), saturation_band=0.0)
+RATE = 1000.0
+WORLDS, SAMPLES, EVERY = 7, 12, 3
+
+
+def parameters(electronics=ELECTRONICS, **changes):
+    values = {"array": ARRAY, "spread": Gaussian.from_sigma(0.7), "filter": Butterworth(cutoff_hz=40.0, order=5)}
+    return Parameters(electronics=electronics, **{**values, **changes})
+
+
+def numpy():
+    return np
+
+
+def strict():
+    return pytest.importorskip("array_api_strict")
+
+
+def jax_with_64_bits():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 -- jax takes it so
+    return jax.numpy
+
+
+@pytest.fixture(params=[numpy, strict, pytest.param(jax_with_64_bits, marks=pytest.mark.slow)])
+def xp(request):
+    return request.param()
+
+
+def inputs():
+    """Contact forces of every sample, total forces, and noise of every frame, for all worlds."""
+    rng = np.random.default_rng(2)
+    forces = rng.uniform(0, 2, (SAMPLES, WORLDS, ARRAY.count))
+    return forces, forces.sum(axis=-1) + 0.25, rng.standard_normal((SAMPLES, WORLDS, ARRAY.count))
+
+
+def run(functions, xp, forces, carried, noise):
+    """The frames, made after every third sample."""
+    state = functions.settle(xp.asarray(forces[0]), xp.asarray(carried[0]))
+    made = []
+    for k in range(SAMPLES):
+        state = functions.take(state, xp.asarray(forces[k]), xp.asarray(carried[k]))
+        if k % EVERY == 0:
+            state, output = functions.frame(state, xp.asarray(noise[k]))
+            made.append(output)
+    return made
+
+
+@pytest.mark.parametrize("spreads", [True, False])
+@pytest.mark.parametrize("electronics", [ELECTRONICS, BENT], ids=["line", "polynomial"])
+def test_many_worlds_in_any_library_give_what_each_world_gives_alone(xp, electronics, spreads):
+    forces, carried, noise = inputs()
+    given = parameters(electronics)
+    together = run(ChainFunctions(given, RATE, spreads=spreads, namespace=xp), xp, forces, carried, noise)
+    alone = ChainFunctions(given, RATE, spreads=spreads)
+    for world in range(WORLDS):
+        singles = run(alone, np, forces[:, world], carried[:, world], noise[:, world])
+        for one, all_worlds in zip(singles, together, strict=True):
+            mine = {name: np.asarray(values[world, ...]) for name, values in all_worlds._asdict().items()}
+            np.testing.assert_allclose(mine["texel_forces"], one.texel_forces, atol=1e-12)
+            np.testing.assert_allclose(mine["outside"], one.outside, atol=1e-12)
+            np.testing.assert_array_equal(mine["counts"], one.counts)
+            np.testing.assert_array_equal(mine["image"], one.image)
+            assert mine["image"].shape == (5, 4)
+            assert mine["image"].dtype == np.uint8
+            assert mine["counts"].dtype == np.int64
+            assert mine["counts"].any()
+
+
+def test_the_chain_of_a_sensor_computes_the_same():
+    forces, carried, noise = (values[:, 0] for values in inputs())
+    quiet = parameters(dataclasses.replace(ELECTRONICS, noise=0.0))
+    expected = run(ChainFunctions(quiet, RATE), np, forces, carried, noise)
+    chain = SignalChain(quiet, RATE, spreads=True)
+    chain.settle(Reading(forces[0], None, carried[0]))
+    for k in range(SAMPLES):
+        chain.take(Reading(forces[k], None, carried[k]))
+        if k % EVERY == 0:
+            frame, one = chain.frame(k / RATE), expected.pop(0)
+            np.testing.assert_array_equal(frame.texel_forces, one.texel_forces)
+            np.testing.assert_array_equal(frame.counts, one.counts)
+            np.testing.assert_array_equal(frame.image, one.image)
+            assert chain.outside == one.outside
+
+
+@pytest.mark.slow
+def test_jax_compiles_the_functions_and_differentiates_them():
+    jax_with_64_bits()
+    import jax
+
+    functions = ChainFunctions(parameters(), RATE, namespace=jax.numpy)
+    forces, carried, noise = (jax.numpy.asarray(values) for values in inputs())
+    plain = run(functions, jax.numpy, forces, carried, noise)[-1]
+
+    @jax.jit
+    def roll(forces, carried, noise):
+        return run(functions, jax.numpy, forces, carried, noise)[-1]
+
+    compiled = roll(forces, carried, noise)
+    np.testing.assert_allclose(compiled.texel_forces, plain.texel_forces, atol=1e-12)
+    np.testing.assert_array_equal(compiled.counts, plain.counts)
+    # the sum of texel forces after one sample is linear in this sample: its gradient is the same for any sample
+    state = functions.settle(forces[0])
+    slope = jax.grad(lambda sample: functions.frame(functions.take(state, sample))[1].texel_forces.sum())(forces[1])
+    low_pass = parameters().filter.sections(RATE)
+    gain = np.prod(low_pass[:, 0])  # of the newest sample, through all sections
+    share = parameters().spread.operator(ARRAY).sum(axis=0)
+    np.testing.assert_allclose(slope, np.broadcast_to(gain * share, slope.shape), rtol=1e-9)
+
+
+def test_no_argument_is_changed():
+    forces, _, noise = inputs()
+    functions = ChainFunctions(parameters(), RATE)
+    state = functions.settle(forces[0])
+    before = [each.copy() for each in (*state, forces[1], noise[1])]
+    functions.frame(functions.take(state, forces[1]), noise[1])
+    for values, kept in zip((*state, forces[1], noise[1]), before, strict=True):
+        np.testing.assert_array_equal(values, kept)
+
+
+def test_more_texels_than_a_dense_operator_takes():
+    array = TexelArray.grid(26, 20, 2e-3)
+    given = parameters(WTS_0614_34, array=array)
+    forces = np.random.default_rng(0).uniform(0, 1, (3, array.count))
+    functions = ChainFunctions(given, RATE)
+    _, made = functions.frame(functions.settle(forces))
+    np.testing.assert_allclose(made.texel_forces, forces @ given.spread.operator(array).T, atol=1e-12)
+    assert made.image.shape == (3, 26, 20)
+    assert fastmodel.ChainFunctions is ChainFunctions
