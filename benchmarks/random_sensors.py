@@ -1,9 +1,10 @@
 """Run random sensors through `softcover derive` and `softcover press`, each as a user would, and count what goes wrong.
 
-Wrong are: a traceback, an output that is not a number, a command of more than a minute whose progress lines do not say
-how long it takes or how far it is, and a refusal that does not name what to change or what would be accepted.
+Wrong are: a traceback; NaN, infinity or null in place of a number, in the output or in the files of the derived
+sensor; a command of more than a minute that has not said within this minute that it takes long; and a refusal that does
+not name the option and what would be accepted.
 
-    python benchmarks/random_sensors.py [--sensors 300] [--seed 12] [--processes 2] [--out benchmarks/random_sensors.md]
+    python benchmarks/random_sensors.py [--cases 300] [--seed 12] [--processes 2] [--out benchmarks/random_sensors.md]
 
 Finished sensors are kept in a file of JSON lines, and a second run goes on from there.  Each sensor has a result store
 of its own.
@@ -11,36 +12,55 @@ of its own.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from resumable import hash_code, read_options, run_cases, state_code
 
-#: Seconds after which a command is ended.
-LIMIT = 400
-#: Seconds beyond which a command must have said on standard error how far it is.
+#: Folder of the repository.
+ROOT = Path(__file__).resolve().parents[1]
+#: Seconds after which a command is ended, and address space that it may take [bytes].
+LIMIT, MEMORY = 400, 8 * 2**30
+#: Seconds beyond which a command must have said on standard error that it takes long.
 PATIENCE = 60
 #: Shares of presses in three dimensions (a cover of limited size, or a shape that is not round on rubber), of
 #: those with friction, of sensors with rubber, and of covers on a sliding base [-].
 SOLID, FRICTION, RUBBER, SLIDING, HALF = 0.07, 0.08, 0.25, 0.2, 0.5
-#: Words of which a refusal contains one: it says what would be accepted or what to do instead.
+#: Exit statuses of bad input and of a solver that stopped early (`docs/json.md`).
+REFUSED, STOPPED = 2, 4
+#: What a refusal says would be accepted, or what a stopped solver needs.
 ADVICE = re.compile(
-    r"must|needs?\b|use |give |at least|at most|between|\.\.|or |known|choose|less|more|wider|instead|limit|only|up to"
+    r"\bmust\b|\baccepted|\buse |\bgive |\bpress less|at least|at most|\bbetween\b|\.\.|\bchoose |known:"
 )
-#: Words of which a refusal contains one: it names an option, a key of the file or a quantity.
-NAMES = re.compile(
-    r"--\w|thickness|material|modulus|poisson|pitch|size|depth|load|indenter|radius|layer|rows|columns|friction|cover|range"
-)
+#: An option or a key of the file, which a refusal names.
+NAMES = re.compile(r"--[a-z]+|\b(array|cover|electronics|contact)(\.|\[)\w")
+#: How far a solver came that stopped early.
+REACHED = re.compile(r"\d ?(N|mm)\b")
+#: Words of a progress line that say that the command takes long.
+LONG = re.compile(r"takes (long|minutes|about|up to)|min(utes)? left|\d+ of \d+")
+#: Keys of JSON output whose null has a meaning (`docs/json.md`): no two loads are told apart, a table that covers with
+#: free side edges lack, an estimator that fits nothing, and a path that did not stop early.
+NULLS = {
+    "cover.size_m",
+    "resolution",
+    "resolution_on_array",
+    "point_response",
+    "depth",
+    "stopped",
+    "models.fast.depth",
+}
 
 RUBBERS = ("ecoflex-00-30", "dragon-skin-10", "dragon-skin-30", "rtv615-yeoh", "ecoflex-00-50-ogden", "neoprene")
 
@@ -120,67 +140,114 @@ def draw_press(rng: np.random.Generator, *, solid: bool, round_only: bool) -> li
     return options
 
 
-def run_command(arguments: list[str], store: Path) -> dict[str, Any]:
-    """Run a command of softcover and record what it printed, its status and its time."""
-    environment = os.environ | {"SOFTCOVER_STORE": str(store), "OMP_NUM_THREADS": "1"}
+def run_command(arguments: list[str], folder: Path) -> dict[str, Any]:
+    """Run a command of softcover and record what it printed and when, its status, its time and its memory."""
+    environment = os.environ | {"SOFTCOVER_STORE": str(folder / "store"), "OMP_NUM_THREADS": "1"}
     started = time.perf_counter()
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", "from validation.cli import main; main()", *arguments],
-            capture_output=True,
+    with tempfile.TemporaryFile("w+") as output:
+        program = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from validation.cli import main; main()"
+        process = subprocess.Popen(
+            [sys.executable, "-u", "-c", program, *arguments],
+            stdout=output,
+            stderr=subprocess.PIPE,
             text=True,
-            timeout=LIMIT,
             env=environment,
-            check=False,
+            preexec_fn=_limit_memory,  # noqa: PLW1509 -- no threads run yet
         )
-        status, out, err = done.returncode, done.stdout, done.stderr
-    except subprocess.TimeoutExpired as error:
-        status, out, err = None, "", (error.stderr or b"").decode() if isinstance(error.stderr, bytes) else ""
+        end = threading.Timer(LIMIT, process.kill)
+        end.start()
+        lines = [(round(time.perf_counter() - started, 1), line.rstrip()) for line in process.stderr or ()]
+        _, code, usage = os.wait4(process.pid, 0)
+        end.cancel()
+        seconds = time.perf_counter() - started
+        output.seek(0)
+        out = output.read()
+    status = None if os.WIFSIGNALED(code) else os.WEXITSTATUS(code)
+    faults = find_faults(status, out, lines, seconds)
+    if status == 0:
+        faults += [f"{path.name}: not a number" for path in sorted(folder.glob("derived/*")) if _has_no_number(path)]
     return {
         "command": "softcover " + " ".join(arguments),
-        "seconds": round(time.perf_counter() - started, 1),
+        "seconds": round(seconds, 1),
+        "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 1),
+        "gigabytes": round(usage.ru_maxrss / 1e6, 2),
         "status": status,
-        "faults": find_faults(status, out, err, time.perf_counter() - started),
-        "error": err[-1500:],
+        "faults": faults,
+        "error": "\n".join(text for _, text in lines)[-1500:],
     }
 
 
-def find_faults(status: int | None, out: str, err: str, seconds: float) -> list[str]:
-    """List what is wrong with the answer of a command."""
+def _limit_memory() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def find_faults(status: int | None, out: str, lines: list[tuple[float, str]], seconds: float) -> list[str]:
+    """List what is wrong with the answer of a command.
+
+    Args:
+        status: Exit status; None if the command was ended.
+        out: Standard output.
+        lines: Time [s] and text of each line on standard error.
+        seconds: Time that the command took.
+    """
     faults = []
-    if "Traceback" in err or "Error:" in err.partition("\n")[0]:
+    err = "\n".join(text for _, text in lines)
+    if "Traceback" in err or re.search(r"^\w*(Error|Exception)\b", err, re.MULTILINE):
         faults.append("traceback")
     if status is None:
         faults.append(f"not finished in {LIMIT} s")
-    if seconds > PATIENCE and not re.search(r"\d+ ?(s|min|%)|\d+/\d+|\d+ of \d+", err):
-        faults.append(f"over {PATIENCE} s without a line that says so")
+    if seconds > PATIENCE and not any(when < PATIENCE and LONG.search(text) for when, text in lines):
+        faults.append(f"over {PATIENCE} s without a line before that says so")
+    return faults + _find_faults_of_ending(status, out, [text for _, text in lines])
+
+
+def _find_faults_of_ending(status: int | None, out: str, lines: list[str]) -> list[str]:
+    """List what is wrong with the result, the refusal or the early stop of a command."""
     if status == 0:
         try:
-            numbers = list(find_numbers(json.loads(out)))
+            return [f"not a number: {place}" for place in sorted(set(find_no_numbers(json.loads(out))))]
         except ValueError:
-            faults.append("output is not JSON")
-        else:
-            if not all(math.isfinite(number) for number in numbers):
-                faults.append("not a number")
+            return ["output is not JSON"]
+    if status == REFUSED:
+        refusals = [text for text in lines if text.startswith("softcover: ") and "warning" not in text]
+        if not refusals or not all(NAMES.search(text) and ADVICE.search(text) for text in refusals):
+            return ["refusal that does not name the option and what would be accepted"]
+    elif status == STOPPED:
+        if not (lines and REACHED.search(lines[-1]) and ADVICE.search(lines[-1])):
+            return ["stopped without a line that says how far it came and what to do"]
     elif status is not None:
-        last = " ".join(err.strip().splitlines()[-3:])
-        if not (ADVICE.search(last) and NAMES.search(last)):
-            faults.append("refusal without advice")
-    return faults
+        return [f"status {status}"]
+    return []
 
 
-def find_numbers(value: Any) -> Any:  # noqa: ANN401 -- any JSON value
-    """Yield all numbers in a JSON value; the texts nan and inf count as numbers."""
+def find_no_numbers(value: Any, place: str = "") -> Iterator[str]:  # noqa: ANN401 -- any JSON value
+    """Yield the places of a JSON value that hold NaN, infinity, or null where a number belongs."""
     if isinstance(value, dict):
-        for each in value.values():
-            yield from find_numbers(each)
+        for name, each in value.items():
+            yield from find_no_numbers(each, f"{place}.{name}" if place else name)
     elif isinstance(value, list):
         for each in value:
-            yield from find_numbers(each)
-    elif isinstance(value, float):
-        yield value
-    elif isinstance(value, str) and value.lower() in {"nan", "inf", "-inf", "infinity"}:
-        yield math.nan
+            yield from find_no_numbers(each, place)
+    elif value is None:
+        yield from [] if place in NULLS else [place]
+    elif isinstance(value, str):
+        yield from [place] if value.lower() in {"nan", "inf", "-inf", "infinity"} else []
+    elif not math.isfinite(value):
+        yield place
+
+
+def _has_no_number(path: Path) -> bool:
+    """Return whether a file of a derived sensor holds a value that is not a number."""
+    match path.suffix:
+        case ".toml":
+            return bool(re.search(r"[=\[,]\s*[+-]?(nan|inf)\b", path.read_text()))
+        case ".npz":
+            with np.load(path) as arrays:
+                tables = [arrays[name] for name in arrays.files]
+            return not all(np.isfinite(each).all() for each in tables if each.dtype.kind == "f")
+        case ".json":
+            return any(True for _ in find_no_numbers(json.loads(path.read_text())))
+    return False
 
 
 def try_sensor(seed: int, number: int) -> dict[str, Any]:
@@ -189,15 +256,19 @@ def try_sensor(seed: int, number: int) -> dict[str, Any]:
     solid = bool(rng.random() < SOLID)
     text, round_only = draw_sensor(rng, solid=solid)
     options = draw_press(rng, solid=solid, round_only=round_only)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "sensor.toml"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = folder / "sensor.toml"
         path.write_text(text)
-        commands = [["derive", str(path), "--json"], ["press", str(path), *options, "--json"]]
-        runs = [run_command(each, Path(folder) / "store") for each in commands]
-    return {"seed": seed, "number": number, "solid": solid, "sensor": text, "runs": runs}
+        commands = [
+            ["derive", str(path), "--out", str(folder / "derived"), "--json"],
+            ["press", str(path), *options, "--json"],
+        ]
+        runs = [run_command(each, folder) for each in commands]
+    return {"solid": solid, "sensor": text, "runs": runs}
 
 
-def write_table(records: list[dict[str, Any]], command: str) -> str:
+def write_table(records: list[dict[str, Any]], command: str, code: str) -> str:
     """Write the report in Markdown."""
     counts: dict[str, int] = {}
     lines = []
@@ -214,14 +285,15 @@ def write_table(records: list[dict[str, Any]], command: str) -> str:
                     f"- {record['number']} {verb} {', '.join(run['faults'])} ({run['seconds']} s): "
                     f"`{run['command'].partition('--indenter')[2] or run['command']}`: {told[:300]}"
                 )
-    seconds = [run["seconds"] for record in records for run in record["runs"]] or [0.0]
+    runs = [run for record in records for run in record["runs"]]
+    cpu, longest, memory = ([run[name] for run in runs] or [0.0] for name in ("cpu_seconds", "seconds", "gigabytes"))
     head = [
         "# Random sensors through `derive` and `press`",
         "",
         f"`{command}`",
         "",
-        f"{len(records)} sensors, {sum(record['solid'] for record in records)} pressed in three dimensions.",
-        f"{sum(seconds) / 60:.0f} min of commands, longest {max(seconds):.0f} s.",
+        f"{code}  {sum(record['solid'] for record in records)} sensors are pressed in three dimensions.",
+        f"{sum(cpu) / 60:.0f} min of processor time; longest command {max(longest):.0f} s, {max(memory):.1f} GB.",
         "",
         "| outcome | count |",
         "| --- | --- |",
@@ -235,31 +307,11 @@ def write_table(records: list[dict[str, Any]], command: str) -> str:
 
 def main() -> None:
     """Run the sensors and print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--sensors", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=12)
-    parser.add_argument("--first", type=int, default=0, help="number of the first sensor")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--minutes", type=float, default=55, help="start no sensor after this time")
-    parser.add_argument("--lines", type=Path, help="file of JSON lines; a temporary one by default")
-    parser.add_argument("--out", type=Path, help="file for the table")
-    given = parser.parse_args()
-    lines = given.lines or Path(tempfile.gettempdir()) / f"softcover-random-sensors-{given.seed}.jsonl"
-    wanted = range(given.first, given.first + given.sensors)
-    records = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
-    left = [number for number in wanted if number not in {record["number"] for record in records}]
-    with ThreadPoolExecutor(given.processes) as pool, lines.open("a") as file:
-        deadline = time.time() + 60 * given.minutes
-        tried = pool.map(lambda number: try_sensor(given.seed, number) if time.time() < deadline else None, left)
-        for done, record in enumerate(tried, start=1):
-            if record is None:
-                break
-            records.append(record)
-            file.write(json.dumps(record) + "\n")
-            file.flush()
-            print(f"{done} of {len(left)} sensors", file=sys.stderr)
-    records = sorted((record for record in records if record["number"] in wanted), key=lambda r: r["number"])
-    text = write_table(records, f"python benchmarks/random_sensors.py --sensors {given.sensors} --seed {given.seed}")
+    given = read_options((__doc__ or "").partition("\n")[0], name="random-sensors", cases=300)
+    code = hash_code("fem_reference", "meshes", "fastmodel", "validation")
+    records = run_cases(try_sensor, given, code)
+    command = f"python benchmarks/random_sensors.py --cases {given.cases} --seed {given.seed}"
+    text = write_table(records, command, state_code(records, code))
     print(text)
     if given.out:
         given.out.write_text(text)

@@ -6,6 +6,18 @@ from collections.abc import Sequence
 from typing import Any
 
 
+class PiercedError(ValueError):
+    """A load or depth would push the indenter through the cover.
+
+    Attributes:
+        control: Whether the target was a `load` or a `depth`.
+    """
+
+    def __init__(self, message: str, control: str) -> None:
+        super().__init__(message)
+        self.control = control
+
+
 class ConvergenceError(RuntimeError):
     """An iterative solver stopped before it reached its tolerance."""
 

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from fem_reference.errors import IncompletePathError
+from fem_reference.errors import IncompletePathError, PiercedError
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
 from fem_reference.indentation.grid_solution import GridStudy
@@ -22,6 +22,9 @@ from fem_reference.indentation.result import Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.pose import Place, PlanarPose
+
+#: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
+_LARGEST_DEPTH = 0.98
 
 
 def press(
@@ -66,8 +69,8 @@ def press(
         Forces, depth, contact area and their error estimates.
 
     Raises:
-        ValueError: If not exactly one of load and depth is given, if it is not positive, if the indenter would pierce
-            the cover, or if its axis is not over the cover.
+        ValueError: If not exactly one of load and depth is given, it is not positive, or the axis is off the cover.
+        PiercedError: If the indenter would pierce the cover.
         IncompletePathError: If the solver stops before the load or depth; the error has the results of what it reached.
     """
     return press_path(
@@ -175,8 +178,9 @@ def _press_on_grids(
     """Solve a loading path on three grids; `refinement` grids are skipped at the coarse end."""
     started = time.perf_counter()
     study = _study_path(path, place, progress, refinement)
-    for grids in study.solutions:
-        _check_depth(path.cover, grids[-1].depth)
+    for grids, target in zip(study.solutions, path.targets, strict=True):
+        if grids[-1].depth >= path.cover.thickness:
+            _refuse_load(path, place, target, grids[-1].depth)
     seconds = (time.perf_counter() - started) / len(path.targets)
     if path.fields and progress is not None:
         progress("displacement and stress in the cover")
@@ -245,12 +249,32 @@ def _check_targets(
 
 
 def _check_depth(cover: Cover, depth: float) -> None:
-    """Raise a ValueError if the indenter would pierce the cover."""
+    """Raise a PiercedError if a depth exceeds the thickness of the cover."""
     if depth >= cover.thickness:
-        raise ValueError(
-            f"the indenter would pierce the cover: depth {depth * 1e3:.3g} mm of {cover.thickness * 1e3:.3g} mm; "
-            "use less load, a wider indenter or a stiffer cover"
+        raise PiercedError(
+            f"at a depth of {depth * 1e3:.4g} mm the indenter would pierce the cover; use less than its thickness, "
+            f"{cover.thickness * 1e3:.4g} mm",
+            "depth",
         )
+
+
+def _refuse_load(path: LoadingPath, place: Place, load: float, depth: float) -> None:
+    """Raise a PiercedError that states the load which the cover bears: without friction, at almost its thickness.
+
+    Args:
+        path: Cover and indenter.
+        place: Array, and pose of the indenter.
+        load: Load that pierces the cover [N].
+        depth: Depth at this load [m].
+    """
+    most = _LARGEST_DEPTH * path.cover.thickness
+    bare = replace(path, targets=(most,), control="depth", friction=0.0, fields=False)
+    largest = small_strain.solve_path(bare, place, None)[0][-1].total_force
+    raise PiercedError(
+        f"{load:.4g} N would pierce the cover ({depth * 1e3:.3g} mm deep, the cover has "
+        f"{path.cover.thickness * 1e3:.4g} mm); use at most {largest:.3g} N, a wider indenter or a stiffer cover",
+        "load",
+    )
 
 
 def _check_axis(cover: Cover, pose: PlanarPose) -> None:

@@ -51,8 +51,10 @@ _TEXEL_POINTS = 12
 _WIDTH_POINTS, _WIDTH_REACH = 400, 2.0
 #: Number of unknowns above which a progress line warns that the solution takes minutes [-].
 _MANY = 300_000
-#: Number of loads evaluated at once, to limit the memory [-].
-_BLOCK = 4000
+#: Number of unknowns of the finest grid above which a cover is refused: about 4 GB and two minutes [-].
+_MOST = 1_200_000
+#: Numbers of loads evaluated and of texels solved at once, to limit the memory [-].
+_BLOCK, _COLUMNS = 4000, 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -243,16 +245,17 @@ def solid_influence(
         progress: Called with a line of text before each solve.
 
     Raises:
-        ValueError: If the array is not planar.
+        ValueError: If the array is not planar, or if the cover is so wide that the memory would not suffice.
     """
     if not array.planar:
         raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
 
     def compute() -> dict[str, Any]:
         out: dict[str, Any] = {}
+        _check_size(cover, array)
         for number, resolution in enumerate(GRIDS):
             if progress is not None:
-                unknowns = 3 * np.prod([line.count for line in mesh_quarter(cover, array, resolution).lines])
+                unknowns = _count_unknowns(cover, array, resolution)
                 patience = "; this takes minutes" if unknowns > _MANY else ""
                 progress(f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
             found = solve_adjoint(cover, array, resolution)
@@ -267,6 +270,26 @@ def solid_influence(
         x, y, _ = mesh_quarter(cover, array, resolution).lines
         solutions.append(AdjointSolution(x=x, y=y, texels=data[f"texels_{number}"], whole=data[f"whole_{number}"]))
     return SolidInfluence(cover=cover, array=array, grids=tuple(solutions))
+
+
+def _count_unknowns(cover: Cover, array: TexelArray, resolution: Resolution) -> int:
+    """Count the displacements of the quarter that is solved on one grid."""
+    return int(3 * np.prod([line.count for line in mesh_quarter(cover, array, resolution).lines]))
+
+
+def _check_size(cover: Cover, array: TexelArray) -> None:
+    """Raise a ValueError if the finest grid of a cover has too many unknowns."""
+    unknowns = _count_unknowns(cover, array, GRIDS[-1])
+    if unknowns <= _MOST or cover.size is None:
+        return
+    width, height = 1e3 * np.array(cover.size)
+    ratio = max(cover.size) / cover.thickness
+    raise ValueError(
+        f"cover.size: {width:.4g} x {height:.4g} mm is {ratio:.0f} times the thickness and needs {unknowns / 1e6:.1f} "
+        f"million unknowns in three dimensions, where at most {_MOST / 1e6:.1f} million are accepted; use a size of at "
+        f"most {width * np.sqrt(_MOST / unknowns):.3g} x {height * np.sqrt(_MOST / unknowns):.3g} mm, or leave `size` "
+        "out: sides farther than about 4 thicknesses from the contact have no effect"
+    )
 
 
 def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> AdjointSolution:
@@ -300,9 +323,12 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
             continue  # the indicator of a single row or column in the middle has no odd part
         matrix, constrained = constrain_parity(solid, upper, parity, sliding=cover.base == "sliding")
         factors.factorise(matrix)
-        load = -solid.compute_base_forces(*displaced)
-        load[constrained] = 0.0
-        top = _select_top(solid, factors.solve(load))
+        tops = []
+        for start in range(0, len(displaced[0]), _COLUMNS):
+            load = -solid.compute_base_forces(*(part[start : start + _COLUMNS] for part in displaced))
+            load[constrained] = 0.0
+            tops.append(_select_top(solid, factors.solve(load)))
+        top = np.concatenate(tops)
         if parity == (0, 0):
             whole = top[-1]
         out[number, chosen] = top[: len(chosen)]

@@ -1,9 +1,13 @@
-"""Display of a computation's progress on standard error: a moving bar on a terminal, lines of text without one."""
+"""Display of a computation's progress on standard error: a moving bar on a terminal, lines of text without one.
+
+A computation that is not finished after half a minute says so, also within a stage that says nothing itself.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 import time
 from typing import TYPE_CHECKING, Self
 
@@ -13,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Shortest time between two lines of text, without a terminal [s].
 LINE_INTERVAL = 2.0
+#: Time between two lines which say that the computation takes long [s].
+LONG = 30.0
 
 
 class Progress(contextlib.ExitStack):
@@ -27,6 +33,8 @@ class Progress(contextlib.ExitStack):
         self._task: TaskID | None = None
         self._started = time.perf_counter()
         self._last_line = self._started
+        self._stage = "start"
+        self._finished = threading.Event()
 
     def __enter__(self) -> Self:
         """Start the moving bar if standard error is a terminal."""
@@ -38,7 +46,18 @@ class Progress(contextlib.ExitStack):
             columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
             bar = Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
             self._bar = self.enter_context(bar)
+        else:
+            thread = threading.Thread(target=self._tell_long, daemon=True)
+            thread.start()
+            self.callback(thread.join)
+            self.callback(self._finished.set)
         return self
+
+    def _tell_long(self) -> None:
+        """Write a line at regular intervals until the computation ends."""
+        while not self._finished.wait(LONG):
+            seconds = time.perf_counter() - self._started
+            sys.stderr.write(f"[{seconds:5.1f} s] this takes long; still busy with: {self._stage}\n")
 
     def __call__(self, stage: str) -> None:
         """Show that a stage of unknown length begins; `stage` is its name."""
@@ -49,6 +68,7 @@ class Progress(contextlib.ExitStack):
         self._show(name, done, total)
 
     def _show(self, text: str, done: int, total: int | None) -> None:
+        self._stage = text or self._stage
         if self._bar is not None:
             if self._task is None:
                 self._task = self._bar.add_task(text, total=total)

@@ -109,7 +109,7 @@ class Derivation:
             "psf": {
                 **dataclasses.asdict(self.fit.gaussian),
                 "estimator": self.fit.estimator,
-                "estimates": {name: list(pair) for name, pair in self.fit.estimates.items()},
+                "estimates": {name: list(pair) for name, pair in self.fit.estimates.items() if np.isfinite(pair).all()},
                 "residual": self.fit.residual,
                 "outside_kernel": self.fit.outside_kernel,
             },

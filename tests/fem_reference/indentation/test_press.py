@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press, press_path
+from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Cylinder, Sphere, TexelArray
 from tests.support.rubber import make_cover
 
@@ -18,7 +19,7 @@ from tests.support.rubber import make_cover
         ({"load": -1.0}, "load must be positive"),
         ({"load": float("nan")}, "load must be positive"),
         ({"load": None, "depth": 3e-3}, "pierce"),
-        ({"load": 5000.0}, "pierce"),
+        ({"load": 5000.0}, r"pierce the cover .* use at most \d+"),
     ],
 )
 def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
@@ -60,3 +61,8 @@ def test_a_path_must_ascend(bonded, wts, targets):
 def test_a_path_needs_a_target(bonded, wts):
     with pytest.raises(ValueError, match="give at least one load"):
         press_path(bonded(0.3), wts, Sphere(radius=5e-3), loads=[])
+
+
+def test_a_cover_too_wide_for_the_memory_is_refused_with_the_size_that_is_accepted(bonded):
+    with pytest.raises(ValueError, match=r"cover.size: 400 x 400 mm .* use a size of at most"):
+        solid_influence(bonded(0.3, size=(0.4, 0.4)), TexelArray.grid(9, 9, 40e-3))

@@ -74,7 +74,7 @@ BAD = [
     ),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "5"], "--load: '5' has no unit"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "0N"], "--load: must be positive"),
-    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "3mm"], "pierce the cover"),
+    (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "3mm"], "--depth: at a depth of 3 mm"),
     (["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--at=1m,0m"], "is not on the array"),
     (
         ["press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "1N", "--yaw=45"],

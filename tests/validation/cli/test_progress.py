@@ -1,4 +1,5 @@
 import re
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -39,3 +40,15 @@ def test_a_line_names_the_stage_and_how_far_it_is(clock, capsys):
         clock[0] = 7.0
         progress("report")
     assert capsys.readouterr().err == "[  3.0 s] 2/17 sphere\n[  7.0 s] report\n"
+
+
+def test_a_stage_that_says_nothing_is_said_to_take_long(capsys, monkeypatch):
+    monkeypatch.setattr(module, "LONG", 0.05)
+    with Progress() as progress:
+        progress("solid")
+        time.sleep(0.2)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) >= 2
+    assert all(line.endswith("this takes long; still busy with: solid") for line in lines)
+    time.sleep(0.1)
+    assert capsys.readouterr().err == ""

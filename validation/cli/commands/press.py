@@ -110,9 +110,14 @@ def press(
         cover=(material, thickness),
         files=(curve, out),
     )
-    if curve is not None and out is not None:
-        return _trace(request, curve, out, json=json)
-    return _compare(request, out, json=json)
+    from fem_reference.errors import PiercedError
+
+    try:
+        if curve is not None and out is not None:
+            return _trace(request, curve, out, json=json)
+        return _compare(request, out, json=json)
+    except PiercedError as error:
+        raise InputError(f"--{error.control}: {error}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
