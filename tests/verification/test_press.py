@@ -111,7 +111,7 @@ def test_the_base_carries_the_load_on_arrays_of_narrow_texels_and_of_few(bonded,
         assert found.total_force == pytest.approx(target.get("load", found.total_force), rel=1e-9)
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.49, 0.5])
+@pytest.mark.parametrize("nu", [0.0, pytest.param(0.49, marks=pytest.mark.slow), 0.5])
 @pytest.mark.parametrize("share", [0.1, 3.0])
 def test_area_and_depth_of_spheres_are_exact_and_covered(bonded, wts, nu, share):
     """Contact radii from a tenth to three times the thickness: no bias of whole cells."""
@@ -126,7 +126,9 @@ def test_area_and_depth_of_spheres_are_exact_and_covered(bonded, wts, nu, share)
     assert found.error_estimate["total_force"] == 0
 
 
-@pytest.mark.parametrize(("radius", "load"), [(33e-3, 2.0), (2e-3, 20.0), (0.2, 0.5)])
+@pytest.mark.parametrize(
+    ("radius", "load"), [(33e-3, 2.0), (2e-3, 20.0), pytest.param(0.2, 0.5, marks=pytest.mark.slow)]
+)
 def test_long_rollers_are_resolved_across(bonded, wts, radius, load):
     found = press(bonded(0.49), wts, Roller(radius=radius, length=0.12), load=load)
     assert found.error_estimate["contact_area"] < 0.02
@@ -135,18 +137,21 @@ def test_long_rollers_are_resolved_across(bonded, wts, radius, load):
     assert np.abs(found.contact[:, 0]).max() == pytest.approx(width / 2, rel=0.05)
 
 
-def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts):
-    nut, lines = Nut(across=13e-3, bore=11e-3), []
-    usual = press(bonded(0.49), wts, nut, depth=0.1e-3)
+@pytest.mark.parametrize(
+    "face", [Cylinder(radius=4e-3), pytest.param(Nut(across=13e-3, bore=11e-3), marks=pytest.mark.slow)]
+)
+def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts, face):
+    lines = []
+    usual = press(bonded(0.49), wts, face, depth=0.1e-3)
     error = max(usual.error_estimate.values())
-    better = press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=0.7 * error, progress=lines.append)
+    better = press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=0.7 * error, progress=lines.append)
     assert max(better.error_estimate.values()) <= 0.7 * error
     assert any("a finer grid is added" in line for line in lines)
     assert not better.warnings
-    missed = press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=1e-7)
+    missed = press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1e-7)
     assert "the finest feasible grids reach" in missed.warnings[-1]
     with pytest.raises(ValueError, match="relative error between 0 and 1"):
-        press(bonded(0.49), wts, nut, depth=0.1e-3, accuracy=1.0)
+        press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1.0)
 
 
 @pytest.mark.parametrize("shape", [Box(size=(8e-3, 2e-3, 5e-3)), Sphere(radius=5e-3)])

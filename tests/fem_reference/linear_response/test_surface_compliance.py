@@ -59,7 +59,7 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
     assert decay_length(cover) > cover.thickness
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.45, 0.499])
+@pytest.mark.parametrize("nu", [0.0, pytest.param(0.45, marks=pytest.mark.slow), 0.499])
 @pytest.mark.parametrize("ratio", [0.2, 3.0, 30.0])
 def test_the_compliance_of_a_cell_is_that_of_the_same_cell_cut_into_parts(bonded, nu, ratio):
     """Cells from a fifth of the thickness to thirty times the thickness, wide and narrow ones."""
