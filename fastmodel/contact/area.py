@@ -61,36 +61,39 @@ class AreaTexels:
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        return AreaReader(model, find_boxes(model, array, name), array)
+        return AreaReader(model, find_boxes(model, array, name), array, name)
 
 
 class AreaReader(BoxReader):
     """Reader that sums contact forces on each box and redistributes the force of each body by contact area."""
 
-    def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray) -> None:
+    def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str) -> None:
         """Tabulate the texel and the body of each geom.
 
         Args:
             model: The compiled model.
             geoms: Geom id of each texel, shape (n,) [-].
             array: The texels.
+            name: Name of the sensor, for error messages.
         """
-        super().__init__(model, geoms)
+        super().__init__(model, geoms, array, name)
         self._first = int(geoms[0])
         self._joints = Joints(model, int(model.geom_bodyid[self._first]))
-        self._group = model.body_weldid[model.geom_bodyid]
         self._smallest = _FLAT * array.pitch[0] * array.pitch[1]
 
-    def forces(self, data: mujoco.MjData) -> FloatArray:
-        """Compute the force on each of n texels along its outward normal, redistributed by contact area, (n,) [N]."""
-        total = super().forces(data)
+    def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:
+        """Redistribute the force of each body by contact area, shape (n,) [N]; see `BoxReader._share`.
+
+        A flex and other bodies without a convex shape keep the forces of their contact points.
+        """
         if np.count_nonzero(total) <= 1:
             return total
-        texel, body, force, place = self._contacts(data)
-        shared = np.zeros(self._count)
+        texel, body, force, place = self._list_contacts(data, pressed)
         rotation = data.geom_xmat[self._first].reshape(3, 3)
         local = (place - data.geom_xpos[self._first]) @ rotation
-        for each in np.unique(body):
+        scattered = body < 0
+        shared = np.bincount(texel[scattered], force[scattered], self._count).astype(np.float64)
+        for each in np.unique(body[~scattered]):
             mine = body == each
             tilts = self._joints.let_tilt(data, int(each), rotation[:, 2])
             shared += self._redistribute(texel[mine], force[mine], local[mine, :2], tilts=tilts)
@@ -123,13 +126,14 @@ class AreaReader(BoxReader):
         own[touched[wide]] = area * (basis @ pressure)
         return own
 
-    def _contacts(self, data: mujoco.MjData) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """List texel, body, force against the box's normal [N] and position in the world [m] of every box contact."""
+    def _list_contacts(
+        self, data: mujoco.MjData, pressed: FloatArray
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """List texel, body, force against the box's normal [N], and position in the world [m] of contacts at fronts."""
         contact = data.contact
-        pressed, _ = self._press(data)
         texels = self._texel_of[contact.geom]
-        k, side = ((texels >= 0) & (contact.efc_address >= 0)[:, None]).nonzero()
-        body = self._group[contact.geom[k, 1 - side]]
+        k, side = ((texels >= 0) & (pressed != 0)).nonzero()
+        body = self._bodies.of_geom[contact.geom[k, 1 - side]]
         return texels[k, side], body, pressed[k, side], contact.pos[k]
 
 

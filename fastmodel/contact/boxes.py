@@ -13,14 +13,15 @@ import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.force_kernels import imitate_contacts, press_boxes, read_contacts
-from fastmodel.contact.geoms import check_box, describe_box, find_geoms
+from fastmodel.contact.bodies import Bodies
+from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, press_boxes, read_contacts
+from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.interface import Reading
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Colour of masked texels: red, green, blue, opacity [-].
 _MASKED_COLOUR = (0.5, 0.5, 0.5, 0.4)
@@ -35,12 +36,14 @@ class BoxTexels:
 
     Attributes:
         height: Height of a box, inwards from its outer face [m].
-        contact_bit: Index of the collision bit of the boxes, 0..30.  The boxes collide with every geom with a non-zero
-            contype, except geoms of other arrays with the same collision bit [-].
+        contype: Collision mask of the boxes, 31 bits.  With all bits, the default, the boxes meet every geom that
+            collides with anything, other arrays included [-].
+        conaffinity: Mask of the geoms that the boxes meet, 31 bits [-].
     """
 
     height: float = 2e-3
-    contact_bit: int = 30
+    contype: int = EVERY
+    conaffinity: int = EVERY
 
     costly: ClassVar[bool] = False
 
@@ -48,9 +51,9 @@ class BoxTexels:
         """Check the numbers.
 
         Raises:
-            ValueError: If the height is not positive or the bit not 0..30.
+            ValueError: If the height is not positive or a mask not of 31 bits.
         """
-        check_box(self.height, self.contact_bit)
+        check_box(self.height, self.contype, self.conaffinity)
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
@@ -59,7 +62,7 @@ class BoxTexels:
         middles = array.centres - 0.5 * self.height * array.normals
         places = pose.position + rotate(pose.quaternion, middles)
         half = (array.pitch[0] / 2, array.pitch[1] / 2, self.height / 2)
-        box = describe_box(half, self.contact_bit)
+        box = describe_box(half, self.contype, self.conaffinity)
         for index, active in enumerate(array.active):
             geom = body.add_geom(name=geom_name(name, index), pos=places[index], quat=turns[index], **box)
             if not active:
@@ -78,54 +81,63 @@ class BoxTexels:
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        return BoxReader(model, find_boxes(model, array, name))
+        return BoxReader(model, find_boxes(model, array, name), array, name)
 
 
 class BoxReader:
     """Reader that sums MuJoCo's contact forces on each box; a contact belongs to a box by its geom id."""
 
-    def __init__(self, model: mujoco.MjModel, geoms: IntArray) -> None:
+    def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str) -> None:
         """Tabulate the texel of each geom.
 
         Args:
             model: The compiled model.
             geoms: Geom id of each texel, shape (n,) [-].
+            array: The texels.
+            name: Name of the sensor, for error messages.
         """
-        self._count = len(geoms)
+        self._count, self._model, self._neighbours = len(geoms), model, _find_neighbours(array)
         # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no texel.
         self._texel_of = np.full(model.ngeom + 1, -1)
         self._texel_of[geoms] = np.arange(len(geoms))
-        self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
+        self._bodies = Bodies(model, geoms, name)
         self._press_boxes = compile_kernel(press_boxes)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernel; see `ContactReader.compile_kernels`."""
-        for contacts in imitate_contacts(data, pyramidal=self._pyramidal):
-            self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._count)
+        for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
+            self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._neighbours)
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Compute the contact forces of the last simulation step; see `ContactReader.read`."""
-        return self.at_rest(self.forces(data))
+        """Compute the contact forces of the last simulation step; see `ContactReader.read`.
+
+        Each contact force is projected on the box's normal, because the contact normal differs from the box's normal
+        where an indenter touches the edge of a box.  Forces at the backs and free sides of boxes count in the total
+        only.  An indenter that hooks on the side of a box inside the array can pull it upwards by friction.  The force
+        on such a box is set to zero, and the other forces are scaled to keep their sum.
+
+        Raises:
+            LifeCycleError: If the size of the boxes has changed.
+        """
+        self._bodies.follow_changes()
+        contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
+        pressed, total, beside = self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._neighbours)
+        carried = float(total.sum()) + beside
+        return Reading(self._share(data, pressed, _remove_lift(total)), None, carried)
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""
         return Reading(contact_forces, None, float(contact_forces.sum()))
 
-    def forces(self, data: mujoco.MjData) -> FloatArray:
-        """Sum the contact forces against each box's outward normal, shape (n,) [N].
+    def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Share the forces of a state among the texels: here each box keeps its own, shape (n,) [N].
 
-        Each contact force is projected on the box's normal, because the contact normal differs from the box's normal
-        where an indenter touches the edge of a box.  An indenter that hooks on the side of a box can pull it upwards by
-        friction.  The force on such a box is set to zero, and the other forces are scaled to keep the total.
+        Args:
+            data: The state.
+            pressed: Force on both geoms of each of k contacts, see `press_boxes`, shape (k, 2) [N].
+            total: Force on each box, not negative, shape (n,) [N].
         """
-        _, total = self._press(data)
-        return _remove_lift(total) if total.min() < 0 else total
-
-    def _press(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-        """Compute the forces against the boxes' outward normals, for k contacts and n texels; see `press_boxes`."""
-        contacts = read_contacts(data, pyramidal=self._pyramidal)
-        pressed, total = self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._count)
-        return pressed, total
+        return total
 
 
 def _remove_lift(total: FloatArray) -> FloatArray:
@@ -137,6 +149,19 @@ def _remove_lift(total: FloatArray) -> FloatArray:
     pressed = np.maximum(total, 0.0)
     positive = pressed.sum()
     return pressed * (max(float(total.sum()), 0.0) / positive) if positive > 0 else pressed
+
+
+def _find_neighbours(array: TexelArray) -> BoolArray:
+    """Find whether each of n texels has a neighbour at its sides -x, +x, -y, +y, shape (n, 4)."""
+    from scipy.spatial import cKDTree
+
+    tree, found = cKDTree(array.centres), np.zeros((array.count, 4), dtype=bool)
+    for axis, tangent in enumerate(find_tangents(array)):
+        for side, sign in enumerate((-1.0, 1.0)):
+            beyond = array.centres + sign * array.pitch[axis] * tangent
+            distance, _ = tree.query(beyond)
+            found[:, 2 * axis + side] = np.asarray(distance) < min(array.pitch) / 2
+    return found
 
 
 def find_boxes(model: mujoco.MjModel, array: TexelArray, name: str) -> IntArray:

@@ -22,10 +22,10 @@ from fastmodel.contact.stretching import StretchingCover
 from fastmodel.errors import ParametersError
 from fastmodel.pose import Pose
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
-from fastmodel.pressure.conjugate_gradient import CoverSolver, Load
+from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap import ELLIPSOID, Solid
-from fastmodel.pressure.gap_sampling import BodyShape, PosedBody, sample_gap
+from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.winkler import FoundationSolver
 from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
@@ -224,6 +224,7 @@ class _PressureReader:
         self._reach.clear()
         self._solved = None
         self._solver.reset()
+        self._plate.reset()
         return Reading(
             contact_forces=contact_forces,
             texel_forces=None if self._base is None else self._base.from_texels(contact_forces),
@@ -254,13 +255,11 @@ class _PressureReader:
     def _solve(self, contact: PlateContact) -> Reading:
         """Compute the cell forces with a sufficient reach for each body, and sum the forces over texels."""
         reach = [self._reach.get(body, self._first) for body in contact.bodies]
-        while True:
+        while reach:
             samples = self._plate.sample_gap(contact, reach)
             found = samples.bodies_found
-            if not found:
-                return self._nothing
             if len(found) < len(reach):
-                # leave out bodies that press on the plate only beside all cells, because they load no texel
+                # no cell is in front of the shape of these bodies: their contact points stand for them
                 contact, reach = contact.select(found), [reach[k] for k in found]
                 continue
             solution = self._solver.solve(samples, contact.loads)
@@ -270,12 +269,16 @@ class _PressureReader:
                 for have, top in zip(reach, height, strict=True)
             ]
             if needed == reach:
-                break
+                for body, top in zip(contact.bodies, height, strict=True):
+                    self._reach[body] = min(max(_TAKEN * top, _SMALLEST * self._first), self._most)
+                return self._add_points(contact, self._sum(contact, samples, solution))
             # The solution on fewer cells is a poor start: where it is exact, the iteration would not add cells.
             self._solver.reset()
             reach = needed
-        for body, top in zip(contact.bodies, height, strict=True):
-            self._reach[body] = min(max(_TAKEN * top, _SMALLEST * self._first), self._most)
+        return self._add_points(contact, self._nothing)
+
+    def _sum(self, contact: PlateContact, samples: GapSamples, solution: PressureSolution) -> Reading:
+        """Sum the forces on cells over texels, at the top and, if the method computes them, at the base."""
         pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
         texel_forces = None
         if self._base is not None and solution.window is not None:
@@ -291,3 +294,19 @@ class _PressureReader:
             approach=solution.approach if self._coherent else None,
             fewest_cells=int(pressed.min()),
         )
+
+    def _add_points(self, contact: PlateContact, reading: Reading) -> Reading:
+        """Add the point forces of a contact, and the force beside the front of the array, to a reading."""
+        carried = reading.carried + contact.beside
+        if not len(contact.point_forces):
+            return reading._replace(carried=carried)
+        row, column, forces = self._grid.divide_points(contact.point_forces)
+        contact_forces = reading.contact_forces + self._grid.sum_on_texels(row, column, forces)
+        texel_forces = reading.texel_forces
+        if self._base is not None and texel_forces is not None:
+            origin = int(row.min()), int(column.min())
+            window = np.zeros((row.max() - origin[0] + 1, column.max() - origin[1] + 1))
+            np.add.at(window, (row - origin[0], column - origin[1]), forces)
+            texel_forces = texel_forces + self._base.from_window(window, origin)
+        carried += float(contact.point_forces[:, 2].sum())
+        return reading._replace(contact_forces=contact_forces, texel_forces=texel_forces, carried=carried)

@@ -16,14 +16,18 @@ import mujoco
 import numpy as np
 
 from fastmodel.compiled import called_by_kernels
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal with which the
+#: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
+FRONT = 0.1
 
 #: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
 #: first entry in the constraint forces, -1 for none, shape (k,); number of force components, shape (k,); axes of the
 #: contact frame as rows, normal first, shape (k, 9) [-]; friction coefficients, shape (k, 5) [-]; position in the
-#: world, shape (k, 3) [m].  For all contacts: constraint forces, shape (rows,) [N]; and whether friction cones are
-#: pyramidal.
-Contacts = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
+#: world, shape (k, 3) [m]; distance of the surfaces, negative for penetration, shape (k,) [m].  For all contacts:
+#: constraint forces, shape (rows,) [N]; and whether friction cones are pyramidal.
+Contacts = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
 
 
 def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
@@ -34,8 +38,13 @@ def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
         pyramidal: Whether the model has pyramidal friction cones.
     """
     found = data.contact
-    places = (found.frame, found.friction, found.pos)
+    places = (found.frame, found.friction, found.pos, found.dist)
     return (found.geom, found.efc_address, found.dim, *places, data.efc_force, pyramidal)
+
+
+def has_pyramids(model: mujoco.MjModel) -> bool:
+    """Return whether a model has pyramidal friction cones; the option may change during a simulation."""
+    return bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
 
 
 def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts, Contacts]:
@@ -50,14 +59,15 @@ def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts,
     """
     none = read_contacts(data, pyramidal=pyramidal)
     # address -1 marks a contact without force
-    geom, address, dim, frame, friction, pos = (np.full((4, *a.shape[1:]), -1, a.dtype)[::2] for a in none[:6])
-    return none, (geom, address, dim, frame, friction, pos, *none[6:])
+    strided = [np.full((4, *each.shape[1:]), -1, each.dtype)[::2] for each in none[:7]]
+    geom, address, dim, frame, friction, pos, dist = strided
+    return none, (geom, address, dim, frame, friction, pos, dist, *none[7:])
 
 
 @called_by_kernels
 def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
     """Compute the normal and two tangential components of contact k's force, and write them to `force` (3,) [N]."""
-    _, address, dim, _, friction, _, efc_force, pyramidal = contacts
+    _, address, dim, _, friction, _, _, efc_force, pyramidal = contacts
     force[:] = 0.0
     first = address[k]
     if pyramidal and dim[k] > 1:
@@ -72,22 +82,27 @@ def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
 
 
 def press_boxes(
-    contacts: Contacts, geom_xmat: FloatArray, texel_of: IntArray, count: int
-) -> tuple[FloatArray, FloatArray]:
+    contacts: Contacts, geom_xmat: FloatArray, texel_of: IntArray, neighbours: BoolArray
+) -> tuple[FloatArray, FloatArray, float]:
     """Kernel: compute the contact forces against the boxes' outward normals, for k contacts and n texels.
+
+    A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
+    where a body stands on both boxes.
 
     Args:
         contacts: The contacts.
         geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
         texel_of: Index of the texel of every geom, -1 for geoms that are not boxes of texels, shape (geoms + 1,).
-        count: Number of texels n.
+        neighbours: Whether each box has a neighbour at its sides -x, +x, -y, +y, shape (n, 4).
 
     Returns:
-        Force on both geoms of each contact, zero for a geom that is not a box of a texel, shape (k, 2) [N]; and the sum
-        of these forces for each texel, shape (n,) [N].
+        Force on both geoms of each contact, zero for a geom that is not a box of a texel and for a contact at the back
+        or a free side of a box, shape (k, 2) [N]; the sum of these forces for each texel, shape (n,) [N]; and the sum
+        of the forces at backs and free sides [N].
     """
-    geom, address, _, frame, _, _, _, _ = contacts
-    force, pressed, total = np.zeros(3), np.zeros(geom.shape), np.zeros(count)
+    geom, address, _, frame, _, _, _, _, _ = contacts
+    force, pressed, total, beside = np.zeros(3), np.zeros(geom.shape), np.zeros(len(neighbours)), 0.0
+    facing = np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (texel_of[geom[k, 0]] < 0 and texel_of[geom[k, 1]] < 0):
             continue
@@ -96,54 +111,77 @@ def press_boxes(
             texel = texel_of[geom[k, side]]
             if texel < 0:
                 continue
-            # The box's outward normal is the third column of its orientation.
-            normal = geom_xmat[geom[k, side], 2::3]
-            for axis in range(3):
-                for i in range(3):
-                    pressed[k, side] += sign * force[axis] * frame[k, 3 * axis + i] * normal[i]
-            total[texel] += pressed[k, side]
-    return pressed, total
+            box, own = geom_xmat[geom[k, side]], 0.0
+            facing[:] = 0.0
+            for i in range(3):
+                for axis in range(3):
+                    # The columns of the box's orientation are its axes; the third is its outward normal.
+                    facing[axis] += sign * frame[k, i] * box[3 * i + axis]
+                    own += sign * force[axis] * frame[k, 3 * axis + i] * box[3 * i + 2]
+            axis = 0 if abs(facing[0]) > abs(facing[1]) else 1
+            inside = facing[2] > -abs(facing[axis]) and neighbours[texel, 2 * axis + (1 if facing[axis] > 0 else 0)]
+            if facing[2] < FRONT and not inside:
+                beside += own
+            else:
+                pressed[k, side] = own
+                total[texel] += own
+    return pressed, total, beside
 
 
 def sum_forces(
     contacts: Contacts, plate: int, body_of_geom: IntArray, axes: FloatArray, origin: FloatArray
-) -> tuple[IntArray, FloatArray]:
+) -> tuple[IntArray, FloatArray, IntArray, FloatArray, float]:
     """Kernel: sum, for each body, the contact forces against the plate's normal, and the moments of these forces.
 
     Args:
         contacts: The contacts.
         plate: Geom id of the plate.
-        body_of_geom: Id of the body that each geom moves with, shape (geoms,).
+        body_of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not known, whose forces
+            count as points; the last entry is for flexes, shape (geoms + 1,).
         axes: Axes of the array in the world, as columns, shape (3, 3) [-].
         origin: Origin of the array in the world, shape (3,) [m].
 
     Returns:
-        Ids of the bodies that touch the plate, shape (bodies,); and for each of these bodies the sums over its contacts
-        of force [N], force times x, and force times y [N m], shape (bodies, 3).
+        Ids of the bodies of known shape that touch the plate's top, shape (bodies,); for each of these bodies the sums
+        over its contacts of force [N], force times x, and force times y [N m], and its deepest penetration [m], shape
+        (bodies, 4); for each of the m contacts with the plate's top the index of its body, -1 for an unknown shape,
+        shape (m,), and x, y [m] and force [N], shape (m, 3); and the sum of the forces at the sides and the back of the
+        plate [N].
     """
-    geom, address, _, frame, _, pos, _, _ = contacts
-    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 3))
-    count, local = 0, np.zeros(3)
+    geom, address, _, frame, _, pos, dist, _, _ = contacts
+    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 4))
+    owner, points = np.empty(len(geom), dtype=np.int64), np.empty((len(geom), 3))
+    count, touching, beside, local = 0, 0, 0.0, np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (geom[k, 0] != plate and geom[k, 1] != plate):
             continue
         _decode_force(contacts, k, local)
-        force, x, y = 0.0, 0.0, 0.0
+        force, upward, x, y = 0.0, 0.0, 0.0, 0.0
         for i in range(3):
+            upward += frame[k, i] * axes[i, 2]
             for axis in range(3):
                 force += local[axis] * frame[k, 3 * axis + i] * axes[i, 2]
             x += (pos[k, i] - origin[i]) * axes[i, 0]
             y += (pos[k, i] - origin[i]) * axes[i, 1]
         other = geom[k, 1]
         if geom[k, 1] == plate:
-            force, other = -force, geom[k, 0]
-        slot = 0
-        while slot < count and bodies[slot] != body_of_geom[other]:
-            slot += 1
-        if slot == count:
-            bodies[slot] = body_of_geom[other]
-            count += 1
-        sums[slot, 0] += force
-        sums[slot, 1] += force * x
-        sums[slot, 2] += force * y
-    return bodies[:count], sums[:count]
+            force, upward, other = -force, -upward, geom[k, 0]
+        if upward < FRONT:
+            beside += force
+            continue
+        slot = -1
+        if body_of_geom[other] >= 0:
+            slot = 0
+            while slot < count and bodies[slot] != body_of_geom[other]:
+                slot += 1
+            if slot == count:
+                bodies[slot] = body_of_geom[other]
+                count += 1
+            sums[slot, 0] += force
+            sums[slot, 1] += force * x
+            sums[slot, 2] += force * y
+            sums[slot, 3] = max(sums[slot, 3], -dist[k])
+        owner[touching] = slot
+        points[touching, 0], points[touching, 1], points[touching, 2] = x, y, force
+        touching += 1
+    return bodies[:count], sums[:count], owner[:touching], points[:touching], beside

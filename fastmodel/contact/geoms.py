@@ -13,38 +13,40 @@ from meshes.array_types import IntArray
 
 #: Colour of plates and of boxes of active texels: red, green, blue, opacity [-].
 _COLOUR = (0.25, 0.27, 0.3, 1.0)
-#: Index of the highest usable collision bit [-]: MuJoCo's collision masks are signed 32-bit numbers.
-_HIGHEST_BIT = 30
+#: Collision mask with every bit [-]; MuJoCo's masks are signed 32-bit numbers.
+EVERY = 0x7FFFFFFF
 
 
-def check_box(height: float, contact_bit: int) -> None:
-    """Check the height and the collision bit of a box geom.
+def check_box(height: float, contype: int, conaffinity: int) -> None:
+    """Check the height and the collision masks of a box geom.
 
     Args:
         height: Height of the box [m].
-        contact_bit: Index of the collision bit of the box [-].
+        contype: Collision mask of the box [-].
+        conaffinity: Mask of the geoms that the box meets [-].
 
     Raises:
-        ValueError: If the height is not positive or the bit not 0..30.
+        ValueError: If the height is not positive or a mask is not 0..2^31 - 1.
     """
     if not 0 < height < np.inf:
         raise ValueError(f"height must be positive, not {height} m")
-    if not 0 <= contact_bit <= _HIGHEST_BIT:
-        raise ValueError(f"contact_bit must lie in 0..{_HIGHEST_BIT}, not {contact_bit}")
+    for name, mask in (("contype", contype), ("conaffinity", conaffinity)):
+        if not 0 <= mask <= EVERY or mask != int(mask):
+            raise ValueError(f"{name} must be a whole number in 0..{EVERY} (31 bits), not {mask}")
 
 
-def describe_box(half: Sequence[float], contact_bit: int) -> dict[str, Any]:
+def describe_box(half: Sequence[float], contype: int, conaffinity: int) -> dict[str, Any]:
     """Return MuJoCo's attributes of a massless box geom, by name.
 
-    The box collides with every geom whose contype has a bit other than the box's own collision bit.
+    MuJoCo lets two geoms collide if the contype of one and the conaffinity of the other have a common bit.
 
     Args:
         half: Half edge lengths of the box, shape (3,) [m].
-        contact_bit: Index of the box's own collision bit, 0..30 [-].
+        contype: Collision mask of the box [-].
+        conaffinity: Mask of the geoms that the box meets [-].
     """
-    bit = 1 << contact_bit
     box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half, "mass": 0.0, "rgba": _COLOUR}
-    return {**box, "contype": bit, "conaffinity": 0x7FFFFFFF & ~bit}
+    return {**box, "contype": contype, "conaffinity": conaffinity}
 
 
 def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntArray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fastmodel.contact.force_kernels import FRONT
 from fastmodel.contact.panel_layout import PanelCells, PanelLayout
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.pressure.conjugate_gradient import Load
@@ -155,37 +156,73 @@ class PanelReader(PlateReader):
     ) -> None:
         """Find the plates of all panels in the compiled model; see `PlateReader`.  `layout` replaces the grid."""
         super().__init__(plate, model, array, name, grid=layout.grid, edge=edge)
-        self._panels, self._thickness = layout.panels, plate.height
+        self._panels = layout.panels
         self._panel_of_geom = np.full(self._model.ngeom + 1, -1)
         self._panel_of_geom[self._geoms] = np.arange(len(self._geoms))
         self._normals = np.array([part.panel.axes[:, 2] for part in self._panels])
 
-    def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
-        """Find the bodies that press on the panels, by id, and their loads; see `PlateReader.find_contact`."""
+    def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> PlateContact:
+        """Find the bodies that press on the panels and their loads, without poses; see `PlateReader.find_contact`."""
         contact = data.contact
         panels = self._panel_of_geom[contact.geom]
         touches = ((panels >= 0).any(axis=1) & (contact.efc_address >= 0)).nonzero()[0]
-        if not len(touches):
-            return []
         second = panels[touches, 1] >= 0
         side = second.astype(np.int64)
-        body = self._body_of_geom[contact.geom[touches, 1 - side]]
-        normal = self._normals[panels[touches, side]]
+        body = self._bodies.of_geom[contact.geom[touches, 1 - side]]
+        panel = panels[touches, side]
+        normal = self._normals[panel]
         local = np.zeros((len(touches), 6))  # force and torque
         for number, force in zip(touches.tolist(), local, strict=True):
             mujoco.mj_contactForce(self._model, data, number, force)
         directions = contact.frame[touches].reshape(-1, 3, 3) @ axes
+        directions[second] *= -1
         pressure = local[:, :1] * directions[:, 0]
         friction = np.einsum("ki,kij->kj", local[:, 1:3], directions[:, 1:])
         # only the component of friction along the panel's normal is used, because the other components are not pressure
         forces = pressure + (friction * normal).sum(axis=1, keepdims=True) * normal
-        forces[second] *= -1
+        along = (forces * normal).sum(axis=1)
+        front = (directions[:, 0] * normal).sum(axis=1) >= FRONT
         place = (contact.pos[touches] - origin) @ axes
-        return [
-            (int(each), load)
-            for each in np.unique(body)
-            if (load := self._sum_wrench(data, int(each), axes, place[body == each], forces[body == each])) is not None
-        ]
+        loads = {}
+        for each in np.unique(body[front & (body >= 0)]).tolist():
+            mine = front & (body == each)
+            load = self._sum_wrench(data, each, axes, place[mine], forces[mine])
+            if load is not None:
+                loads[each] = load
+        bodies = tuple(loads)
+        known = np.isin(body, bodies) & (body >= 0)
+        owner = np.full(len(body), -1)
+        owner[known] = np.searchsorted(bodies, body[known])
+        kept = front & (known | ((body < 0) & (along > 0)))
+        points = np.column_stack([self._place_on_grid(panel[kept], place[kept]), along[kept]])
+        return PlateContact(
+            bodies=bodies,
+            loads=tuple(loads.values()),
+            poses=(),
+            depths=tuple(float(-contact.dist[touches[front & (body == each)]].min()) for each in bodies),
+            owner=owner[kept],
+            points=points,
+            beside=float(along[~kept].sum()),
+        )
+
+    def _place_on_grid(self, panel: IntArray, place: FloatArray) -> FloatArray:
+        """Compute x, y on the common grid of k points on given panels, limited to these panels, shape (k, 2) [m].
+
+        Args:
+            panel: Index of the panel of each point, shape (k,).
+            place: The points in the array's frame, shape (k, 3) [m].
+        """
+        out = np.zeros((len(panel), 2))
+        for k, (number, point) in enumerate(zip(panel.tolist(), place, strict=True)):
+            part = self._panels[number]
+            local = ((point - part.panel.origin) @ part.panel.axes)[:2]
+            half = np.array(part.panel.half) - np.array(part.grid.edge) / 2
+            out[k] = np.clip(local, -half, half) + self._shift(part)
+        return out
+
+    def _shift(self, part: PanelCells) -> FloatArray:
+        """Return the position of a panel's origin on the common grid, shape (2,) [m]."""
+        return np.asarray(self._grid.low - part.grid.low + np.array([part.column, part.row]) * part.grid.edge)
 
     def _sum_wrench(
         self, data: mujoco.MjData, body: int, axes: FloatArray, place: FloatArray, forces: FloatArray
@@ -236,10 +273,11 @@ class PanelReader(PlateReader):
             shape=pose.shape,
             rotation=axes.T @ pose.rotation,
             position=(pose.position - part.panel.origin) @ axes,
+            back=pose.back,
         )
         samples = sample_gap(grid, [local], [reach])
         place = part.panel.origin + np.outer(samples.x, axes[:, 0]) + np.outer(samples.y, axes[:, 1])
-        shift = self._grid.low - grid.low + np.array([part.column, part.row]) * grid.edge
+        shift = self._shift(part)
         table = np.vstack(
             [
                 samples.row + part.row,
@@ -252,9 +290,7 @@ class PanelReader(PlateReader):
                 np.tile(axes[:, 2:], samples.count),
             ]
         )
-        # where a body lies deeper than the thickness of the plate, the body is behind the panel and does not press on
-        # it
-        return table[:, (samples.gap > -self._thickness) & part.holds(samples.row, samples.column)]
+        return table[:, part.holds(samples.row, samples.column)]
 
 
 def _is_near(part: PanelCells, pose: PosedBody, reach: float) -> bool:

@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.force_kernels import imitate_contacts, read_contacts, sum_forces
-from fastmodel.contact.geoms import check_box, describe_box, find_geoms
+from fastmodel.contact.bodies import Bodies
+from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, read_contacts, sum_forces
+from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
 from fastmodel.errors import StateError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
-from fastmodel.pressure.gap import describe_solid
-from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
@@ -36,7 +37,9 @@ class Plate:
         height: Thickness of the plate, inwards from the cover's top [m].
         margin: Number of pitches by which plate and cover extend beyond the outermost texels on each side.  Force on
             the margin counts as `outside`, the force that no texel measures [-].
-        contact_bit: Index of the plate's own collision bit, 0..30 [-].
+        contype: Collision mask of the plate, 31 bits.  With all bits, the default, the plate meets every geom that
+            collides with anything, other arrays included [-].
+        conaffinity: Mask of the geoms that the plate meets, 31 bits [-].
         solref: Time constant and damping ratio of the plate's contacts, see `fit_contact` [s, -].  By default MuJoCo
             combines its default values with those of the touching geom.
         solimp: MuJoCo's five impedance parameters of the plate's contacts, given together with `solref`: impedance at
@@ -45,7 +48,8 @@ class Plate:
 
     height: float = 2e-3
     margin: int = 1
-    contact_bit: int = 30
+    contype: int = EVERY
+    conaffinity: int = EVERY
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] | None = None
 
@@ -53,10 +57,10 @@ class Plate:
         """Check the numbers.
 
         Raises:
-            ValueError: If the height is not positive, the margin negative, the bit not 0..30, or only one of solref
+            ValueError: If the height is not positive, the margin negative, a mask not of 31 bits, or only one of solref
                 and solimp given.
         """
-        check_box(self.height, self.contact_bit)
+        check_box(self.height, self.contype, self.conaffinity)
         if self.margin < 0 or self.margin != int(self.margin):
             raise ValueError(f"margin must be a whole number of pitches from 0 on, not {self.margin}")
         if (self.solref is None) != (self.solimp is None):
@@ -79,7 +83,7 @@ class Plate:
                 name=geom,
                 pos=pose.position + rotate(pose.quaternion, middle[None])[0],
                 quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]),
-                **describe_box((*panel.half, self.height / 2), self.contact_bit),
+                **describe_box((*panel.half, self.height / 2), self.contype, self.conaffinity),
                 **soft,
             )
 
@@ -92,17 +96,26 @@ class Plate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlateContact:
-    """The bodies that press on the plate, with their loads and poses.
+    """The bodies that press on the plate, with their loads and poses, and the contacts that are no body's pressure.
 
     Attributes:
-        bodies: Id of each body.
+        bodies: Id of each body of known shape that presses on the front of the plate.
         loads: Force and moments of each body.
         poses: Shape of each body and its pose in the array's frame.
+        depths: Deepest penetration of each body into the rigid plate [m].
+        owner: Index in `bodies` of the body of each of m contacts with the front of the plate; -1 for contacts whose
+            bodies have no known shape, and act as point forces, shape (m,).
+        points: Position x, y on the contact grid [m] and force [N] of these contacts, shape (m, 3).
+        beside: Force at the sides and on the back of the plate, with its sign [N].
     """
 
     bodies: tuple[int, ...]
     loads: tuple[Load, ...]
     poses: tuple[PosedBody, ...]
+    depths: tuple[float, ...]
+    owner: IntArray
+    points: FloatArray
+    beside: float
 
     def equals(self, other: PlateContact, tolerance: float, length: float) -> bool:
         """Return whether bodies, loads and poses of another contact are equal up to a tolerance.
@@ -117,15 +130,39 @@ class PlateContact:
             self.bodies == other.bodies
             and all(a.equals(b, tolerance, length) for a, b in zip(self.poses, other.poses, strict=True))
             and all(a.equals(b, tolerance, length) for a, b in zip(self.loads, other.loads, strict=True))
+            and abs(self.beside - other.beside) <= tolerance * abs(self.beside)
+            and _are_equal(self.point_forces, other.point_forces, tolerance, length)
         )
 
+    @cached_property
+    def point_forces(self) -> FloatArray:
+        """Positions x, y [m] and forces [N] of the k contacts that act as point forces, shape (k, 3)."""
+        return self.points[self.owner < 0]
+
     def select(self, kept: Sequence[int]) -> PlateContact:
-        """Return the contact of some of the bodies only, given by their indices in `bodies`."""
-        return PlateContact(
+        """Return the contact with the other bodies' contacts as point forces.
+
+        Args:
+            kept: Indices in `bodies` of the bodies that keep their shapes.
+        """
+        number = np.full(len(self.bodies) + 1, -1)
+        number[list(kept)] = np.arange(len(kept))
+        return replace(
+            self,
             bodies=tuple(self.bodies[k] for k in kept),
             loads=tuple(self.loads[k] for k in kept),
             poses=tuple(self.poses[k] for k in kept),
+            depths=tuple(self.depths[k] for k in kept),
+            owner=number[self.owner],
         )
+
+
+def _are_equal(one: FloatArray, other: FloatArray, tolerance: float, length: float) -> bool:
+    """Return whether positions and forces of points are equal up to a tolerance; see `PlateContact.equals`."""
+    if one.shape != other.shape:
+        return False
+    apart, size = np.abs(one - other), np.abs(one[:, 2]).sum()
+    return not apart.size or bool(apart[:, :2].max() <= tolerance * length and apart[:, 2].max() <= tolerance * size)
 
 
 class PlateReader:
@@ -150,20 +187,22 @@ class PlateReader:
         panels, names = plate.divide(array, name)
         self._geoms = find_geoms(model, names, name)
         self._geom = int(self._geoms[0])
-        self._model, self._edge, self._name, self._grid = model, edge, names[0], grid
+        self._model, self._name, self._grid, self._height = model, names[0], grid, plate.height
         self._turn = panels[0].axes.T
         self._middle = panels[0].origin - 0.5 * plate.height * panels[0].axes[:, 2]
-        self._pyramidal = bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
-        # bodies without a joint between them move together and count as one body
-        self._body_of_geom = model.body_weldid[model.geom_bodyid].astype(np.int64)
-        self._shapes: dict[int, tuple[IntArray, BodyShape]] = {}
+        self._bodies = Bodies(model, self._geoms, name, edge)
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
         self._sum_forces, self._transform_poses = compile_kernel(sum_forces), compile_kernel(transform_poses)
 
+    def reset(self) -> None:
+        """Follow changes of meshes since the last reset; other changes are followed at every contact."""
+        self._bodies.follow_meshes()
+
     def find_contact(self, data: mujoco.MjData) -> PlateContact | None:
-        """Find the bodies that press on the plate in a simulation state; return None if no body presses.
+        """Find the bodies that press on the plate in a simulation state; return None if nothing touches the plate.
 
         Raises:
+            LifeCycleError: If the size of the plate has changed.
             StateError: If a contact force is not finite.
         """
         if not data.nefc:
@@ -171,16 +210,17 @@ class PlateReader:
         # dot instead of @, because @ takes twice as long for arrays this small
         axes = data.geom_xmat[self._geom].reshape(3, 3).dot(self._turn)
         origin = data.geom_xpos[self._geom] - axes.dot(self._middle)
-        pressing = self._find_loads(data, axes, origin)
-        if not pressing:
+        self._bodies.follow_changes()
+        found = self._find_loads(data, axes, origin)
+        if not len(found.points) and not found.beside:
             return None
-        for _, load in pressing:
-            if not math.isfinite(load.force):
-                raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
-        bodies, loads = zip(*pressing, strict=True)
-        return PlateContact(
-            bodies=bodies, loads=loads, poses=tuple(self._find_pose(data, body, axes, origin) for body in bodies)
-        )
+        if not math.isfinite(found.beside + found.points[:, 2].sum() + sum(each.force for each in found.loads)):
+            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
+        poses = [
+            self._find_pose(data, body, axes, origin, -self._height - depth)
+            for body, depth in zip(found.bodies, found.depths, strict=True)
+        ]
+        return replace(found, poses=tuple(poses))
 
     def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
         """Sample the gap under every body.
@@ -194,38 +234,60 @@ class PlateReader:
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernels by calling each of them on a state without contacts."""
         axes, origin = np.eye(3), np.zeros(3)
-        for contacts in imitate_contacts(data, pyramidal=self._pyramidal):
-            self._sum_forces(contacts, self._geom, self._body_of_geom, axes, origin)
+        for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
+            self._sum_forces(contacts, self._geom, self._bodies.of_geom, axes, origin)
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
 
-    def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> list[tuple[int, Load]]:
-        """Find the bodies that press, by id, and their loads; the force is nan if a force or moment is not finite."""
-        contacts = read_contacts(data, pyramidal=self._pyramidal)
-        bodies, sums = self._sum_forces(contacts, self._geom, self._body_of_geom, axes, origin)
-        pressing = []
-        for body, (force, x, y) in zip(bodies.tolist(), sums.tolist(), strict=True):
-            if not force <= 0:  # also true for nan, which `find_contact` reports
-                tilts = self._joints.let_tilt(data, body, axes[:, 2])
-                pressing.append((body, Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts)))
-        return pressing
+    def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> PlateContact:
+        """Find the bodies that press and their loads, without poses; a force that is not finite makes the sum so."""
+        contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
+        bodies, sums, owner, points, beside = self._sum_forces(contacts, self._geom, self._bodies.of_geom, axes, origin)
+        loads = []
+        for body, (force, x, y, _) in zip(bodies.tolist(), sums.tolist(), strict=True):
+            tilts = self._joints.let_tilt(data, body, axes[:, 2])
+            loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
+        found = PlateContact(
+            bodies=tuple(bodies.tolist()),
+            loads=tuple(loads),
+            poses=(),
+            depths=tuple(sums[:, 3].tolist()),
+            owner=owner,
+            points=points,
+            beside=beside,
+        )
+        return leave_out_pulls(found)
 
-    def _find_pose(self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray) -> PosedBody:
-        """Compute the poses of a body's solids in the array's frame."""
-        if body not in self._shapes:
-            self._shapes[body] = self._find_shape(body)
-        geoms, shape = self._shapes[body]
+    def _find_pose(
+        self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray, back: float
+    ) -> PosedBody:
+        """Compute the poses of a body's solids in the array's frame; `back` is that of `PosedBody` [m]."""
+        geoms, shape = self._bodies.find_shape(body)
         rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, axes, origin)
-        return PosedBody(shape=shape, rotation=rotation, position=position)
+        return PosedBody(shape=shape, rotation=rotation, position=position, back=back)
 
-    def _find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
-        """Find the ids of the geoms of a body that can collide with the plate, and describe their shapes."""
-        model, plate = self._model, self._geom
-        types, affinities = model.geom_contype, model.geom_conaffinity
-        collides = ((types & affinities[plate]) | (affinities & types[plate])) != 0
-        collides[self._geoms] = False
-        geoms = ((self._body_of_geom == body) & collides).nonzero()[0]
-        solids = tuple(describe_solid(model, int(geom), self._edge) for geom in geoms)
-        return geoms, BodyShape(solids=solids, edge=self._edge)
+
+def leave_out_pulls(contact: PlateContact) -> PlateContact:
+    """Return a contact without poses in which bodies and points that pull on the array count as beside it.
+
+    Friction can pull at the front of the array where the contact's normal is inclined.  No texel measures a pull.
+    """
+    kept = [k for k, load in enumerate(contact.loads) if not load.force <= 0]  # keeps nan, which is reported later
+    pulled = contact.points[contact.owner < 0, 2]
+    if len(kept) == len(contact.loads) and not (pulled <= 0).any():
+        return contact
+    gone = np.isin(contact.owner, np.setdiff1d(np.arange(len(contact.loads)), kept))
+    gone |= (contact.owner < 0) & (contact.points[:, 2] <= 0)
+    number = np.full(len(contact.loads) + 1, -1)
+    number[kept] = np.arange(len(kept))
+    return replace(
+        contact,
+        bodies=tuple(contact.bodies[k] for k in kept),
+        loads=tuple(contact.loads[k] for k in kept),
+        depths=tuple(contact.depths[k] for k in kept),
+        owner=number[contact.owner[~gone]],
+        points=contact.points[~gone],
+        beside=contact.beside + float(contact.points[gone, 2].sum()),
+    )
 
 
 def transform_poses(

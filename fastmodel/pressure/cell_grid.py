@@ -78,6 +78,27 @@ class CellGrid:
         slot = self._slots.take(row * self.columns + column)
         return np.bincount(slot, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
 
+    def divide_points(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Divide point forces bilinearly among the four nearest cells; only forces that press count.
+
+        Args:
+            points: Positions x, y in the frame of the grid [m] and forces [N], shape (k, 3).
+
+        Returns:
+            Row and column of 4 k cells, and the force on each of them [N], each of shape (4 k,).
+        """
+        last = np.array([self.columns, self.rows]) - 1
+        place = np.clip((points[:, :2] - self.low) / self.edge - 0.5, 0, last)
+        first = np.minimum(place.astype(np.int64), np.maximum(last - 1, 0))
+        share = place - first
+        pressed = np.maximum(points[:, 2], 0.0)
+        row, column, forces = [], [], []
+        for j, i in np.ndindex(2, 2):
+            column.append(np.minimum(first[:, 0] + i, last[0]))
+            row.append(np.minimum(first[:, 1] + j, last[1]))
+            forces.append(pressed * np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1]))
+        return np.concatenate(row), np.concatenate(column), np.concatenate(forces)
+
     def shift_window(
         self, forces: FloatArray, origin: tuple[int, int], centre: FloatArray
     ) -> tuple[FloatArray, tuple[int, int]]:

@@ -22,6 +22,8 @@ from meshes.array_types import FloatArray
 
 #: Values of `Solid.kind`; a polytope is a convex solid with flat faces.
 POLYTOPE, ELLIPSOID, CYLINDER, CAPSULE = range(4)
+#: Types of geoms that are not convex solids.
+_NOT_SOLID = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 #: Decimal places to which the plane equations of two triangles of a convex hull are compared; triangles in the same
 #: plane count as one face [-].
 _FACE_DECIMALS = 6
@@ -58,37 +60,53 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
         FastModelError: If the geom is a height field or a signed distance field, which are not convex.
     """
     kind, size, kinds = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom].copy(), mujoco.mjtGeom
-    box, no_planes = model.geom_aabb[geom] + np.repeat([0.0, edge], 3), np.zeros((0, 4))
+    middle, half, no_planes = np.zeros(3), size, np.zeros((0, 4))
     match kind:
         case kinds.mjGEOM_PLANE:
-            number, planes, box = POLYTOPE, np.array([[0.0, 0, 1, 0]]), np.repeat([0.0, np.inf], 3)
+            number, planes, half = POLYTOPE, np.array([[0.0, 0, 1, 0]]), np.full(3, np.inf)
         case kinds.mjGEOM_BOX:
             number, planes = POLYTOPE, np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(size + edge, 2)])
         case kinds.mjGEOM_MESH:
-            number, planes = POLYTOPE, _find_hull_planes(model, geom, edge)
+            vertices = find_vertices(model, geom)
+            number, planes = POLYTOPE, _find_hull_planes(vertices, edge)
+            middle, half = (vertices.max(axis=0) + vertices.min(axis=0)) / 2, np.ptp(vertices, axis=0) / 2
         case kinds.mjGEOM_SPHERE:
-            number, planes, size = ELLIPSOID, no_planes, np.repeat(size[0], 3)
+            number, planes, half = ELLIPSOID, no_planes, np.repeat(size[0], 3)
         case kinds.mjGEOM_ELLIPSOID:
             number, planes = ELLIPSOID, no_planes
         case kinds.mjGEOM_CYLINDER:
-            number, planes = CYLINDER, no_planes
+            number, planes, half = CYLINDER, no_planes, size[[0, 0, 1]]
         case kinds.mjGEOM_CAPSULE:
-            number, planes = CAPSULE, no_planes
+            number, planes, half = CAPSULE, no_planes, np.array([size[0], size[0], size[0] + size[1]])
         case _:
             raise FastModelError(
-                f"geom {model.geom(geom).name!r} is of type {kind.name}; the contact methods 'foundation' and 'cover' "
-                f"take planes, spheres, ellipsoids, capsules, cylinders, boxes and meshes (as their convex hull)"
+                f"geom {model.geom(geom).name!r} (id {geom}) of body {model.body(model.geom_bodyid[geom]).name!r} is "
+                f"of type {kind.name}, which is no convex solid"
             )
-    return Solid(kind=number, size=size, planes=planes, centre=box[:3], half=box[3:])
+    return Solid(
+        kind=number, size=half if kind == kinds.mjGEOM_SPHERE else size, planes=planes, centre=middle, half=half + edge
+    )
 
 
-def _find_hull_planes(model: mujoco.MjModel, geom: int, edge: float) -> FloatArray:
-    """Find the planes of the f flat faces of a mesh's convex hull, moved outwards by `edge`, shape (f, 4) [-, m]."""
-    from scipy.spatial import ConvexHull
+def is_solid(model: mujoco.MjModel, geom: int) -> bool:
+    """Return whether the shape of a geom is a convex solid, which `describe_solid` takes."""
+    return int(model.geom_type[geom]) not in _NOT_SOLID
 
+
+def find_vertices(model: mujoco.MjModel, geom: int) -> FloatArray:
+    """Find the n vertices of a mesh geom in the frame of the geom, shape (n, 3) [m]."""
     mesh = model.geom_dataid[geom]
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    vertices = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
+    return np.array(model.mesh_vert[first : first + count], dtype=np.float64)
+
+
+def _find_hull_planes(vertices: FloatArray, edge: float) -> FloatArray:
+    """Find the planes of the f flat faces of the convex hull of n vertices, moved outwards by `edge`, shape (f, 4).
+
+    The columns are the outward normal [-] and the offset [m].
+    """
+    from scipy.spatial import ConvexHull
+
     equations = ConvexHull(vertices).equations
     scale = np.array([1, 1, 1, 1 / np.ptp(vertices, axis=0).max()])
     _, kept = np.unique(np.round(equations * scale, _FACE_DECIMALS), axis=0, return_index=True)

@@ -32,8 +32,12 @@ def sample_body(
     position: FloatArray,
     grid: tuple[IntArray, FloatArray, FloatArray],
     reach: float,
+    back: float,
 ) -> Cells:
     """Kernel: sample the gap under one body of p solids, and average the gap over cells of the contact grid.
+
+    A vertical line intersects each solid in one interval of heights.  Where the interval begins below `back`, the solid
+    lies behind the array or passes beside it, and presses on nothing.
 
     Args:
         shape: Arrays that describe the solids, see `BodyShape.arrays`.
@@ -42,6 +46,7 @@ def sample_body(
         position: Origin of each solid in the array's frame, shape (p, 3) [m].
         grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
         reach: Gap above the smallest gap up to which cells are kept [m].
+        back: Height below which parts of the body lie behind the array [m].
 
     Returns:
         The kept cells.
@@ -66,7 +71,7 @@ def sample_body(
             else:
                 _cross_round(kinds[p], sizes[p], edge, rotation[p], position[p], x, y, first, last, bottom, top)
             for j in range(first, last):
-                height = bottom[j] if -np.inf < bottom[j] <= top[j] else np.inf
+                height = bottom[j] if back < bottom[j] <= top[j] else np.inf
                 heights[i, j] = min(heights[i, j], height)
     return _average_over_cells(heights, around, low, cell, reach)
 

@@ -67,11 +67,14 @@ class PosedBody:
         shape: The solids of the body.
         rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
         position: Origin of each solid in the array's frame, shape (p, 3) [m].
+        back: Height below which parts of the body lie behind the array.  A body may reach round the array; where a
+            vertical line enters it below this height, it presses on nothing [m].
     """
 
     shape: BodyShape
     rotation: FloatArray
     position: FloatArray
+    back: float = -np.inf
 
     def equals(self, other: PosedBody, tolerance: float, length: float) -> bool:
         """Return whether another pose of the same body is equal up to a tolerance.
@@ -158,4 +161,4 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
 def _sample_body(grid: CellGrid, body: PosedBody, reach: float) -> Cells:
     """Average the gap under one body over the cells of the contact grid, up to `reach` above the smallest gap [m]."""
     kernel = compile_kernel(sample_body)
-    return kernel(body.shape.arrays, body.shape.edge, body.rotation, body.position, grid.arrays, reach)
+    return kernel(body.shape.arrays, body.shape.edge, body.rotation, body.position, grid.arrays, reach, body.back)

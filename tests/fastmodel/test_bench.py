@@ -137,5 +137,5 @@ def test_bad_input_raises_an_error_that_names_the_fault():
         indent(PARAMETERS, sphere, load=1.0, method="bricks")
     with pytest.raises(ValueError, match="height"):
         BoxTexels(height=0.0)
-    with pytest.raises(ValueError, match="contact_bit"):
-        BoxTexels(contact_bit=31)
+    with pytest.raises(ValueError, match="contype"):
+        BoxTexels(contype=-1)

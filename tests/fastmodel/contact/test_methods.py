@@ -223,7 +223,7 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
         sensor.bind(mujoco.MjSpec().compile())
     with pytest.raises(FastModelError, match="on this spec already"):
         fastmodel.attach(spec, "world", PARAMETERS, contact="boxes")
-    for wrong in ({"height": 0.0}, {"margin": -1}, {"contact_bit": 31}):
+    for wrong in ({"height": 0.0}, {"margin": -1}, {"contype": 2**31}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             Plate(**wrong)
 

@@ -31,7 +31,7 @@ def test_covered_area_is_that_of_the_face(name):
 
 def test_compiled_kernel_and_plain_python_agree():
     body = pose_body(Cylinder(radius=2e-3), yaw=0.7, edge=1e-4)
-    plain = sample_body(body.shape.arrays, body.shape.edge, body.rotation, body.position, GRID.arrays, 1e-3)
+    plain = sample_body(body.shape.arrays, body.shape.edge, body.rotation, body.position, GRID.arrays, 1e-3, -np.inf)
     found = sample_gap(GRID, [body], [1e-3])
     for field, expected in zip(FIELDS, plain, strict=True):
         np.testing.assert_allclose(getattr(found, field), expected, atol=1e-12)

@@ -1,0 +1,94 @@
+"""The bodies of a model that can touch an array, and the shapes of their geoms.
+
+Geoms without a joint between them move together and count as one body.  A height field, a signed distance field or a
+flex has no convex shape; its contact points stand for it.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from fastmodel.errors import LifeCycleError
+from fastmodel.pressure.gap import describe_solid, find_vertices, is_solid
+from fastmodel.pressure.gap_sampling import BodyShape
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Number of bits by which MuJoCo shifts the id of the first body in the signature of an excluded pair of bodies [-].
+_SIGNATURE_BITS = 16
+
+
+class Bodies:
+    """The bodies of a model as an array sees them.
+
+    Attributes:
+        of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not a convex solid; the last
+            entry, which MuJoCo's geom id -1 selects, stands for flexes, shape (geoms + 1,).
+    """
+
+    def __init__(self, model: mujoco.MjModel, own: IntArray, name: str, edge: float = 0.0) -> None:
+        """Sort the geoms of a model by body.
+
+        Args:
+            model: The compiled model.
+            own: Ids of the geoms of the array.
+            name: Name of the sensor, for error messages.
+            edge: Distance by which solids with sharp edges are enlarged [m].
+        """
+        self._model, self._own, self._name, self._edge = model, own, name, edge
+        self._size = model.geom_size[own].copy()
+        self.of_geom = np.empty(0, dtype=np.int64)
+        self._state = b""
+        self._shapes: dict[int, tuple[IntArray, BodyShape]] = {}
+        self._vertices: dict[int, FloatArray] = {}
+        self.follow_changes()
+
+    def follow_changes(self) -> None:
+        """Discard what is known of geoms if their types, sizes or collision masks have changed since the last call.
+
+        Raises:
+            LifeCycleError: If the size of the array's own geoms has changed.
+        """
+        model = self._model
+        fields = (model.geom_size, model.geom_type, model.geom_contype, model.geom_conaffinity, model.geom_dataid)
+        state = b"".join(each.tobytes() for each in fields)
+        if state == self._state:
+            return
+        if not np.array_equal(model.geom_size[self._own], self._size):
+            raise LifeCycleError(
+                f"the geoms of sensor {self._name!r} have another size than when they were attached; the array's size "
+                f"belongs to its parameters: attach it anew"
+            )
+        self._state = state
+        self._shapes.clear()
+        solid = np.array([is_solid(model, geom) for geom in range(model.ngeom)], dtype=bool)
+        weld = model.body_weldid[model.geom_bodyid]
+        self.of_geom = np.append(np.where(solid, weld, -1), -1).astype(np.int64)
+
+    def follow_meshes(self) -> None:
+        """Discard the shapes of bodies if the vertices of a mesh have changed since its shape was computed."""
+        for geom, vertices in self._vertices.items():
+            if not np.array_equal(find_vertices(self._model, geom), vertices):
+                self._shapes.clear()
+
+    def find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
+        """Find the ids of the geoms of a body that can collide with the array, and describe their shapes."""
+        if body not in self._shapes:
+            geoms = (self._collides() & (self.of_geom[:-1] == body)).nonzero()[0]
+            for geom in geoms[self._model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_MESH].tolist():
+                self._vertices[geom] = find_vertices(self._model, geom)
+            solids = tuple(describe_solid(self._model, int(geom), self._edge) for geom in geoms)
+            self._shapes[body] = geoms, BodyShape(solids=solids, edge=self._edge)
+        return self._shapes[body]
+
+    def _collides(self) -> BoolArray:
+        """Return which geoms collide with the array: by their masks or as an explicit pair, and not excluded."""
+        model, first = self._model, self._own[0]
+        types, affinities = model.geom_contype, model.geom_conaffinity
+        found = ((types & affinities[first]) | (affinities & types[first])) != 0
+        bodies = np.sort(np.column_stack([model.geom_bodyid, np.full(model.ngeom, model.geom_bodyid[first])]), axis=1)
+        found &= ~np.isin((bodies[:, 0] << _SIGNATURE_BITS) + bodies[:, 1], model.exclude_signature)
+        for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
+            found[one[np.isin(other, self._own)]] = True
+        found[self._own] = False
+        return np.asarray(found)

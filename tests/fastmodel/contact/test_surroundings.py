@@ -1,0 +1,314 @@
+"""Arrays in scenes of other people: only what is in front of an array loads its texels, and every force is counted."""
+
+import dataclasses
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import METHODS, LifeCycleError
+from meshes import TexelArray
+from tests.support.cover_data import parameters
+
+PARAMETERS = parameters()
+BOX, SPHERE, CAPSULE, PLANE = (
+    getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("BOX", "SPHERE", "CAPSULE", "PLANE")
+)
+#: Half lengths of the part that stands on the array [m].
+PRESSED = [8e-3, 5e-3, 1e-3]
+
+
+def tube(radius, count=24, half_length=30e-3, thickness=1.5e-3):
+    """Walls of a tube along x whose lowest point touches z = 0; the first wall is the one on the array."""
+    width = radius * np.tan(np.pi / count)
+    for k in range(count):
+        turn = 2 * np.pi * k / count
+        middle = (radius + thickness) * np.array([0, np.sin(turn), np.cos(turn)]) - [0, 0, radius]
+        yield {"type": BOX, "size": [half_length, width, thickness], "pos": middle, "euler": [-turn, 0, 0]}
+
+
+def box(size, pos):
+    return {"type": BOX, "size": size, "pos": pos}
+
+
+def split(walls, front):
+    """Divide the walls of a tube into those in front of the array and the others."""
+    walls = list(walls)
+    return [each for each in walls if each["pos"][2] > front], [each for each in walls if each["pos"][2] <= front]
+
+
+#: Geoms of a body that stands on the array at z = 0: those in front of the array, and those that reach round it.
+SCENES = {
+    "mug": split(tube(40e-3), -10e-3),
+    "ring": split(tube(30e-3, half_length=4e-3), -10e-3),
+    "tube": split(tube(25e-3, half_length=60e-3), -10e-3),
+    "pad in a mug": ([box(PRESSED, [0, 0, 1e-3])], list(tube(40e-3, half_length=40e-3))[3:-2]),
+    "hook": (
+        [box(PRESSED, [0, 0, 1e-3])],
+        [box([1e-3, 5e-3, 20e-3], [20e-3, 0, -18e-3]), box([12e-3, 5e-3, 1e-3], [9e-3, 0, -39e-3])],
+    ),
+    "handle": (
+        [box(PRESSED, [0, 0, 1e-3])],
+        [
+            {"type": CAPSULE, "size": [4e-3, 60e-3, 0], "pos": [0, 0, -30e-3], "euler": [0, np.pi / 2, 0]},
+            box([2e-3, 4e-3, 16e-3], [50e-3, 0, -15e-3]),
+        ],
+    ),
+    "rail": ([{"type": SPHERE, "size": [5e-3, 0, 0], "pos": [0, 0, 5e-3]}], [box([0.5, 5e-3, 5e-3], [0, 0, -50e-3])]),
+    "wall beside": ([box(PRESSED, [0, 0, 1e-3])], [box([2e-3, 0.1, 0.1], [15.75e-3 - 0.7e-3, 0, 0])]),
+}
+#: A pad of 4 x 4 texels fits into tubes.
+PAD = dataclasses.replace(PARAMETERS, array=TexelArray.grid(4, 4, PARAMETERS.array.pitch), tables={})
+
+
+def bind(sensor, model):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fastmodel.OptionWarning)
+        return sensor.bind(model)
+
+
+def make_spec():
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.compiler.degree = False
+    spec.option.timestep = 1e-3
+    return spec
+
+
+def press(method, geoms, load=3.0, steps=250):
+    """Let a guided body of some geoms, of which the first has the mass, rest on the array."""
+    spec = make_spec()
+    sensor = fastmodel.attach(spec, "world", PAD, contact=method, every=1)
+    body = spec.worldbody.add_body(name="object", pos=[0.7e-3, -1.1e-3, 0])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    for k, geom in enumerate(geoms):
+        body.add_geom(mass=0.0 if k else load / 9.81, **geom)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    return sensor, model, data
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", SCENES)
+def test_what_reaches_round_the_array_loads_no_texel(name, method):
+    near, far = SCENES[name]
+    whole, model, data = press(method, near + far)
+    part, _, _ = press(method, near)
+    np.testing.assert_allclose(whole.contact_forces(), part.contact_forces(), atol=2e-3 * 3.0)
+    assert ((whole.contact_forces() > 0.02) == (part.contact_forces() > 0.02)).all()
+    assert whole.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
+    assert whole.carried() == pytest.approx(3.0, rel=2e-2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("behind", ["nothing", "rail", "table", "floor"])
+def test_fixed_geoms_behind_a_hand_load_no_texel(behind, method):
+    """The hand presses upwards on a fixed bar; all fixed geoms are one body."""
+    spec = make_spec()
+    spec.option.gravity = [0, 0, 0]
+    hand = spec.worldbody.add_body(name="hand")
+    hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    hand.add_geom(type=BOX, size=[5e-3, 5e-3, 5e-3], pos=[0, 0, -20e-3], mass=0.3)
+    sensor = fastmodel.attach(spec, hand, PAD, contact=method, every=1)
+    spec.worldbody.add_geom(**box([5.5e-3, 3.0e-3, 2e-3], [0, 0, 2e-3]))
+    if behind == "rail":
+        spec.worldbody.add_geom(**box([0.5, 20e-3, 5e-3], [0, 0, -55e-3]))
+    if behind == "table":
+        spec.worldbody.add_geom(**box([0.5, 0.5, 20e-3], [0, 0, -70e-3]))
+    if behind == "floor":
+        spec.worldbody.add_geom(type=PLANE, size=[1, 1, 1], pos=[0, 0, -50e-3], quat=[1, 0.02, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(200):
+        data.qfrc_applied[0] = 5.0
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    image = PAD.array.image(sensor.contact_forces())
+    assert image[1:3].sum() == pytest.approx(5.0, rel=1e-2)
+    assert image[[0, 3]].max() < 0.02
+    assert sensor.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
+
+
+def build_flex(count=4, edge=8e-3):
+    """A soft cube above the pad, from MuJoCo's own generator."""
+    return mujoco.MjSpec.from_string(f"""
+    <mujoco><option timestep="1e-3" cone="elliptic" solver="Newton" impratio="10"/>
+      <worldbody>
+        <body name="pad"/>
+        <flexcomp name="soft" type="grid" count="{count} {count} {count}" dim="3" pos="0.7e-3 -1.1e-3 {edge / 2 + 1e-3}"
+          spacing="{edge / (count - 1)} {edge / (count - 1)} {edge / (count - 1)}" radius="0.5e-3" mass="0.3">
+          <contact selfcollide="none"/>
+          <edge equality="true"/>
+        </flexcomp>
+        <geom name="far away" type="sphere" size="0.01" pos="0 0 1"/>
+      </worldbody></mujoco>""")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_soft_body_is_laid_out_at_its_contact_points(method):
+    spec = build_flex()
+    sensor = fastmodel.attach(spec, "pad", PARAMETERS, contact=method, every=1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    force = measure_force(model, data)
+    assert force == pytest.approx(0.3 * 9.81, rel=0.1)
+    assert sensor.carried() == pytest.approx(force, rel=1e-5)
+    # MuJoCo finds some contacts with the edges between boxes
+    assert sensor.contact_forces().sum() == pytest.approx(force, rel=1e-2 if method in ("boxes", "area") else 1e-9)
+    centre = sensor.contact_forces() @ PARAMETERS.array.centres[:, :2] / force
+    points, weights = list_points(model, data)
+    np.testing.assert_allclose(centre, weights @ points[:, :2] / weights.sum(), atol=2e-3)
+    beside = np.abs(PARAMETERS.array.centres[:, :2] - [0.7e-3, -1.1e-3]).max(axis=1) > 8e-3 + 3.4e-3
+    assert sensor.contact_forces()[beside].max() == 0
+
+
+def list_points(model, data):
+    """Positions of all contacts with the array, and their forces along z."""
+    force, points, weights = np.zeros(6), [], []
+    for k, contact in enumerate(data.contact):
+        mujoco.mj_contactForce(model, data, k, force)
+        points.append(contact.pos.copy())
+        weights.append(abs((contact.frame.reshape(3, 3).T @ force[:3])[2]))
+    return np.array(points), np.array(weights)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_height_field_is_laid_out_at_its_contact_points(method):
+    """A hand lies face down on hills."""
+    spec = make_spec()
+    heights = np.zeros((21, 21))
+    heights[10, 10] = 1.0
+    spec.add_hfield(name="hills", nrow=21, ncol=21, size=[0.05, 0.05, 5e-3, 1e-3], userdata=heights.ravel())
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="hills")
+    hand = spec.worldbody.add_body(name="hand", pos=[0, 0, 6e-3])
+    hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    hand.add_geom(type=BOX, size=[5e-3, 5e-3, 5e-3], pos=[0, 0, 20e-3], mass=0.3)
+    sensor = fastmodel.attach(spec, hand, PAD, contact=method, every=1, quaternion=[0, 1, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(-measure_force(model, data), rel=1e-5)
+    assert sensor.carried() == pytest.approx(0.3 * 9.81, rel=1e-2)
+    image = PAD.array.image(sensor.contact_forces())
+    assert image[1:3, 1:3].sum() == pytest.approx(sensor.contact_forces().sum())
+    assert image.sum() == pytest.approx(0.3 * 9.81, rel=1e-2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("contype", "conaffinity"), [(1, 1), (0, 1), (1, 0), (4, 0), (0, 8), (1 << 30, 0)])
+def test_every_geom_that_collides_meets_the_array(contype, conaffinity, method):
+    geom = {"type": SPHERE, "size": [5e-3, 0, 0], "pos": [0, 0, 5e-3], "contype": contype, "conaffinity": conaffinity}
+    sensor, _, _ = press(method, [geom])
+    assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_geom_that_never_collides_meets_the_array_as_an_explicit_pair(method):
+    spec = make_spec()
+    sensor = fastmodel.attach(spec, "world", PAD, contact=method, every=1)
+    body = spec.worldbody.add_body(pos=[0, 0, 5e-3])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    body.add_geom(name="ball", type=SPHERE, size=[5e-3, 0, 0], mass=3 / 9.81, contype=0, conaffinity=0)
+    for geom in [each.name for each in spec.geoms if each.name.startswith("sensor/")]:
+        spec.add_pair(geomname1="ball", geomname2=geom, condim=3)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_facing_arrays_press_on_one_another(method):
+    spec = make_spec()
+    low = fastmodel.attach(spec, "world", PAD, name="low", contact=method, every=1)
+    body = spec.worldbody.add_body(name="finger", pos=[0, 0, 0.1e-3])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    body.add_geom(type=BOX, size=[5e-3, 5e-3, 5e-3], pos=[0, 0, 20e-3], mass=3 / 9.81)
+    high = fastmodel.attach(spec, body, PAD, name="high", contact=method, every=1, quaternion=[0, 1, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for each in (low, high):
+        bind(each, model)
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+        low.step(data)
+        high.step(data)
+    assert low.carried() == pytest.approx(3.0, rel=1e-2)
+    assert high.carried() == pytest.approx(low.carried(), rel=1e-5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_friction_that_pulls_at_a_side_counts_with_its_sign(method):
+    """A finger rubs upwards along the side of the array while a ball rests on it."""
+    spec = make_spec()
+    sensor = fastmodel.attach(spec, "world", PAD, contact=method, every=1)
+    ball = spec.worldbody.add_body(pos=[0, 0, 5e-3])
+    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    ball.add_geom(type=SPHERE, size=[5e-3, 0, 0], mass=3 / 9.81)
+    edge = PAD.array.centres[:, 0].max() + PAD.array.pitch[0] * (1.5 if method in ("cover", "foundation") else 0.5)
+    finger = spec.worldbody.add_body(pos=[edge + 5e-3, 0, -1e-3], gravcomp=1.0)
+    for axis in ([1, 0, 0], [0, 0, 1]):
+        finger.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, damping=2.0)
+    finger.add_geom(type=SPHERE, size=[5e-3, 0, 0], mass=0.2, friction=[1.0, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(250):
+        data.qfrc_applied[1:] = [-4.0, 1.0]
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    force = measure_force(model, data)
+    assert force == pytest.approx(2.0, rel=0.05)
+    assert sensor.carried() == pytest.approx(force, rel=1e-5)
+    assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
+    assert sensor.contact_forces().min() >= 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_changes_after_bind_are_followed(method):
+    block = box([3e-3, 3e-3, 3e-3], [0, 0, 3e-3])
+    sensor, model, data = press(method, [block])
+    few = np.count_nonzero(sensor.contact_forces() > 1e-6)
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    number = next(g for g in range(model.ngeom) if not model.geom(g).name)
+    model.geom_size[number, :2] = 5.5e-3
+    model.geom_aabb[number, 3:5] = 5.5e-3
+    model.geom_rbound[number] = 10e-3
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
+    assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
+    assert np.count_nonzero(sensor.contact_forces() > 1e-6) > few
+    model.geom("sensor/texel0" if method in ("boxes", "area") else "sensor/plate").size[0] *= 2
+    mujoco.mj_step(model, data)
+    with pytest.raises(LifeCycleError, match="attach it anew"):
+        sensor.step(data)
+
+
+def measure_force(model, data):
+    """Sum of MuJoCo's contact forces on the geoms of the sensor, along z of the world."""
+    total, force = 0.0, np.zeros(6)
+    for k, contact in enumerate(data.contact):
+        mujoco.mj_contactForce(model, data, k, force)
+        for geom, sign in zip(contact.geom, (-1, 1), strict=True):
+            if geom >= 0 and model.geom(int(geom)).name.startswith("sensor/"):
+                total -= sign * (contact.frame.reshape(3, 3).T @ force[:3])[2]
+    return total
