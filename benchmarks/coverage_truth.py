@@ -1,22 +1,28 @@
 """Independent truths for random presses at small strain, for `estimate_coverage.py`.
 
-No truth uses the code under test (`fem_reference.closed_form`): exact contacts of bodies of revolution without friction
-and without slip, ring elements with Coulomb friction, and boundary elements for flat faces and rollers.  Each has an
-error of its own, the change by the last refinement.
+Truths are independent of the code under test (`fem_reference.closed_form`): exact contacts of bodies of revolution
+without friction and without slip, ring elements with Coulomb friction, boundary elements for flat faces, also tilted,
+and rollers, and uniaxial stress in pads.  Each has an error of its own, the change by the last refinement.  At finite
+strain the truth is a finer grid of the same code, which the study lists apart.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
+from fem_reference import press
 from fem_reference.closed_form import LayerContact, PressedCells, indent, press_face, pressed_shape, stuck_punch
+from fem_reference.closed_form.boundary import measure_areas
+from fem_reference.closed_form.influence import tabulate_excess
 from fem_reference.closed_form.no_slip import stuck_shape
+from fem_reference.closed_form.outline import assemble_compliance, split_face
 from fem_reference.closed_form.rings import RingContact, press_with_friction
-from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray
+from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
@@ -27,13 +33,17 @@ BOX_CELLS, FACE_CELLS, ROLLER_CELLS = (8, 12, 18, 27), (6, 9, 14, 21), (10, 15, 
 SECOND, SHARE = 2.6, 6.0
 #: Range of the order of convergence of a force under a sharp edge [-].
 ORDERS = (1.3, 3.0)
-#: Increments of a contact without slip on the two grids [-].
-INCREMENTS = (16, 32)
+#: Increments of a contact without slip on the two grids, and coarser step of the integrals under a flat punch [-].
+INCREMENTS, COARSE_STEP = (16, 32), 0.2
 #: Rings of a contact with friction, of a curved indenter and of a flat punch, and relative error of the area that two
 #: curved contacts share: the last ring is only partly in contact [-].
 RINGS, PUNCH_RINGS, RING_EDGE = (64, 96), (16, 24), 1e-3
 #: Error of a contact in closed form, as a share of its values: tables and quadrature [-].
 ROUNDING = 3e-6
+#: Shift of points into a tilted face, over its size, so that they lie on it after the tilt [-].
+INSIDE = 1e-4
+#: Source of a truth that is a finer grid of the code under test.
+SAME_CODE = "finer grid of the same code"
 #: Quantities that have an error estimate.
 QUANTITIES = ("total_force", "depth", "peak_texel", "contact_area")
 
@@ -55,8 +65,15 @@ class Truth:
     source: str
 
 
-def solve_truth(
-    cover: Cover, array: TexelArray, indenter: Indenter, depth: float, *, pose: PlanarPose, friction: float
+def solve_truth(  # noqa: PLR0911 -- one for each kind of truth
+    cover: Cover,
+    array: TexelArray,
+    indenter: Indenter,
+    depth: float,
+    *,
+    pose: PlanarPose,
+    friction: float,
+    tilt: tuple[float, float] = (0.0, 0.0),
 ) -> Truth:
     """Compute the truth of a press at a depth.
 
@@ -64,6 +81,15 @@ def solve_truth(
         ValueError: If there is no independent truth for this contact.
         RuntimeError: If a boundary-element contact does not converge.
     """
+    if not cover.small_strain_only:
+        return refine_press(cover, array, indenter, depth, pose)
+    if cover.size is not None and isinstance(indenter, Box):
+        return squeeze_pad(cover, array, indenter, depth, pose=pose, friction=friction)
+    if any(tilt):
+        tilted = [press_tilted(cover, indenter, tilt, depth, n) for n in BOX_CELLS]
+        truth = _refine_cells(tilted, array, pose, BOX_CELLS)
+        projection = tilt[0] ** 2 + tilt[1] ** 2  # the face is taken as wide as without tilt
+        return replace(truth, error={name: value + projection for name, value in truth.error.items()})
     wide = replace(cover, size=None)
     if indenter.axisymmetric and friction and np.isfinite(friction):
         counts = PUNCH_RINGS if indenter.is_flat else RINGS
@@ -84,6 +110,76 @@ def solve_truth(
     raise ValueError(f"no independent truth for {type(indenter).__name__}")
 
 
+def squeeze_pad(
+    cover: Cover, array: TexelArray, plate: Box, depth: float, *, pose: PlanarPose, friction: float
+) -> Truth:
+    """Squeeze a pad of one layer under a wider plate that slides on both faces, or at Poisson ratio 0: exact.
+
+    The stress is uniaxial, F = E A depth / h, and each texel carries its part of the area.
+
+    Raises:
+        ValueError: If the state is not uniaxial, or the plate is not wider than the pad.
+    """
+    assert cover.size is not None
+    (layer,), size = cover.layers, np.array(cover.size)
+    free = cover.base == "sliding" and not friction
+    if (
+        not (free or layer.material.poisson_ratio == 0)
+        or pose.yaw
+        or not all(half - abs(at) >= side / 2 for half, at, side in zip(plate.footprint, pose.at, size, strict=True))
+    ):
+        raise ValueError("the stress under the plate is not uniaxial")
+    stress = layer.material.youngs_modulus * depth / cover.thickness
+    half, centre = np.array(array.texel_size) / 2, array.centres[:, :2]
+    sides = np.minimum(centre + half, size / 2) - np.maximum(centre - half, -size / 2)
+    return Truth(
+        values={"total_force": float(stress * np.prod(size)), "depth": depth, "contact_area": float(np.prod(size))},
+        texel_forces=stress * np.maximum(sides, 0).prod(axis=1),
+        error=dict.fromkeys(QUANTITIES, ROUNDING),
+        source="uniaxial stress",
+    )
+
+
+def press_tilted(cover: Cover, box: Indenter, tilt: tuple[float, float], depth: float, cells: int) -> PressedCells:
+    """Press a box that is tilted so little that its whole face is in contact, by boundary elements.
+
+    Raises:
+        ValueError: If a part of the face does not touch.
+    """
+    corners = split_face(box, cells, 7.2 * cover.thickness / cells)
+    tilted = tilt_indenter(box, tilt)
+    wanted = depth - tilted.gap(*((1 - INSIDE) * corners.mean(axis=1)).T)
+    pressure = np.linalg.solve(assemble_compliance(tabulate_excess(cover), corners), wanted)
+    if pressure.min() < 0:
+        raise ValueError("a part of the tilted face does not touch")
+    area = float(measure_areas(corners).sum())
+    return PressedCells(cover=cover, depth=depth, corners=corners, pressure=pressure, contact_area=area)
+
+
+def refine_press(cover: Cover, array: TexelArray, indenter: Indenter, depth: float, pose: PlanarPose) -> Truth:
+    """Compute the truth at finite strain: the finest grids of the same code, for want of another one.
+
+    Its error is the estimate of these grids, or half of the change from the coarse ones where that is smaller.
+    """
+    found, before = (
+        press(cover, array, indenter, depth=depth, at=pose.at, accuracy=accuracy) for accuracy in (1e-9, 0.999)
+    )
+    peak = int(np.argmax(np.abs(found.texel_forces)))
+    area, force, texel = found.contact_area, found.total_force, float(found.texel_forces[peak])
+    change = {
+        "total_force": before.total_force / force - 1,
+        "depth": before.total_force / force - 1,
+        "peak_texel": float(before.texel_forces[peak]) / texel - 1,
+        "contact_area": before.contact_area / area - 1,
+    }
+    return Truth(
+        values={"total_force": force, "depth": depth, "contact_area": area},
+        texel_forces=found.texel_forces,
+        error={name: min(found.error_estimate[name] or math.inf, abs(value) / 2) for name, value in change.items()},
+        source=SAME_CODE,
+    )
+
+
 def _solve_free(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
     """Solve a contact of revolution without friction with two numbers of Gauss points."""
     found = indent(cover, indenter, depth=depth)
@@ -93,8 +189,9 @@ def _solve_free(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerCo
 def _solve_stuck(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
     """Solve a contact of revolution without slip with two numbers of increments."""
     if isinstance(indenter, Cylinder):
-        found = stuck_punch(cover, indenter.radius).press(depth)
-        return found, found
+        return stuck_punch(cover, indenter.radius, step=COARSE_STEP).press(depth), stuck_punch(
+            cover, indenter.radius
+        ).press(depth)
     first = indent(cover, indenter, depth=depth).contact_radius
 
     def gap(r: FloatArray) -> FloatArray:

@@ -11,24 +11,21 @@ Finished cases are kept in a file of JSON lines, and a second run goes on from t
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import multiprocessing
 import os
 import signal
-import sys
-import tempfile
 import time
 import traceback
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from coverage_truth import QUANTITIES, solve_truth
+from coverage_truth import QUANTITIES, SAME_CODE, solve_truth
+from resumable import hash_code, read_options, run_cases, state_code
 from scipy.stats import beta
 
 from fem_reference import press
@@ -56,6 +53,8 @@ LIMIT = 240
 EXACT = 1e-9
 #: Coefficient of the cases with friction [-].
 COULOMB = 0.4
+#: Largest tilt of a box [rad].
+MOST_SLOPE = 3e-3
 #: Poisson ratios that are drawn in half of the layers; the others are even in 0..0.5 [-].
 RATIOS = (0.0, 0.3, 0.45, 0.49, 0.499, 0.5)
 #: Outlines on a grid of unit squares: corners of the L, the T, the U and a bracket.
@@ -65,22 +64,34 @@ OUTLINES = {
     "U": ((0, 0), (9, 0), (9, 8), (7, 8), (7, 2), (2, 2), (2, 8), (0, 8)),
     "bracket": ((0, 0), (6, 0), (6, 1.5), (1.5, 1.5), (1.5, 8.5), (6, 8.5), (6, 10), (0, 10)),
 }
-#: Share of the cases that each kind has: bodies of revolution, flat faces and rollers without friction on wide covers;
-#: bodies of revolution without slip and with friction on wide covers; bodies of revolution on covers of limited size,
-#: which are solved in three dimensions, with all three [-].
-KINDS = {"round": 0.38, "face": 0.2, "roller": 0.1, "no-slip": 0.12, "friction": 0.11, "limited": 0.09}
+#: Share of the cases that each kind has.  On wide covers: bodies of revolution, flat faces, slightly tilted boxes and
+#: rollers without friction; bodies of revolution without slip and with friction.  On covers of limited size, which are
+#: solved in three dimensions: bodies of revolution with all three, far from the sides; pads under wider plates, where
+#: the contact ends at the sides.  At finite strain: balls on a neo-Hookean layer [-].
+KINDS = {
+    "round": 0.34,
+    "face": 0.2,
+    "tilted": 0.05,
+    "roller": 0.1,
+    "no-slip": 0.1,
+    "friction": 0.1,
+    "limited": 0.06,
+    "plate": 0.03,
+    "finite": 0.02,
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A random press: cover, array, indenter, depth or load, pose, friction and a description."""
+    """A random press: cover, array, indenter, depth or load, pose, tilt, friction and a description."""
 
     cover: Cover
     array: TexelArray
     indenter: Indenter
     depth: float
     by_load: bool
-    at: tuple[float, float]
+    pose: PlanarPose
+    tilt: tuple[float, float]
     friction: float
     kind: str
     text: str
@@ -97,7 +108,7 @@ def draw_cover(rng: np.random.Generator) -> Cover:
     thickness = log_uniform(rng, 0.5e-3, 10e-3)
     share = rng.dirichlet(np.full(count, 2.0)) * (1 - 0.12 * count) + 0.12
     first = log_uniform(rng, 1e4, 1e7)
-    layers = []
+    layers: list[Layer] = []
     for part in share:
         nu = float(rng.choice(RATIOS)) if rng.random() < 0.5 else float(rng.uniform(0, 0.5))
         modulus = first if not layers else first * log_uniform(rng, 1 / math.sqrt(1e3), math.sqrt(1e3))
@@ -137,6 +148,22 @@ def draw_face(rng: np.random.Generator, thickness: float) -> Indenter:
     return Prism(points=tuple((float(x), float(y)) for x, y in points))
 
 
+def draw_indenter(rng: np.random.Generator, kind: str, thickness: float, depth: float) -> Indenter:
+    """Draw the indenter of a kind of case."""
+    match kind:
+        case "face":
+            return draw_face(rng, thickness)
+        case "tilted":
+            size = log_uniform(rng, 0.5, 6.0) * thickness
+            return Box(size=(size, size / log_uniform(rng, 1, 4), size))
+        case "roller":
+            radius = max(log_uniform(rng, 0.3, 3.0) ** 2 * thickness**2 / depth, 2 * depth)
+            return Roller(radius=radius, length=log_uniform(rng, 0.5, 10) * thickness)
+        case "finite":
+            return Sphere(radius=thickness * log_uniform(rng, 1.0, 5.0))
+    return draw_round(rng, thickness, depth)
+
+
 def draw_case(seed: int, number: int) -> Case:
     """Draw the case of a number."""
     rng = np.random.default_rng([seed, number])
@@ -145,34 +172,69 @@ def draw_case(seed: int, number: int) -> Case:
     thickness = cover.thickness
     depth = log_uniform(rng, 0.005, 0.25) * thickness
     friction = {"no-slip": math.inf, "friction": COULOMB}.get(kind, 0.0)
-    if kind == "limited":
+    if kind in {"limited", "plate"}:
         friction = float(rng.choice([0.0, 0.0, 0.0, COULOMB, math.inf]))
-    indenter: Indenter
-    if kind == "face":
-        indenter = draw_face(rng, thickness)
-    elif kind == "roller":
-        radius = max(log_uniform(rng, 0.3, 3.0) ** 2 * thickness**2 / depth, 2 * depth)
-        indenter = Roller(radius=radius, length=log_uniform(rng, 0.5, 10) * thickness)
-    else:
-        indenter = draw_round(rng, thickness, depth)
+    indenter = draw_indenter(rng, kind, thickness, depth)
     pitch = log_uniform(rng, 0.3, 4.0) * thickness
     count = int(np.clip(np.ceil(2 * (4 * thickness + 3 * thickness) / pitch), 3, 15))
     array = TexelArray.grid(count, count, (pitch, pitch * float(rng.uniform(0.7, 1.4))))
     at = (float(rng.uniform(-0.5, 0.5)) * array.pitch[0], float(rng.uniform(-0.5, 0.5)) * array.pitch[1])
-    if kind == "limited":
-        cover, at = limit_size(rng, cover, indenter, depth), (0.0, 0.0)
+    tilt, yaw = (0.0, 0.0), 0.0
+    match kind:
+        case "face" | "roller" | "tilted" if rng.random() < 0.5:
+            yaw = float(rng.uniform(-math.pi, math.pi))
+        case "limited":
+            cover, at = limit_size(rng, cover, indenter, depth), (0.0, 0.0)
+        case "plate":
+            cover, friction = draw_pad(rng, cover, array, friction)
+            at, indenter = (0.0, 0.0), Box(size=(1.2 * max(cover.size or ()), 1.3 * max(cover.size or ()), thickness))
+        case "finite":
+            cover = make_rubber(rng, thickness)
+    if kind == "tilted":
+        angle = float(rng.uniform(0, 2 * math.pi))
+        slope = min(float(rng.uniform(0.02, 0.2)) * depth / indenter.footprint[0], MOST_SLOPE)
+        tilt = (slope * math.cos(angle), slope * math.sin(angle))
     by_load = bool(rng.random() < 0.5)
+    text = describe(cover, indenter, depth, by_load=by_load, pitch=array.pitch, friction=friction)
     return Case(
         cover=cover,
         array=array,
         indenter=indenter,
         depth=depth,
         by_load=by_load,
-        at=at,
+        pose=PlanarPose(at=at, yaw=yaw),
+        tilt=tilt,
         friction=friction,
         kind=kind,
-        text=describe(cover, indenter, depth, by_load=by_load, pitch=array.pitch, friction=friction),
+        text=text + (f"; yaw {math.degrees(yaw):.0f} deg" if yaw else "") + ("; tilted" if any(tilt) else ""),
     )
+
+
+def draw_pad(rng: np.random.Generator, cover: Cover, array: TexelArray, friction: float) -> tuple[Cover, float]:
+    """Cut a cover to a pad that ends within the array, and whose stress under a wide plate is uniaxial.
+
+    Returns:
+        The pad, and the friction, which is only kept at Poisson ratio 0.
+    """
+    material = cover.layers[0].material
+    if rng.random() < 0.5:
+        material, base = replace(material, poisson_ratio=0.0), cover.base
+    else:
+        base, friction = "sliding", 0.0
+    size = [
+        float(rng.uniform(1.0, 1.0 + min(4.0, count - 1.0))) * pitch
+        for count, pitch in zip((3, 3), array.pitch, strict=True)
+    ]
+    layer = Layer(thickness=max(cover.thickness, max(size) / 8), material=material)
+    return Cover(layers=(layer,), base=base, size=(size[0], size[1])), friction
+
+
+def make_rubber(rng: np.random.Generator, thickness: float) -> Cover:
+    """Make a wide neo-Hookean cover of one layer."""
+    parameters = {"shear_modulus": log_uniform(rng, 1e4, 1e6)}
+    nu = float(rng.choice([0.45, 0.49, 0.5]))
+    material = Material(name="random", model="neo-hookean", parameters=parameters, poisson_ratio=nu)
+    return Cover(layers=(Layer(thickness=thickness, material=material),))
 
 
 def limit_size(rng: np.random.Generator, cover: Cover, indenter: Indenter, depth: float) -> Cover:
@@ -204,21 +266,21 @@ def describe(
 def score_case(seed: int, number: int) -> dict[str, Any]:
     """Press a case and compare it with its truth."""
     case = draw_case(seed, number)
-    record: dict[str, Any] = {"seed": seed, "number": number, "kind": case.kind, "text": case.text}
+    record: dict[str, Any] = {"kind": case.kind, "text": case.text}
     signal.signal(signal.SIGALRM, _give_up)
     signal.alarm(LIMIT)
     started = time.perf_counter()
+    given: dict[str, Any] = {"friction": case.friction, "tilt": case.tilt}
     try:
-        pose = PlanarPose(at=case.at)
-        truth = solve_truth(case.cover, case.array, case.indenter, case.depth, pose=pose, friction=case.friction)
+        truth = solve_truth(case.cover, case.array, case.indenter, case.depth, pose=case.pose, **given)
         record |= {"truth": truth.source, "truth_seconds": time.perf_counter() - started}
-    except (ValueError, RuntimeError, TimeoutError) as error:
+    except Exception as error:  # noqa: BLE001 -- counted
         signal.alarm(0)
-        return record | {"status": "no truth", "why": str(error)}
+        return record | {"status": "no truth", "why": f"{type(error).__name__}: {error}"}
     started = time.perf_counter()
     try:
-        target = {"load": truth.values["total_force"]} if case.by_load else {"depth": case.depth}
-        found = press(case.cover, case.array, case.indenter, at=case.at, friction=case.friction, **target)
+        given |= {"load": truth.values["total_force"]} if case.by_load else {"depth": case.depth}
+        found = press(case.cover, case.array, case.indenter, at=case.pose.at, yaw=case.pose.yaw, **given)
     except Exception as error:  # noqa: BLE001 -- every failure is a result of the study
         place = traceback.extract_tb(error.__traceback__)[-1]
         why = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
@@ -250,25 +312,6 @@ def score_case(seed: int, number: int) -> dict[str, Any]:
 
 def _give_up(*_: object) -> None:
     raise TimeoutError(f"no result within {LIMIT} s")
-
-
-def run_cases(seed: int, numbers: list[int], lines: Path, *, processes: int, minutes: float) -> None:
-    """Score cases in several processes, and append each to a file of JSON lines; start none after some minutes."""
-    deadline = time.time() + 60 * minutes
-    with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=20) as pool, lines.open("a") as file:
-        jobs = [pool.apply_async(score_before, (deadline, seed, number)) for number in numbers]
-        for done, job in enumerate(jobs, start=1):
-            record = job.get()
-            if record is None:
-                break
-            file.write(json.dumps(record) + "\n")
-            file.flush()
-            print(f"{done} of {len(jobs)} cases", file=sys.stderr)
-
-
-def score_before(deadline: float, seed: int, number: int) -> dict[str, Any] | None:
-    """Score a case, or return None after a point in time [s since 1970]."""
-    return score_case(seed, number) if time.time() < deadline else None
 
 
 def bound_share(hits: int, count: int) -> float:
@@ -322,55 +365,54 @@ def list_misses(records: list[dict[str, Any]]) -> list[str]:
     return out
 
 
-def write_table(records: list[dict[str, Any]], command: str) -> str:
+def list_poor_truths(records: list[dict[str, Any]]) -> list[str]:
+    """List the cases whose truth has an error above a third of an estimate, with the quantities."""
+    out = []
+    for record in records:
+        poor = [
+            f"{name} (truth {100 * score['truth_error']:.3f} %, estimate {100 * score['estimate']:.3f} %)"
+            for name, score in record.get("scores", {}).items()
+            if score["truth_error"] > score["estimate"] / 3
+        ]
+        if poor:
+            out.append(f"{record['number']} ({record['kind']}): {', '.join(poor)}")
+    return out
+
+
+def write_table(records: list[dict[str, Any]], command: str, code: str) -> str:
     """Write the report in Markdown."""
     head = ["quantity", "cases", "left out", "covered", "lower 95 % bound", "median ratio", "median estimate"]
-    lines = ["# Do the error estimates of `press` hold?", "", f"`{command}`", ""]
-    counts: dict[str, int] = {}
-    for record in records:
-        counts[f"{record['kind']}, {record['status']}"] = counts.get(f"{record['kind']}, {record['status']}", 0) + 1
-    lines += [f"{len(records)} cases: " + "; ".join(f"{v} {k}" for k, v in sorted(counts.items())) + ".", ""]
+    lines = ["# Do the error estimates of `press` hold?", "", f"`{command}`", "", code, ""]
+    counts = Counter(f"{record['kind']}, {record['status']}" for record in records)
+    lines += ["; ".join(f"{number} {name}" for name, number in sorted(counts.items())) + ".", ""]
     lines += [
         "Covered: the true error is at most the estimate.  Left out: the error of the truth exceeds a third of the",
         "estimate, unless the true error exceeds the sum of both, which is a miss.  Ratio: estimate over true error.",
         "",
     ]
-    groups = {"all": records} | {
-        k: [r for r in records if r["kind"] == k] for k in dict.fromkeys(r["kind"] for r in records)
-    }
+    independent = [record for record in records if record.get("truth") != SAME_CODE]
+    groups = {"all with an independent truth": independent}
+    for kind in dict.fromkeys(record["kind"] for record in records):
+        group = [record for record in records if record["kind"] == kind]
+        same = any(record.get("truth") == SAME_CODE for record in group)
+        seconds = [record["wall"] for record in group if "wall" in record]
+        groups[f"{kind}{', by a finer grid of the same code' if same else ''}, {np.mean(seconds):.0f} s a case"] = group
     for name, group in groups.items():
         lines += [f"## {name}", "", "| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
         lines += ["| " + " | ".join(row) + " |" for row in summarise(group)] + [""]
-    misses = list_misses(records)
+    misses, poor = list_misses(records), list_poor_truths(records)
     lines += [f"## Misses ({len(misses)})", ""] + [f"- {miss}" for miss in misses]
-    return "\n".join(lines) + "\n"
+    lines += ["", f"## Cases whose truth is not accurate to a third of the estimate ({len(poor)})", ""]
+    return "\n".join([*lines, *(f"- {each}" for each in poor)]) + "\n"
 
 
 def main() -> None:
     """Run the study and print its table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--cases", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=12)
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--minutes", type=float, default=55, help="start no case after this time")
-    parser.add_argument("--lines", type=Path, help="file of JSON lines; a temporary one by default")
-    parser.add_argument("--out", type=Path, help="file for the table")
-    given = parser.parse_args()
-    lines = given.lines or Path(tempfile.gettempdir()) / f"softcover-coverage-{given.seed}.jsonl"
-    wanted = range(given.first, given.first + given.cases)
-    records = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
-    done = {record["number"] for record in records}
-    run_cases(
-        given.seed,
-        [number for number in wanted if number not in done],
-        lines,
-        processes=given.processes,
-        minutes=given.minutes,
-    )
-    records = [json.loads(line) for line in lines.read_text().splitlines()]
-    records = sorted((r for r in records if r["number"] in wanted), key=lambda r: r["number"])
-    text = write_table(records, f"python benchmarks/estimate_coverage.py --cases {given.cases} --seed {given.seed}")
+    given = read_options((__doc__ or "").partition("\n")[0], name="coverage", cases=400)
+    code = hash_code("fem_reference", "meshes")
+    records = run_cases(score_case, given, code)
+    command = f"python benchmarks/estimate_coverage.py --cases {given.cases} --seed {given.seed}"
+    text = write_table(records, command, state_code(records, code))
     print(text)
     if given.out:
         given.out.write_text(text)

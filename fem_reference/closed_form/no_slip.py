@@ -86,14 +86,15 @@ class StuckPunch:
         return np.asarray(c * ((1 / distance) @ phi + j0(np.outer(radius, k)) @ (density * weight)))
 
 
-def stuck_punch(cover: Cover, radius: float) -> StuckPunch:
+def stuck_punch(cover: Cover, radius: float, *, step: float = _STEP) -> StuckPunch:
     """Press a flat-ended rigid cylinder without slip into a laterally wide cover by a unit depth.
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
         radius: Radius of the cylinder [m].
+        step: Step of the trapezoidal rule, for radii up to the cover's thickness; larger to see its error [-].
     """
-    step = _STEP / max(1.0, radius / min(layer.thickness for layer in cover.layers))
+    step /= max(1.0, radius / min(layer.thickness for layer in cover.layers))
     s = np.arange(step / 2, _END, step)
     places, weights = radius * np.tanh(s), radius * step / np.cosh(s) ** 2
     k, weight = hankel_nodes(cover, 2 * radius)
