@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
@@ -16,10 +17,16 @@ from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
 from fastmodel.sensor import Sensor
 
+#: Attributes of an explicit pair that its copies share.
+_PAIR_SETTINGS = (
+    *("geomname1", "geomname2", "condim", "friction", "gap", "margin"),
+    *("solref", "solreffriction", "solimp", "adhesion"),
+)
+
 
 def attach(
     spec: mujoco.MjSpec,
-    body: str | mujoco.MjsBody,
+    body: str | mujoco.MjsBody | mujoco.MjsSite,
     parameters: Parameters,
     *,
     name: str = "sensor",
@@ -27,45 +34,55 @@ def attach(
     quaternion: npt.ArrayLike = (1.0, 0.0, 0.0, 0.0),
     contact: str | TexelContact = DEFAULT,
     every: int | None = None,
+    replaces: str | mujoco.MjsGeom | Sequence[str | mujoco.MjsGeom] = (),
 ) -> Sensor:
     """Add a tactile array to a body of a spec, before the spec is compiled.
 
-    Options of the whole model (solver, cone, integrator, timestep) stay as they are; see `recommend_options`.
+    The array may be attached at a site.  The frame of the site then takes the place of the frame of the body, and the
+    array moves with the body of the site.
+
+    With `replaces`, the array takes the place of geoms of the body that collide, such as the pad of a finger.  These
+    geoms no longer collide (contype = conaffinity = 0), but stay visible and keep their mass.  An explicit pair
+    (`<pair>`) with such a geom is given to the geoms of the array, with the pair's own settings.  An `<exclude>` holds
+    for bodies and therefore for the array too.  MuJoCo's own sensors of such a geom are not changed.
+
+    Options of the model (solver, cone, integrator, timestep) stay as they are; see `recommend_options`.
 
     Args:
         spec: The spec to edit.
-        body: The body that carries the array, or its name; "world" for the fixed world.
+        body: The body or site that carries the array, or its name, by which a body is found before a site.
         parameters: The array and its cover.
         name: Name of the sensor, and prefix of the names of its geoms.
-        position: Origin of the array's frame in the body's frame, shape (3,) [m].
-        quaternion: Orientation of the array's frame in the body's frame, scalar first, shape (4,) [-].
+        position: Origin of the array's frame in the frame of the body or site, shape (3,) [m].
+        quaternion: Orientation of the array's frame in the frame of the body or site, scalar first, shape (4,) [-].
         contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default `cover` if the parameters
             hold the cover's cells, otherwise `boxes`.
-        every: Number of physics steps between two samples of the contact forces [-].  By default 1 for
-            the method `boxes`, and for the other methods the largest number that frame rate and filter allow.
+        every: Number of physics steps between two samples of the contact forces [-].  By default 1 for the method
+            `boxes`, otherwise the largest number that frame rate and filter allow.
+        replaces: Geoms of the same body that the array takes the place of, by name or as the geoms themselves.
 
     Returns:
         The sensor, which must be bound to the compiled model.
 
     Raises:
         ArgumentTypeError: If an argument has a wrong type.
-        UnknownNameError: If the body or the contact method does not exist.
+        UnknownNameError: If the body or site, the contact method, or a geom to replace does not exist.
         OverlapError: If texels overlap.
-        FastModelError: If the body belongs to another spec, another sensor has this name, `every` is not a positive
-            whole number, or position and quaternion are not a pose.
+        FastModelError: If the body, site or geom belongs to another spec, another sensor has this name, `every` is not
+            a positive whole number, or position and quaternion are not a pose.
     """
     _check_spec(spec)
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
     check_type("name", name, str, "a str")
     _, method = choose_method(contact, parameters)
-    if every is not None:
-        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
-        if not math.isfinite(every) or every != int(every) or every < 1:
-            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
+    _check_every(every)
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     refuse_overlaps(parameters.array)
-    method.attach(_find_body(spec, body), parameters.array, Pose.of(position, quaternion), name)
+    carrier, origin = _find_carrier(spec, body)
+    replaced = _find_replaced(spec, carrier, replaces)
+    method.attach(carrier, parameters.array, origin.transform(Pose.of(position, quaternion)), name)
+    _switch_off(spec, replaced, [geom.name for geom in carrier.geoms if geom.name.startswith(f"{name}/")])
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
 
@@ -92,14 +109,120 @@ def _check_spec(spec: mujoco.MjSpec) -> None:
     check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
 
 
-def _find_body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
-    """Return a body of a spec, given by its name or as the body itself."""
-    check_type("body", body, (str, mujoco.MjsBody), "the name of a body or a mujoco.MjsBody (a site has it as .parent)")
-    if isinstance(body, str):
-        found = spec.body(body)
+def _check_every(every: int | None) -> None:
+    """Check the number of physics steps between two samples."""
+    if every is not None:
+        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
+        if not math.isfinite(every) or every != int(every) or every < 1:
+            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
+
+
+def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Pose]:
+    """Find the body that carries an array, and the pose in this body to which the array's pose is relative.
+
+    Args:
+        spec: The spec.
+        wanted: The body or the site, or its name.
+    """
+    accepted = "a mujoco.MjsBody, a mujoco.MjsSite, or the name of a body or site"
+    check_type("body", wanted, (str, mujoco.MjsBody, mujoco.MjsSite), accepted)
+    if isinstance(wanted, str):
+        found = spec.body(wanted) or spec.site(wanted)
         if found is None:
-            raise UnknownNameError("body", body, [known.name for known in spec.bodies])
-        return found
-    if body not in spec.bodies:
-        raise FastModelError(f"body {body.name!r} belongs to another spec than the one to attach to")
-    return body
+            kind = "body or site" if spec.sites else "body"
+            raise UnknownNameError(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
+        wanted = found
+    elif wanted not in (spec.bodies if isinstance(wanted, mujoco.MjsBody) else spec.sites):
+        kind = "body" if isinstance(wanted, mujoco.MjsBody) else "site"
+        raise FastModelError(f"{kind} {wanted.name!r} belongs to another spec than the one to attach to")
+    if isinstance(wanted, mujoco.MjsBody):
+        return wanted, Pose.of((0, 0, 0), (1, 0, 0, 0))
+    return wanted.parent, _find_pose(wanted)
+
+
+def _find_pose(site: mujoco.MjsSite) -> Pose:
+    """Compute the pose of a site in the frame of its body.
+
+    MuJoCo's compiler does the same, but a spec that arrays are being attached to may not be ready to compile.
+
+    Args:
+        site: The site.  It may be within `<frame>` elements, and given by `fromto`.
+    """
+    pose = Pose.of(site.pos, _find_orientation(site))
+    if np.isfinite(site.fromto).all():
+        start, end = site.fromto[:3], site.fromto[3:]
+        along = np.zeros(4)
+        mujoco.mju_quatZ2Vec(along, start - end)
+        pose = Pose.of((start + end) / 2, along)
+    frame = site.frame
+    while frame is not None:
+        pose = Pose.of(frame.pos, _find_orientation(frame)).transform(pose)
+        frame = frame.frame
+    return pose
+
+
+def _find_orientation(element: mujoco.MjsSite | mujoco.MjsFrame) -> npt.ArrayLike:
+    """Return the orientation of a site or frame as a quaternion, in whatever form it is given, shape (4,) [-]."""
+    if element.alt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT:
+        return np.array(element.quat)
+    compiler = element.compiler
+    return np.array(mujoco.MjSpec.resolve_orientation(compiler.degree, compiler.eulerseq, element.alt))
+
+
+def _find_replaced(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, wanted: str | mujoco.MjsGeom | Sequence[str | mujoco.MjsGeom]
+) -> list[mujoco.MjsGeom]:
+    """Find the geoms of a body that an array takes the place of.
+
+    Args:
+        spec: The spec.
+        body: The body.
+        wanted: The geoms, or their names.
+    """
+    accepted = "the name of a geom, a mujoco.MjsGeom, or a sequence of them"
+    several = [wanted] if isinstance(wanted, str | mujoco.MjsGeom) else wanted
+    check_type("replaces", several, Sequence, accepted)
+    replaced = []
+    for each in several:
+        check_type("replaces", each, (str, mujoco.MjsGeom), accepted)
+        geom = spec.geom(each) if isinstance(each, str) else each
+        if geom is None:
+            unnamed = sum(not known.name for known in body.geoms)
+            note = f"; it has {unnamed} geoms without a name, which are given as mujoco.MjsGeom" if unnamed else ""
+            raise UnknownNameError(f"geom of body {body.name!r}", each, _list_names(body.geoms), note)
+        if geom not in spec.geoms:
+            raise FastModelError(f"geom {geom.name!r} belongs to another spec than the one to attach to")
+        if geom.parent != body:
+            raise FastModelError(
+                f"geom {geom.name!r} is on body {geom.parent.name!r}; an array on body {body.name!r} replaces geoms of "
+                f"this body alone: {', '.join(_list_names(body.geoms)) or '(none with a name)'}"
+            )
+        replaced.append(geom)
+    return replaced
+
+
+def _switch_off(spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsGeom], plates: Sequence[str]) -> None:
+    """Switch off the collisions of geoms, and give their explicit pairs to the geoms of an array.
+
+    Args:
+        spec: The spec to edit.
+        replaced: The geoms.
+        plates: Names of the geoms of the array.
+    """
+    names = {geom.name for geom in replaced} - {""}
+    for pair in [pair for pair in spec.pairs if names & {pair.geomname1, pair.geomname2}]:
+        if {pair.geomname1, pair.geomname2} <= names:
+            spec.delete(pair)
+            continue
+        end = "geomname1" if pair.geomname1 in names else "geomname2"
+        setattr(pair, end, plates[0])
+        for plate in plates[1:]:
+            settings = {setting: getattr(pair, setting) for setting in _PAIR_SETTINGS}
+            spec.add_pair(**{**settings, end: plate})
+    for geom in replaced:
+        geom.contype = geom.conaffinity = 0
+
+
+def _list_names(elements: Iterable[mujoco.MjsBody | mujoco.MjsSite | mujoco.MjsGeom]) -> list[str]:
+    """List the names of the elements of a spec that have one."""
+    return [element.name for element in elements if element.name]

@@ -16,6 +16,17 @@ class OptionWarning(UserWarning):
     """Warn of options of the model or of the sensor that reduce accuracy; the options stay as they are."""
 
 
+def list_options(model: mujoco.MjModel) -> tuple[float, ...]:
+    """List the options of a model that a sensor depends on or warns of, to notice later that one has changed.
+
+    Args:
+        model: The compiled model.
+    """
+    option = model.opt
+    numbers = (option.timestep, option.cone, option.solver, option.impratio, option.noslip_iterations)
+    return (*numbers, option.iterations, option.disableflags, option.enableflags)
+
+
 def warn_of_options(parameters: Parameters, model: mujoco.MjModel, every: int) -> None:
     """Warn of options of the model or of the sensor that reduce accuracy.
 

@@ -28,15 +28,16 @@ class ShapeError(FastModelError):
 class UnknownNameError(FastModelError):
     """A given name does not exist in the MuJoCo model or in this package."""
 
-    def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, valid: Iterable[str], note: str = "") -> None:
         """Compose the message from the given name and the valid names.
 
         Args:
             kind: Kind of the named object, for example "body".
             name: The name that was given.
             valid: The names that exist.
+            note: What follows the valid names in the message.
         """
-        super().__init__(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}")
+        super().__init__(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}{note}")
 
 
 class LifeCycleError(FastModelError):

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FastModelError
+from fastmodel.errors import ArgumentTypeError, FastModelError
 from meshes.array_types import FloatArray
 
 
@@ -33,9 +33,15 @@ class Pose:
             quaternion: Orientation of the frame, scalar first, of any length but zero, shape (4,) [-].
 
         Raises:
+            ArgumentTypeError: If position or quaternion are not numbers.
             FastModelError: If a shape is wrong, a number not finite, or the quaternion zero.
         """
-        origin, rotation = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
+        try:
+            origin, rotation = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ArgumentTypeError(
+                f"a pose takes 3 and 4 numbers, [m] and [-], not {position!r} and {quaternion!r}"
+            ) from error
         if origin.shape != (3,) or rotation.shape != (4,):
             raise FastModelError(f"a pose takes 3 and 4 numbers, not shapes {origin.shape} and {rotation.shape}")
         length = np.linalg.norm(rotation)
@@ -44,6 +50,17 @@ class Pose:
                 f"a pose takes finite numbers and a quaternion other than zero, not {origin} and {rotation}"
             )
         return cls(position=origin, quaternion=rotation / length)
+
+    def transform(self, inner: Pose) -> Pose:
+        """Return the pose, in the other frame, of a frame whose pose in the first frame is given.
+
+        Args:
+            inner: Pose in the first frame.
+        """
+        return Pose(
+            position=self.position + rotate(self.quaternion, inner.position[None])[0],
+            quaternion=multiply(self.quaternion, inner.quaternion),
+        )
 
 
 def make_quaternions(matrices: FloatArray) -> FloatArray:

@@ -12,14 +12,16 @@ physics step.  Frames are made at the sensor's own rate, and each frame contains
 from __future__ import annotations
 
 import math
+import re
 import warnings
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.check import warn_of_options
+from fastmodel.check import list_options, warn_of_options
 from fastmodel.compiled import report_slow_compilation
+from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.errors import LifeCycleError, StateError, check_type
 from fastmodel.parameters import Parameters
@@ -46,43 +48,83 @@ class Sensor:
         parameters: The array and its cover.
     """
 
-    def __init__(self, *, name: str, parameters: Parameters, contact: TexelContact, every: int | None) -> None:
-        """Store the settings; `attach` describes them."""
+    def __init__(
+        self,
+        *,
+        name: str,
+        parameters: Parameters,
+        contact: TexelContact,
+        every: int | None,
+        prefix: str = "",
+        suffix: str = "",
+    ) -> None:
+        """Store the settings; `attach` and `bind` describe them."""
         self.name = name
         self.parameters = parameters
         self._contact = contact
         self._every = every
+        self._prefix, self._suffix = prefix, suffix
         self._running: _RunningSensor | None = None
 
-    def twin(self) -> Sensor:
-        """Make another, unbound sensor of the same array, for another state of the same model; see `Batch`."""
-        return Sensor(name=self.name, parameters=self.parameters, contact=self._contact, every=self._every)
+    def twin(self, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
+        """Make another, unbound sensor of the same array.
 
-    def bind(self, model: mujoco.MjModel) -> Sensor:
+        A twin reads another state of the same model (see `Batch`), or another copy of the array in the model.  If a
+        spec with an array is attached twice to another spec, the two copies of the array are two sensors:
+
+            left, right = sensor.twin(prefix="left_"), sensor.twin(prefix="right_")
+
+        Args:
+            prefix: Prefix of the array's names in the model, see `bind`; by default as in this sensor.
+            suffix: Suffix of the array's names in the model, see `bind`; by default as in this sensor.
+        """
+        return Sensor(
+            name=self.name,
+            parameters=self.parameters,
+            contact=self._contact,
+            every=self._every,
+            prefix=self._prefix if prefix is None else prefix,
+            suffix=self._suffix if suffix is None else suffix,
+        )
+
+    def bind(self, model: mujoco.MjModel, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
         """Find the array in the compiled model, compile the kernels, and reset the sensor to its state at rest.
 
         The first call on a machine compiles the kernels, which may take several seconds; later processes load them
-        from disk.
+        from disk.  What `check` finds in the model is given as warnings.
 
         Args:
             model: The model that was compiled from the spec with this array.
+            prefix: Prefix of the array's names in the model.  Names have one if the spec with the array was attached to
+                another one, `spec.attach(child, prefix="left_")`.  The sensor keeps prefix and suffix for later calls
+                and for its twins.
+            suffix: Suffix of the array's names in the model, likewise.
 
         Returns:
             The sensor itself.
 
         Raises:
-            ArgumentTypeError: If the argument has a wrong type.
-            LifeCycleError: If the model was not compiled from the spec with this array.
+            ArgumentTypeError: If an argument has a wrong type.
+            LifeCycleError: If the model was not compiled from the spec with this array, or names in the model have
+                another prefix or suffix.
             ParametersError: If the contact method needs cover data that the parameters lack.
             FilterError: If the filter's cut-off is not below half the sampling rate.
         """
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
-        parameters = self.parameters
-        reader = self._contact.bind(model, parameters.array, self.name, cells=parameters.cells)
+        prefix = self._prefix if prefix is None else prefix
+        suffix = self._suffix if suffix is None else suffix
+        check_type("prefix", prefix, str, "a str, as in spec.attach(child, prefix='left_')")
+        check_type("suffix", suffix, str, "a str, as in spec.attach(child, suffix='_left')")
+        name, parameters = NameInModel(f"{prefix}{self.name}", suffix), self.parameters
+        try:
+            reader = self._contact.bind(model, parameters.array, name, cells=parameters.cells)
+        except LifeCycleError as error:
+            raise LifeCycleError(f"{error}{self._suggest_names(model, prefix, suffix)}") from error
         with report_slow_compilation(f"sensor {self.name!r}"):
             reader.compile_kernels(mujoco.MjData(model))
+        self._prefix, self._suffix = prefix, suffix
         every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
-        self._running = _RunningSensor(self.name, parameters, reader, model, every)
+        self._running = _RunningSensor(f"{name}{suffix}", parameters, reader, model, every)
         warn_of_options(parameters, model, every)
         return self
 
@@ -138,6 +180,9 @@ class Sensor:
     def reset(self, contact_forces: npt.ArrayLike = 0.0) -> None:
         """Restart clocks, filter, hysteresis and noise; call this after `mj_resetData`.
 
+        If options of the model (timestep, solver, flags) have changed since `bind`, the sensor follows them from here
+        on, and warns of them as `bind` does.
+
         Args:
             contact_forces: Constant force on each texel, a number or shape (n,); the filter starts in its steady
                 state under these forces [N].
@@ -145,8 +190,24 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
             StateError: If a force is not finite.
+            FilterError: If the timestep of the model has changed, and the filter's cut-off is not below half the
+                new sampling rate.
         """
+        running = self._bound()
+        if running.is_outdated():
+            self.bind(running.model)
         self._bound().reset(np.array(contact_forces, dtype=np.float64))
+
+    def _suggest_names(self, model: mujoco.MjModel, prefix: str, suffix: str) -> str:
+        """Return advice if the model has an array of this name with another prefix or suffix, otherwise no text."""
+        part = re.compile(rf"(.*){re.escape(self.name)}/(?:plate|texel)\d*(.*)")
+        matches = (part.fullmatch(model.geom(geom).name) for geom in range(model.ngeom))
+        others = sorted({match.groups() for match in matches if match} - {(prefix, suffix)})
+        calls = [
+            f"bind(model, prefix={before!r})" if not after else f"bind(model, prefix={before!r}, suffix={after!r})"
+            for before, after in others
+        ]
+        return f".  Arrays of this name are in the model: {', '.join(calls)}" if calls else ""
 
     def _bound(self) -> _RunningSensor:
         """Return the state of the bound sensor, or raise an error if the sensor is not bound."""
@@ -159,6 +220,7 @@ class _RunningSensor:
     """The clocks, contact reader and signal chain of a sensor that is bound to a model.
 
     Attributes:
+        model: The model.
         reading: The contact forces of the latest sample.
         chain: The signal chain: filter, point spread and electronics.
         frame: The latest frame.
@@ -167,8 +229,9 @@ class _RunningSensor:
     def __init__(
         self, name: str, parameters: Parameters, reader: ContactReader, model: mujoco.MjModel, every: int
     ) -> None:
-        self._name, self._count, self._reader, self._model = name, parameters.array.count, reader, model
+        self._name, self._count, self._reader, self.model = name, parameters.array.count, reader, model
         self._every, self._timestep = every, float(model.opt.timestep)
+        self._options = list_options(model)
         self._tolerance, self._rate = _CLOCK_TOLERANCE * self._timestep, parameters.electronics.rate_hz
         self._data: mujoco.MjData | None = None
         self._validity = parameters.validity
@@ -214,15 +277,25 @@ class _RunningSensor:
         self.frame = self.chain.frame(self._sampled_at)
         return True
 
+    def is_outdated(self) -> bool:
+        """Return whether options of the model have changed since the sensor was bound."""
+        return list_options(self.model) != self._options
+
     def _check_data(self, data: mujoco.MjData) -> None:
         """Check that another state belongs to the bound model, and store the state for later comparison."""
         check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
-        if data.model is not self._model:
+        if data.model is not self.model:
             raise LifeCycleError(f"sensor {self._name!r} is bound to another model; call bind(model) again")
         self._data = data
 
     def _check_clock(self, now: float) -> None:
         """Start the clock of the sensor on its first step; on a later step raise an error about a jump in time."""
+        if self.model.opt.timestep != self._timestep:
+            raise LifeCycleError(
+                f"sensor {self._name!r}: the timestep has changed from {self._timestep:g} s to "
+                f"{self.model.opt.timestep:g} s, but filter and rates belong to the former; call reset(), which "
+                f"follows the new one"
+            )
         if not math.isnan(self._time):
             raise LifeCycleError(
                 f"sensor {self._name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -49,17 +49,35 @@ def describe_box(half: Sequence[float], contype: int, conaffinity: int) -> dict[
     return {**box, "contype": contype, "conaffinity": conaffinity}
 
 
+class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through __dict__
+    """Name of a sensor in a compiled model, whose geoms have names with a suffix.
+
+    Attributes:
+        suffix: What `mujoco.MjSpec.attach` appended to the names of the geoms.
+    """
+
+    suffix: str
+
+    def __new__(cls, name: str, suffix: str = "") -> Self:
+        """Make the name of a sensor, which names of geoms start with, and store the suffix."""
+        made = super().__new__(cls, name)
+        made.suffix = suffix
+        return made
+
+
 def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntArray:
     """Find the ids of n geoms in the compiled model, shape (n,).
 
     Args:
         model: The compiled model.
-        names: Names of the n geoms.
-        sensor: Name of the sensor, for the error message.
+        names: Names of the n geoms, without a suffix.
+        sensor: Name of the sensor, for its suffix and the error message.
 
     Raises:
         LifeCycleError: If one of the geoms is not in the model.
     """
+    if isinstance(sensor, NameInModel):
+        names = [name + sensor.suffix for name in names]
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in names]
     if min(ids) < 0:
         raise LifeCycleError(

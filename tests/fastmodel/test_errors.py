@@ -1,5 +1,7 @@
 """Arguments of a wrong type, through public names: the error says what would be accepted."""
 
+import pathlib
+
 import mujoco
 import pytest
 
@@ -29,10 +31,6 @@ def spec():
     return spec
 
 
-def site_of(spec):
-    return spec.worldbody.add_site(name="tip")
-
-
 def bound(spec):
     return fastmodel.attach(spec, "world", PARAMETERS).bind(spec.compile())
 
@@ -44,10 +42,26 @@ def bound(spec):
         (lambda spec: fastmodel.attach(spec.compile(), "world", PARAMETERS), r"spec must be .*not MjModel"),
         (
             lambda spec: fastmodel.attach(spec, 3, PARAMETERS),
-            r"body must be the name .* or a mujoco\.MjsBody.*int",
+            r"body must be a mujoco\.MjsBody, a mujoco\.MjsSite, or the name .*not int",
         ),
-        (lambda spec: fastmodel.attach(spec, site_of(spec), PARAMETERS), r"a site has it as \.parent.*not MjsSite"),
         (lambda spec: fastmodel.attach(spec, "world", "wts"), r"parameters must be .*fastmodel\.load.*not str"),
+        (
+            lambda spec: fastmodel.attach(spec, "world", pathlib.Path("wts")),
+            r"parameters must be .*fastmodel\.load.*not \w*Path",
+        ),
+        (
+            lambda spec: fastmodel.attach(spec, "world", PARAMETERS, replaces=3),
+            r"replaces must be the name of a geom, a mujoco\.MjsGeom.*not int",
+        ),
+        (
+            lambda spec: fastmodel.attach(spec, "world", PARAMETERS, replaces=[spec.worldbody]),
+            "replaces must be .*not MjsBody",
+        ),
+        (
+            lambda spec: fastmodel.attach(spec, "world", PARAMETERS, position="above"),
+            "a pose takes 3 and 4 numbers.*not 'above'",
+        ),
+        (lambda spec: bound(spec).bind(spec.compile(), prefix=3), "prefix must be a str.*not int"),
         (lambda spec: fastmodel.attach(spec, "world", PARAMETERS, name=3), "name must be a str, not int"),
         (lambda spec: fastmodel.attach(spec, "world", PARAMETERS, every="2"), "every must be a whole number.*not str"),
         (

@@ -253,6 +253,34 @@ def test_a_skipped_step_a_reset_and_a_broken_state_are_refused():
         sensor.step(data)
 
 
+@pytest.mark.parametrize("stepped", [0, 5])
+def test_a_changed_timestep_is_refused_by_step_and_followed_by_reset(stepped):
+    sensor, model, data = ball_on_array()
+    run(sensor, model, data, stepped)
+    model.opt.timestep = 2e-3
+    mujoco.mj_step(model, data)
+    with pytest.raises(LifeCycleError, match=r"timestep has changed from 0\.001 s to 0\.002 s.*reset"):
+        sensor.step(data)
+    mujoco.mj_resetData(model, data)
+    sensor.reset()
+    fresh = ball_on_array(timestep=2e-3)
+    same = zip(run(sensor, model, data, 300), run(*fresh, 300), strict=True)
+    assert all(a.time == b.time and np.array_equal(a.texel_forces, b.texel_forces) for a, b in same)
+
+
+def test_a_reset_warns_of_options_that_have_changed():
+    sensor, model, _ = ball_on_array()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sensor.reset()
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    with pytest.warns(OptionWarning, match="recommend_options"):
+        sensor.reset()
+    model.opt.timestep = 5e-2
+    with pytest.raises(FilterError, match="half the sampling rate of 20"):
+        sensor.reset()
+
+
 def test_before_the_first_frame_the_array_is_at_rest():
     sensor, _, _ = ball_on_array()
     assert sensor.frame().counts.sum() == 0
