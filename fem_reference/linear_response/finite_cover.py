@@ -51,8 +51,9 @@ _TEXEL_POINTS = 12
 _WIDTH_POINTS, _WIDTH_REACH = 400, 2.0
 #: Number of unknowns above which a progress line warns that the solution takes minutes [-].
 _MANY = 300_000
-#: Number of unknowns of the finest grid above which a cover is refused: about 4 GB and two minutes [-].
-_MOST = 1_200_000
+#: Number of unknowns of the finest grid above which grids are coarsened, about 4.5 GB and two minutes, and smallest
+#: number of elements per thickness that is left, over that of `GRIDS` [-].
+_MOST, _COARSEST = 450_000, 0.4
 #: Numbers of loads evaluated and of texels solved at once, to limit the memory [-].
 _BLOCK, _COLUMNS = 4000, 64
 
@@ -245,15 +246,16 @@ def solid_influence(
         progress: Called with a line of text before each solve.
 
     Raises:
-        ValueError: If the array is not planar, or if the cover is so wide that the memory would not suffice.
+        ValueError: If the array is not planar, or if the cover is too wide for the memory.
     """
     if not array.planar:
         raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
 
+    resolutions = choose_grids(cover, array)
+
     def compute() -> dict[str, Any]:
         out: dict[str, Any] = {}
-        _check_size(cover, array)
-        for number, resolution in enumerate(GRIDS):
+        for number, resolution in enumerate(resolutions):
             if progress is not None:
                 unknowns = _count_unknowns(cover, array, resolution)
                 patience = "; this takes minutes" if unknowns > _MANY else ""
@@ -263,10 +265,10 @@ def solid_influence(
         return out
 
     texels = {"centres": array.centres, "texel_size": array.texel_size}
-    grids = [(r.across, r.through, r.order) for r in GRIDS]
+    grids = [(r.across, r.through, r.order) for r in resolutions]
     data = result_store.fetch("solid-influence", {"cover": cover, "texels": texels, "grids": grids}, compute)
     solutions = []
-    for number, resolution in enumerate(GRIDS):
+    for number, resolution in enumerate(resolutions):
         x, y, _ = mesh_quarter(cover, array, resolution).lines
         solutions.append(AdjointSolution(x=x, y=y, texels=data[f"texels_{number}"], whole=data[f"whole_{number}"]))
     return SolidInfluence(cover=cover, array=array, grids=tuple(solutions))
@@ -277,18 +279,26 @@ def _count_unknowns(cover: Cover, array: TexelArray, resolution: Resolution) -> 
     return int(3 * np.prod([line.count for line in mesh_quarter(cover, array, resolution).lines]))
 
 
-def _check_size(cover: Cover, array: TexelArray) -> None:
-    """Raise a ValueError if the finest grid of a cover has too many unknowns."""
-    unknowns = _count_unknowns(cover, array, GRIDS[-1])
-    if unknowns <= _MOST or cover.size is None:
-        return
+def choose_grids(cover: Cover, array: TexelArray) -> tuple[Resolution, ...]:
+    """Choose the three grids: those of `GRIDS`, coarser along the cover where the memory would not suffice.
+
+    Raises:
+        ValueError: If even the coarsest grids have too many unknowns.
+    """
+    for share in np.arange(1.0, _COARSEST - 0.01, -0.1):
+        grids = tuple(replace(each, across=each.across * float(share)) for each in GRIDS)
+        unknowns = _count_unknowns(cover, array, grids[-1])
+        if unknowns <= _MOST:
+            return grids
+    if cover.size is None:
+        raise ValueError(f"the array is too large for the three-dimensional solution: {unknowns} unknowns")
     width, height = 1e3 * np.array(cover.size)
-    ratio = max(cover.size) / cover.thickness
+    accepted = np.sqrt(_MOST / unknowns)
     raise ValueError(
-        f"cover.size: {width:.4g} x {height:.4g} mm is {ratio:.0f} times the thickness and needs {unknowns / 1e6:.1f} "
-        f"million unknowns in three dimensions, where at most {_MOST / 1e6:.1f} million are accepted; use a size of at "
-        f"most {width * np.sqrt(_MOST / unknowns):.3g} x {height * np.sqrt(_MOST / unknowns):.3g} mm, or leave `size` "
-        "out: sides farther than about 4 thicknesses from the contact have no effect"
+        f"cover.size: {width:.4g} x {height:.4g} mm is {max(cover.size) / cover.thickness:.0f} times the thickness and "
+        f"needs {unknowns / 1e6:.1f} million unknowns in three dimensions, where at most {_MOST / 1e6:.2g} million are "
+        f"accepted; use a size of at most {width * accepted:.3g} x {height * accepted:.3g} mm, or leave `size` out: "
+        "sides farther than about 4 thicknesses from the contact have no effect"
     )
 
 

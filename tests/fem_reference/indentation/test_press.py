@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press, press_path
-from fem_reference.linear_response.finite_cover import solid_influence
+from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
 from meshes import Cylinder, Sphere, TexelArray
 from tests.support.rubber import make_cover
 
@@ -63,6 +63,10 @@ def test_a_path_needs_a_target(bonded, wts):
         press_path(bonded(0.3), wts, Sphere(radius=5e-3), loads=[])
 
 
-def test_a_cover_too_wide_for_the_memory_is_refused_with_the_size_that_is_accepted(bonded):
-    with pytest.raises(ValueError, match=r"cover.size: 400 x 400 mm .* use a size of at most"):
-        solid_influence(bonded(0.3, size=(0.4, 0.4)), TexelArray.grid(9, 9, 40e-3))
+def test_a_cover_too_wide_for_the_memory_is_solved_on_coarser_grids_or_refused(bonded):
+    array = TexelArray.grid(9, 9, 20e-3)
+    assert choose_grids(bonded(0.3, size=(30e-3, 30e-3)), array) == GRIDS
+    wide = choose_grids(bonded(0.3, size=(0.2, 0.2)), array)
+    assert 0.4 * GRIDS[-1].across <= wide[-1].across < GRIDS[-1].across
+    with pytest.raises(ValueError, match=r"cover.size: 3000 x 3000 mm .* use a size of at most"):
+        choose_grids(bonded(0.3, size=(3.0, 3.0)), TexelArray.grid(150, 150, 20e-3))
