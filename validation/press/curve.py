@@ -36,10 +36,7 @@ class LoadCurve:
 
     def as_json(self) -> dict[str, Any]:
         """Return the curve under the names that the command line prints as JSON."""
-        curve = [
-            row | {"warnings": list(each.warnings)} for row, each in zip(self.rows(), self.indentations, strict=True)
-        ]
-        return {"curve": curve, "wanted": self.wanted, "stopped": self.stopped or None}
+        return {"curve": self.rows(), "wanted": self.wanted, "stopped": self.stopped or None}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -50,8 +47,8 @@ class LoadCurve:
                 first.setdefault(sentence, each.total_force)
         return tuple(f"at {load:.4g} N: {sentence}" for sentence, load in first.items())
 
-    def rows(self) -> list[dict[str, float]]:
-        """Return one row for each result: load, depth, contact area, energy, forces, balance and error estimates."""
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row for each result: load, depth, area, energy, forces, balance, error estimates and warnings."""
         return [
             {
                 "load_N": each.total_force,
@@ -62,6 +59,7 @@ class LoadCurve:
                 "outside_N": each.outside,
                 "balance": each.balance,
                 **{f"error_{name}": value for name, value in each.error_estimate.items()},
+                "warnings": list(each.warnings),
             }
             for each in self.indentations
         ]
@@ -79,10 +77,7 @@ class LoadCurve:
             OSError: If the folder cannot be written.
         """
         text = io.StringIO()
-        rows = [
-            row | {"warnings": "; ".join(each.warnings)}
-            for row, each in zip(self.rows(), self.indentations, strict=True)
-        ]
+        rows = [row | {"warnings": "; ".join(row["warnings"])} for row in self.rows()]
         writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
@@ -99,7 +94,7 @@ class LoadCurve:
         from matplotlib.figure import Figure
 
         rows = self.rows()
-        values = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        values = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "warnings"}
         figure = Figure(figsize=(7, 4.5), layout="constrained")
         axes = figure.subplots()
         for name, label in (("load_N", "load"), ("peak_texel_N", "largest texel force")):
