@@ -97,6 +97,29 @@ class Block:
         """Force on the whole indenter over the force on the meshed part: 1, 2 or 4 [-]."""
         return float((1 + self.symmetric[0]) * (1 + self.symmetric[1]))
 
+    @property
+    def lines(self) -> list[Line]:
+        """Quadratic line elements along x and along y [thicknesses]."""
+        return [Line(edges=side, order=2) for side in self.sides]
+
+    def find_nodes(self, x: FloatArray, y: FloatArray) -> tuple[IntArray, IntArray]:
+        """Find the indices along x and along y of nodes at given places.
+
+        Coordinates of nodes on one mesh line differ by rounding; each node is assigned to the nearest line.
+
+        Args:
+            x: x coordinates of the nodes, shape (n,) [thicknesses].
+            y: y coordinates of the nodes, shape (n,) [thicknesses].
+
+        Returns:
+            Indices along x and along y, shape (n,) each.
+        """
+        along_x, along_y = (
+            np.searchsorted((line.nodes[1:] + line.nodes[:-1]) / 2, each)
+            for line, each in zip(self.lines, (x, y), strict=True)
+        )
+        return along_x, along_y
+
 
 def lay_out_block(
     path: LoadingPath, *, elements_per_thickness: int, contact_half: tuple[float, float], fillet: float, reach: float
@@ -173,14 +196,9 @@ def describe_state(
     """Convert the converged state at one target to SI units, with the base reactions on a grid of nodes."""
     x, y, z = solid.elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
-    # Nodes lie on the element edges and midway between edges.  Coordinates of nodes on one mesh line differ by
-    # rounding; each node is assigned to the nearest line.
-    lines = [np.interp(np.arange(2 * len(side) - 1) / 2, np.arange(len(side)), side) for side in block.sides]
+    lines = [line.nodes for line in block.lines]
     forces = np.zeros((len(lines[0]), len(lines[1])))
-    nearest = [
-        np.searchsorted((line[1:] + line[:-1]) / 2, each[base]) for line, each in zip(lines, (x, y), strict=True)
-    ]
-    forces[nearest[0], nearest[1]] = reached.reaction[3 * base + 2]
+    forces[block.find_nodes(x[base], y[base])] = reached.reaction[3 * base + 2]
     columns = np.repeat([units.length, units.force], [2, 3])
     return BlockState(
         depth=reached.depth * units.length,

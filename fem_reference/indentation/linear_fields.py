@@ -138,16 +138,14 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: fl
     elements = mesh_block(block, units.scale_cover(path.cover), _SOLID_COUNT)
     x, y, z = elements.nodes.T
     top = np.flatnonzero(z > 1 - _ON_BOUNDARY)
-    lines = [Line(edges=side, order=2) for side in block.sides]
     folded = [
         np.abs(each) if mirror else each
         for each, mirror in zip(contact[:, :2].T / units.length, block.symmetric, strict=True)
     ]
-    along_x, along_y = (line.at(each) for line, each in zip(lines, folded, strict=True))
+    along_x, along_y = (line.at(each) for line, each in zip(block.lines, folded, strict=True))
     forces = along_x.T @ (along_y * contact[:, 2:]) / (units.force * block.multiple)
     load = np.zeros(elements.displacements + elements.pressures)
-    i, j = (_find_nodes(side, each[top]) for side, each in zip(block.sides, (x, y), strict=True))
-    load[3 * top + 2] = -forces[i, j]
+    load[3 * top + 2] = -forces[block.find_nodes(x[top], y[top])]
     constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
     face, place = path.indenter, block.surface.pose.to_indenter(x[top] * units.length, y[top] * units.length)
     inside = face.signed_distance(*place) / units.length if isinstance(face, FlatPunch) else np.zeros(len(top))
@@ -178,9 +176,3 @@ def _solve(
     fixed = np.unique(constrained)
     state = ConstrainedSystem(fixed).factorise(matrix).solve(load, value[fixed])
     return recover_fields(solid, state, units, linear=True)
-
-
-def _find_nodes(edges: FloatArray, places: FloatArray) -> IntArray:
-    """Return the index of the nearest quadratic node of a line, on an element edge or midway, for each place."""
-    nodes = np.interp(np.arange(2 * len(edges) - 1) / 2, np.arange(len(edges)), edges)
-    return np.asarray(np.searchsorted((nodes[1:] + nodes[:-1]) / 2, places))
