@@ -96,7 +96,7 @@ def grade_contact(half: float, reach: float, *, fine: float, most: float) -> Flo
     return np.concatenate([inside[::-1], [half], half + np.cumsum(outer)])
 
 
-def fill_by_spacing(places: FloatArray, spacing: FloatArray, *, least: int = 1, round_up: bool = False) -> FloatArray:
+def fill_by_spacing(places: FloatArray, spacing: FloatArray, *, least: int = 1, parts: int | None = None) -> FloatArray:
     """Place nodes so that the element sizes follow a prescribed function of the position.
 
     The number of elements is the integral of 1 / `spacing`, rounded; the nodes divide this integral into equal parts.
@@ -105,14 +105,15 @@ def fill_by_spacing(places: FloatArray, spacing: FloatArray, *, least: int = 1, 
         places: n positions from the first to the last node, ascending, shape (n,) [length].
         spacing: Prescribed element size at these positions, shape (n,) [length].
         least: Smallest number of elements [-].
-        round_up: Whether to round the number of elements up, so that no element is larger than prescribed.
+        parts: If given, the number of elements is rounded up, so that none is larger than prescribed, and then each is
+            divided into this number of parts.  Meshes with other numbers of parts share the undivided elements [-].
 
     Returns:
         Positions of the nodes, first and last of `places` included [length].
     """
     density = 1 / spacing
     elements = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(places))])
-    count = max(least, int(np.ceil(elements[-1]) if round_up else round(elements[-1])))
+    count = max(least, round(elements[-1]) if parts is None else int(np.ceil(elements[-1])) * parts)
     nodes = np.interp(np.arange(count + 1) * elements[-1] / count, elements, places)
     nodes[-1] = places[-1]
     return np.asarray(nodes)

@@ -204,7 +204,7 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
 def _count_refinements(path: LoadingPath) -> int:
     """Return how often the grids of a loading path can be refined."""
     if path.cover.small_strain_only and not path.friction:
-        return small_strain.count_refinements(path)
+        return small_strain.count_refinements()
     if path.cover.small_strain_only and np.isinf(path.friction) and path.indenter.is_flat:
         return 0  # the grids of a face without slip are fixed
     return finite_strain.count_refinements(path) if path.cover.size is None else 0

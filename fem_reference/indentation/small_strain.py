@@ -34,8 +34,9 @@ Progress = Callable[[str], None] | None
 #: Number of cells across the contact on all grids, coarsest first; three neighbouring grids give a result and its
 #: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat [-].
 CELLS = (64, 96, 144, 224, 336)
-#: Smallest relative error that estimates assume: that of the tabulated compliance of the top [-].
-_LEAST_ERROR = 1e-4
+#: Smallest relative error that estimates assume: that of the tabulated compliance of the top, and on a cover of limited
+#: size that of the additional compliance due to its sides, whose mesh is the same on all grids [-].
+_LEAST_ERROR, _LEAST_ERROR_LIMITED = 1e-4, 1e-3
 #: Depth over cover thickness at which flat faces are solved; the value is arbitrary because the solution is linear [-].
 _FLAT_DEPTH = 1e-2
 #: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
@@ -62,14 +63,14 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         least_order=1.0,
         most_order=1.0,
         extrapolate=path.indenter.is_flat,
-        least_error=_LEAST_ERROR,
+        least_error=_LEAST_ERROR if path.cover.size is None else _LEAST_ERROR_LIMITED,
         assumptions={},
     )
 
 
-def count_refinements(path: LoadingPath) -> int:
-    """Return how often the grids of `study_path` can be refined: on a cover of limited size its mesh is fixed."""
-    return len(CELLS) - 3 if path.cover.size is None else 0
+def count_refinements() -> int:
+    """Return how often the grids of `study_path` can be refined."""
+    return len(CELLS) - 3
 
 
 def solve_path(
@@ -173,7 +174,7 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
                 patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
             else:
                 pose = _require_place(place).pose
-                patch = _touch_near_sides(surface, path, pose, grid=grid, load=load, depth=depth)
+                patch = _touch_near_sides(surface, path, pose, cells=cells, load=load, depth=depth)
         return {
             "cells": np.column_stack([patch.x, patch.y, patch.force]),
             "scalars": np.array([*patch.cell, patch.depth, patch.area]),
@@ -199,7 +200,7 @@ def _touch_near_sides(
     path: LoadingPath,
     pose: PlanarPose,
     *,
-    grid: int,
+    cells: int,
     load: float | None,
     depth: float | None,
 ) -> ContactPatch:
@@ -211,8 +212,8 @@ def _touch_near_sides(
         on_wide_cover = solve_contact(surface, indenter, cells=CELLS[0], load=load, depth=depth)
         half = np.minimum(largest, _WINDOW * _measure_extent(on_wide_cover))
     while True:
-        sides = SideEdges(cover=path.cover, indenter=indenter, pose=pose, half=half, grid=grid)
-        patch = solve_contact(surface, indenter, cells=CELLS[grid], load=load, depth=depth, sides=sides)
+        sides = SideEdges(cover=path.cover, indenter=indenter, pose=pose, half=half)
+        patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
         if indenter.is_flat or not cut_off.any():
             x, y = sides.clip_to_cover(patch.x, patch.y)  # centres of scaled cells may lie beside the cover

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from fem_reference.elements.grading import fill_by_spacing, growing_steps, layer_heights
+from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.linear_response.mirror_symmetry import PARITIES, build_solid, constrain_parity
@@ -25,23 +26,26 @@ from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import PlanarPose
 
-#: Number of elements through the cover on the three grids, and element size of each grid over that of the finest [-].
-THROUGH, COARSENING = (2, 3, 4), (2.25, 1.5, 1.0)
+#: Number of elements per cover thickness, and number of parts into which each element of a coarse pattern is divided
+#: along x and y; with 2, the additional compliance is wrong by up to a third, with 3, by at most 2 % [-].
+_PARTS = 3
 #: Distance of a free edge from the contact above which the edge is neglected, and width of the meshed surroundings,
 #: over the decay length of the cover's response.  The effect of an edge decays from the contact to the edge and again
 #: from the edge to the contact [-].
 _NEAR, _FAR = 6.0, 8.0
-#: Element size at the sides of the cover over the distance of the sides from the contact, and smallest and largest
-#: value of this element size over the cover thickness [-].
-_FINE, _SMALLEST, _LARGEST = 1 / 3, 1 / 8, 1 / 2
+#: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact, and
+#: smallest and largest value of this size over the cover thickness [-].
+_FINE, _SMALLEST, _LARGEST = 4 / 3, 1 / 2, 2.0
 #: Smallest distance between contact and sides from which the element size is computed, over the width of the
 #: contact [-].
 _CLEARANCE = 0.15
-#: Smallest number of elements across a contact [-].
-_LEAST = 6
-#: Increase of the element size per distance from contact and sides, and relative increase from one element to the next
-#: in the surroundings [-].
-_GROWTH, _OUTWARD = 0.3, 0.6
+#: Smallest number of the pattern's elements across a contact [-].
+_LEAST = 1.5
+#: Increase of the pattern's element size per distance from contact and sides, in the cover and in its surroundings [-].
+_GROWTH, _OUTWARD = 1.2, 1.6
+#: Distance between the edge of a face and a side or the middle of the cover, over the cover thickness, below which the
+#: edge of the face is no element edge of its own [-].
+_SLIVER = 0.02
 #: Number of samples of the element size from the middle of the cover to its side [-].
 _SAMPLES = 2001
 #: Exponent of the depths of the element edges in the top layer; values above 1 give small elements at the top [-].
@@ -60,14 +64,12 @@ class SideEdges:
         pose: Position and rotation of the indenter in the frame of the array.
         half: Half widths of a rectangle around the axis of the indenter that contains the contact, in the frame of the
             indenter [m].
-        grid: Index of the grid, 0 (coarsest) to 2.
     """
 
     cover: Cover
     indenter: Indenter
     pose: PlanarPose
     half: FloatArray
-    grid: int
 
     @cached_property
     def window(self) -> tuple[FloatArray, FloatArray]:
@@ -164,13 +166,16 @@ class SideEdges:
         unit = self.cover.thickness
         spans = [_mirror_span(ends / unit) for ends in self._box]
         clearance = max(self._distance / unit, _CLEARANCE * min(high - low for low, high in spans))
-        size = float(np.clip(_FINE * clearance, _SMALLEST, _LARGEST)) * COARSENING[self.grid]
+        size = float(np.clip(_FINE * clearance, _SMALLEST, _LARGEST))
         thicknesses = [layer.thickness for layer in self.cover.layers]
-        counts = [max(1, round(THROUGH[self.grid] * each / unit)) for each in thicknesses]
+        counts = [max(1, round(_PARTS * each / unit)) for each in thicknesses]
         heights, layer = layer_heights(thicknesses, counts, crowd_surface=_CROWDING)
-        inner = [_grade_cover(*span, side / unit, size) for span, side in zip(spans, self._side, strict=True)]
+        inner = [
+            _grade_cover(*span, side / unit, size, sharp=self.indenter.is_flat)
+            for span, side in zip(spans, self._side, strict=True)
+        ]
         far = _FAR * decay_length(self.cover) / unit
-        outer = [np.concatenate([edges, _grade_surroundings(edges, far)]) for edges in inner]
+        outer = [np.concatenate([edges, _grade_surroundings(edges[-1], far, size)]) for edges in inner]
         lines = [Line(edges=edges, order=2) for edges in inner]
         chosen = [
             np.unique(line.index[(line.edges[:-1] <= high) & (line.edges[1:] >= low)])
@@ -206,25 +211,30 @@ def _mirror_span(ends: FloatArray) -> tuple[float, float]:
     return (0.0 if low <= 0 <= high else float(np.abs(ends).min())), float(np.abs(ends).max())
 
 
-def _grade_cover(low: float, high: float, end: float, size: float) -> FloatArray:
+def _grade_cover(low: float, high: float, end: float, size: float, *, sharp: bool) -> FloatArray:
     """Place element edges from the middle of the cover, 0, to its side, `end`.
 
     Args:
         low: Smallest distance of the contact from the middle [thicknesses].
         high: Largest distance of the contact from the middle [thicknesses].
         end: Distance of the side from the middle [thicknesses].
-        size: Element size at the side; elements grow away from the side and from the contact [thicknesses].
+        size: Size of the pattern's element at the side; elements grow away from side and contact [thicknesses].
+        sharp: Whether the pressure is singular at the edges of the contact, which then become element edges.
     """
-    x = np.linspace(0, end, _SAMPLES)
-    distance = np.maximum(np.maximum(low - x, x - high), 0)
-    largest = max((high - low) / _LEAST, size) + _GROWTH * distance
-    return fill_by_spacing(x, np.minimum(size + _GROWTH * (end - x), largest), least=2, round_up=True)
+    marks = [0.0, *(mark for mark in (low, high) if sharp and _SLIVER < mark < end - _SLIVER), end]
+    edges = [np.zeros(1)]
+    for start, stop in pairwise(marks):
+        x = np.linspace(start, stop, _SAMPLES)
+        distance = np.maximum(np.maximum(low - x, x - high), 0)
+        largest = max((high - low) / _LEAST, size) + _GROWTH * distance
+        edges.append(fill_by_spacing(x, np.minimum(size + _GROWTH * (end - x), largest), parts=_PARTS)[1:])
+    return np.concatenate(edges)
 
 
-def _grade_surroundings(edges: FloatArray, length: float) -> FloatArray:
-    """Place growing element edges outside the side of a cover, up to a distance of at least `length`."""
-    first = (1 + _OUTWARD) * (edges[-1] - edges[-2])
-    return np.asarray(edges[-1] + np.cumsum(growing_steps(first, length, lambda step: (1 + _OUTWARD) * step)))
+def _grade_surroundings(end: float, length: float, size: float) -> FloatArray:
+    """Place growing element edges outside the side of a cover, from `end` to `end + length`; see `_grade_cover`."""
+    x = np.linspace(0, length, _SAMPLES)
+    return np.asarray(end + fill_by_spacing(x, size + _OUTWARD * x, parts=_PARTS)[1:])
 
 
 def _solve_flexibility(

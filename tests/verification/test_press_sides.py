@@ -24,9 +24,9 @@ def pad(bonded, nu=0.45, size=PAD):
     return bonded(nu, thickness=THICKNESS, size=size)
 
 
-def sides(cover, indenter, *, at=(0.0, 0.0), yaw=0.0, half=None, grid=0):
+def sides(cover, indenter, *, at=(0.0, 0.0), yaw=0.0, half=None):
     size = indenter.footprint if half is None else (half, half)
-    return SideEdges(cover=cover, indenter=indenter, pose=PlanarPose(at=at, yaw=yaw), half=np.array(size), grid=grid)
+    return SideEdges(cover=cover, indenter=indenter, pose=PlanarPose(at=at, yaw=yaw), half=np.array(size))
 
 
 def pressed(cover, indenter, *, cells=40, load=1.0, **where):

@@ -18,7 +18,7 @@ SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_sco
 
 def make_sides(bonded, indenter, at, yaw, *, half=(1e-3, 1e-3), size=SIZE):
     pose = PlanarPose(at=at, yaw=yaw)
-    return SideEdges(cover=bonded(0.4, size=size), indenter=indenter, pose=pose, half=np.array(half), grid=0)
+    return SideEdges(cover=bonded(0.4, size=size), indenter=indenter, pose=pose, half=np.array(half))
 
 
 @SHARED
