@@ -13,6 +13,7 @@ import contextlib
 import dataclasses
 import hashlib
 import io
+import logging
 import os
 import tomllib
 import zipfile
@@ -32,6 +33,8 @@ from fastmodel.validity import Validity
 from meshes import TexelArray, atomic_file
 from meshes.array_types import FloatArray
 from meshes.npz import pack_npz
+
+_LOG = logging.getLogger(__name__)
 
 #: Version of the format of a parameters folder; `load` refuses other versions.
 FORMAT = 1
@@ -166,7 +169,7 @@ def load(sensor: str | Path) -> Parameters:
     with document.section("spread"):
         spread = _build_spread(document.take("spread"), operator)
     with document.section("electronics"):
-        electronics = _build_electronics(document.take("electronics"))
+        electronics = _build_electronics(document)
     with document.section("filter"):
         low_pass = Butterworth(**document.take("filter")) if "filter" in document.values else None
     with document.section("cells"):
@@ -248,10 +251,7 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
 
 
 def _describe_array(array: TexelArray) -> dict[str, Any]:
-    """Convert an array to TOML values.
-
-    Mask, positions and normals are written only if they differ from those of a flat, regular grid without a mask.
-    """
+    """Convert an array to TOML values; mask, positions and normals only if they differ from those of a full grid."""
     values: dict[str, Any] = {
         "name": array.name,
         "rows": array.rows,
@@ -290,18 +290,14 @@ def _build_array(document: _Document) -> TexelArray:
 
 
 def _describe_spread(spread: Spread) -> dict[str, Any]:
-    """Convert a point spread to TOML values.
-
-    A Gaussian is described by its numbers.  Any other spread is described by its source alone, because its operator is
-    in the npz file.
-    """
+    """Convert a point spread to TOML values: a Gaussian to its numbers, others to their source (their table is npz)."""
     if isinstance(spread, Gaussian):
         return {"kind": "gaussian", **_describe_dataclass(spread)}
     return {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
 
 
 def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
-    """Build the point spread from the section `[spread]` and the operator; this inverts `_describe_spread`."""
+    """Build the point spread from the section `[spread]` and the operator."""
     values = dict(table)
     match values.pop("kind", None):
         case "gaussian":
@@ -312,9 +308,14 @@ def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
             raise ValueError(f"kind is {kind!r}; it must be 'gaussian' or 'operator'")
 
 
-def _build_electronics(table: Mapping[str, Any]) -> Electronics:
-    """Build the electronics from the section `[electronics]` of the TOML file."""
+def _build_electronics(document: _Document) -> Electronics:
+    """Build the electronics from the section `[electronics]`; warn if an earlier version wrote it."""
+    table = document.take("electronics")
     values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    if "calibrated" not in values:
+        _LOG.warning(
+            "%s: [electronics] has no `calibrated`, so counts follow the texel force; derive anew", document.path
+        )
     return Electronics(**values)
 
 
@@ -395,6 +396,5 @@ def _read_bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise ParametersError(
-            f"{path}: {error.strerror}; a folder with {TOML_NAME} and {NPZ_NAME} is needed"
-        ) from error
+        message = f"{path}: {error.strerror}; a folder with {TOML_NAME} and {NPZ_NAME} is needed"
+        raise ParametersError(message) from error

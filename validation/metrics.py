@@ -20,12 +20,12 @@ Conventions:
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.signal.electronics import WHITE, WTS_0614_34, grey_levels
+from fastmodel.signal.electronics import WHITE, WTS_0614_34, Electronics, grey_levels
 from meshes.array import FloatArray, TexelArray
 
 #: Threshold of the areas that `active_area_iou` compares: force over the largest texel force of the reference [-].
@@ -100,6 +100,7 @@ def score(
     outside: float = 0.0,
     load: float,
     array: TexelArray,
+    line: Electronics = WTS_0614_34,
 ) -> Score:
     """Compare predicted texel forces with the reference texel forces of the same case, by every metric.
 
@@ -110,6 +111,7 @@ def score(
         outside: Part of the predicted force that acts beyond the array [N].
         load: Applied load [N].
         array: The texels, with the mask of active ones.
+        line: Electronics of the second grey scale, see `published_line`.
 
     Raises:
         ValueError: If `reference` or `forces` has another number of values than the array has texels, a value is not
@@ -122,7 +124,7 @@ def score(
     positions = array.centres[array.active]
     full_scale = float(r.max())
     scaled = score_images(grey_levels(r, full_scale), grey_levels(f, full_scale))
-    line = score_images(grey_by_line(r), grey_by_line(f))
+    by_line = score_images(grey_by_line(r, line), grey_by_line(f, line))
     width_r, width_f = second_moments(r, positions), second_moments(f, positions)
     return Score(
         total_force_error=total_force_error(r, f, load=load),
@@ -131,9 +133,9 @@ def score(
         centre_of_pressure_m=centre_of_pressure_error(r, f, positions),
         image_changed_percent=scaled.image_changed_percent,
         pixels_changed=scaled.pixels_changed,
-        image_changed_line_percent=line.image_changed_percent,
-        pixels_changed_line=line.pixels_changed,
-        pixels_lit_line=line.pixels_lit,
+        image_changed_line_percent=by_line.image_changed_percent,
+        pixels_changed_line=by_line.pixels_changed,
+        pixels_lit_line=by_line.pixels_lit,
         wasserstein_m=wasserstein(r, f, positions),
         active_area_iou=active_area_iou(r, f, threshold=AREA_THRESHOLD * max(full_scale, 0.0)),
         peak_error=peak_error(r, f),
@@ -271,16 +273,31 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
 # --- grey levels --------------------------------------------------------------------------------------------
 
 
-def grey_by_line(forces: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+def published_line(electronics: Electronics) -> Electronics:
+    """Return the published straight line of the WTS 0614-34 sensor as a function of the force on a sensor's texels.
+
+    The line was calibrated against the force of a tip on the cover.  The share of that force on the texel depends on
+    the cover and on the texel; it is known if the sensor was calibrated with the same tip.  Else the line is applied to
+    the force on the texel.
+
+    Args:
+        electronics: Electronics of the sensor.
+    """
+    same = electronics.calibrated == WTS_0614_34.calibrated
+    return replace(WTS_0614_34, tip_share=electronics.tip_share if same else None)
+
+
+def grey_by_line(forces: npt.ArrayLike, line: Electronics = WTS_0614_34) -> npt.NDArray[np.uint8]:
     """Convert texel forces to grey levels by the published straight line of the WTS 0614-34 sensor.
 
     Args:
         forces: Texel forces, any shape [N].
+        line: The line, see `published_line`.
 
     Returns:
         Grey levels 0..255, of the same shape [-].
     """
-    return np.asarray(grey_levels(WTS_0614_34.counts(forces), WTS_0614_34.output_max))
+    return np.asarray(grey_levels(line.counts(forces), line.output_max))
 
 
 # --- checks ------------------------------------------------------------------------------------------------

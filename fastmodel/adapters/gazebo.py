@@ -5,6 +5,10 @@ and `rangeMax` are the forces at which the counts leave zero and reach saturatio
 the counts at these two forces [-].  `tactile_rate` is in frames per second, `cutFrequency` in Hz (0 together with
 `orderFilter` 0 for no filter), sigmas are in pitches and ksizes in texels.  The block holds no positions, noise or
 gains per texel, and no other spread than a Gaussian.
+
+The plugin applies its line to the force on a texel after the spread.  A characteristic that was calibrated through the
+cover is therefore written as the line over the force on the texel.  If the share of the calibration tip's force on the
+texel is not known, the line is written as it is, and the attribute `calibrated` of `<plugin>` says so.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from xml.etree import ElementTree as ET
 from fastmodel.errors import ParametersError
 from fastmodel.parameters import Parameters
 from fastmodel.signal.butterworth import Butterworth
-from fastmodel.signal.electronics import Electronics
+from fastmodel.signal.electronics import TEXEL_FORCE, Electronics
 from fastmodel.signal.point_spread import Gaussian
 from meshes import TexelArray
 
@@ -88,6 +92,8 @@ def write_block(
     spread = _check_block_holds(parameters)
     values = {**_describe(parameters, spread), "dataTopicName": data_topic, "imageTopicName": image_topic}
     plugin = ET.Element("plugin", name=name, filename=f"lib{name}.so")
+    if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
+        plugin.set("calibrated", parameters.electronics.calibrated)
     for element in ELEMENTS:
         ET.SubElement(plugin, element).text = str(values[element])
     ET.indent(plugin)
@@ -124,6 +130,7 @@ def read_block(
                     offset=values["liniarityOfset"],
                     output_max=values["satMax"],
                     bits=max(_BITS, int(values["satMax"]).bit_length()),
+                    calibrated=values["calibrated"],
                 ),
                 filter=_build_filter(values["cutFrequency"], values["orderFilter"]),
                 provenance={"source": "Gazebo plugin block"},
@@ -164,15 +171,16 @@ def _describe(parameters: Parameters, spread: Gaussian) -> dict[str, int | float
     """
     electronics, low_pass, array = parameters.electronics, parameters.filter, parameters.array
     offset = electronics.offset - electronics.threshold
+    slope = electronics.sensitivity / electronics.applied_share
     return {
         "rows": array.rows,
         "columns": array.columns,
-        "rangeMin": max(-offset / electronics.sensitivity, 0.0),
-        "rangeMax": (electronics.output_max - offset) / electronics.sensitivity,
+        "rangeMin": max(-offset / slope, 0.0),
+        "rangeMax": (electronics.output_max - offset) / slope,
         "satMin": 0,
         "satMax": electronics.output_max,
         "tactile_rate": electronics.rate_hz,
-        "liniaritySensibility": electronics.sensitivity,
+        "liniaritySensibility": slope,
         "liniarityOfset": offset,
         "cutFrequency": 0.0 if low_pass is None else low_pass.cutoff_hz,
         "orderFilter": 0 if low_pass is None else low_pass.order,
@@ -189,7 +197,7 @@ def _build_filter(cutoff_hz: float, order: int) -> Butterworth | None:
 
 
 def _parse_values(text: str) -> dict[str, Any]:
-    """Parse the values of the `<plugin>` element's children, by their names.
+    """Parse the values of the `<plugin>` element's children, and its attribute `calibrated`, by their names.
 
     Raises:
         ParametersError: If there is no such element or values have wrong types; the message lists all of these.
@@ -201,7 +209,7 @@ def _parse_values(text: str) -> dict[str, Any]:
     blocks = [plugin for plugin in root.iter("plugin") if plugin.find("liniaritySensibility") is not None]
     if not blocks:
         raise ParametersError("Gazebo plugin block: no <plugin> element with <liniaritySensibility> in it")
-    values: dict[str, Any] = {}
+    values: dict[str, Any] = {"calibrated": blocks[0].get("calibrated", TEXEL_FORCE)}
     faults = []
     for element, kind in ELEMENTS.items():
         written = (blocks[0].findtext(element) or "").strip()

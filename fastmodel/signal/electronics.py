@@ -3,12 +3,17 @@
 The force on each texel passes the stages hysteresis, temperature, noise, characteristic, gain, threshold, saturation,
 rounding to whole counts, and 8-bit grey, in this order.  Hysteresis, temperature and noise are off by default.
 
+The characteristic is a function of the force that it was calibrated against.  On a bench, a small tip presses on the
+cover over the centre of a texel, and the applied force is known.  The cover spreads this force, and the texel under the
+tip measures a share of it only.  The force on a texel divided by that share is the applied force.
+
 All functions take arrays of any library that follows the array API standard, with any number of dimensions before that
 of the texels, and change none of them.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +27,10 @@ WHITE = 255
 #: Width of the saturation bend, in counts, below which counts are clipped sharply [-].  Counts are rounded to whole
 #: numbers, so a bend this narrow has no effect.
 _SHARP = 1e-6
+#: Value of `Electronics.calibrated` for a characteristic that is a function of the force on the texel itself.
+TEXEL_FORCE = "texel force"
+#: Form of `Electronics.calibrated` for a characteristic of the force that a rounded tip applies through the cover.
+_THROUGH_COVER = re.compile(r"through the cover, tip (\d+\.?\d*(?:e[-+]?\d+)?) mm")
 #: Number of coefficients of a characteristic of degree 5, as in the 2015 report [-].
 _COEFFICIENTS = 6
 
@@ -50,6 +59,12 @@ class Electronics:
             times the share [N].
         temperature_coefficient: Relative change of the measured force per kelvin; 0 for none [1/K].
         temperature_excess: Temperature minus the temperature at which the characteristic was measured [K].
+        calibrated: The force that the characteristic is a function of.  `"texel force"`: the force on the texel, after
+            spread.  `"through the cover, tip 1 mm"`: the force that a rod with a hemispherical end of 1 mm radius
+            (`meshes.RoundedTip`), or of another number of millimetres, applies to the cover over a texel's centre.
+        tip_share: Share of the force of that tip that the texel under the tip measures; `softcover derive` computes it
+            by finite elements.  None if it is not known; the characteristic is then applied to the texel force, so that
+            counts are too low, and a running sensor logs a warning [-].
     """
 
     rate_hz: float
@@ -67,6 +82,8 @@ class Electronics:
     hysteresis_width: float = 0.0
     temperature_coefficient: float = 0.0
     temperature_excess: float = 0.0
+    calibrated: str = TEXEL_FORCE
+    tip_share: float | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -109,7 +126,35 @@ class Electronics:
                 self.gains is not None and not all(0 <= gain < np.inf for gain in self.gains),
                 "gains must be finite and not negative",
             ),
+            *self._list_rules_of_calibration(),
         ]
+
+    def _list_rules_of_calibration(self) -> list[tuple[bool, str]]:
+        """List the rules of `calibrated` and `tip_share`, as `_list_rules` does."""
+        texel_force, share = self.calibrated == TEXEL_FORCE, self.tip_share
+        accepted = f"{TEXEL_FORCE!r} or 'through the cover, tip 1 mm' (radius in mm)"
+        return [
+            (
+                not texel_force and not 0 < (self.tip_radius or 0) < np.inf,
+                f"calibrated must be {accepted}, not {self.calibrated!r}",
+            ),
+            (share is not None and not 0 < share < np.inf, f"tip_share must be positive, not {share}"),
+            (
+                share is not None and texel_force,
+                f"tip_share must be left out if the characteristic was calibrated against {TEXEL_FORCE!r}",
+            ),
+        ]
+
+    @property
+    def tip_radius(self) -> float | None:
+        """Radius of the tip that the characteristic was calibrated with through the cover; None for texel force [m]."""
+        tip = _THROUGH_COVER.fullmatch(self.calibrated) if isinstance(self.calibrated, str) else None
+        return None if tip is None else 1e-3 * float(tip[1])
+
+    @property
+    def applied_share(self) -> float:
+        """Force on a texel over the force that the characteristic is a function of: `tip_share`, or 1 without [-]."""
+        return 1.0 if self.tip_share is None else self.tip_share
 
     @property
     def temperature_gain(self) -> float:
@@ -155,13 +200,14 @@ class Electronics:
         if noise is not None and self.noise > 0:
             drawn = noise.standard_normal(measured.shape) if isinstance(noise, np.random.Generator) else noise
             measured = measured + self.noise * drawn
+        applied = measured / self.applied_share
         if self.characteristic is None:
-            signal = self.sensitivity * measured + self.offset
+            signal = self.sensitivity * applied + self.offset
         else:
             *others, last = self.characteristic
-            signal = xp.full_like(measured, last)
+            signal = xp.full_like(applied, last)
             for coefficient in reversed(others):
-                signal = coefficient + signal * measured
+                signal = coefficient + signal * applied
         if self.gains is not None:
             if measured.shape[-1:] != (len(self.gains),):
                 raise ShapeError(f"there are gains for {len(self.gains)} texels, but forces of shape {measured.shape}")
@@ -212,5 +258,27 @@ def grey_levels(values: npt.ArrayLike | Array, full_scale: float) -> Array:
     return xp.astype(round_half_to_even(xp, grey), xp.uint8)
 
 
-#: Electronics of the Weiss WTS 0614-34 in the 2015 report: counts are zero below 0.185 N and saturate from 1.646 N.
-WTS_0614_34 = Electronics(rate_hz=271.0, sensitivity=2665.7, offset=-493.87, output_max=3895, bits=12)
+def describe_calibration(electronics: Electronics) -> str:
+    """Describe in one sentence what the characteristic was calibrated against and how it is applied."""
+    if electronics.tip_radius is None:
+        return "counts are a function of the force on the texel"
+    force = f"counts are a function of the force applied {electronics.calibrated} (radius of its hemispherical end)"
+    if electronics.tip_share is not None:
+        return f"{force}, of which the texel under the tip measures {electronics.tip_share:.4f}"
+    return (
+        f"{force}; the share of it on the texel is not known, so that the function is applied to the force on the "
+        f"texel and counts are too low; take parameters from `softcover derive`, or set tip_share, or set calibrated "
+        f"to {TEXEL_FORCE!r}"
+    )
+
+
+#: Electronics of the Weiss WTS 0614-34 in the 2015 report: counts are zero below 0.185 N and saturate from 1.646 N,
+#: applied to the cover with a tip of 1 mm.
+WTS_0614_34 = Electronics(
+    rate_hz=271.0,
+    sensitivity=2665.7,
+    offset=-493.87,
+    output_max=3895,
+    bits=12,
+    calibrated="through the cover, tip 1 mm",
+)

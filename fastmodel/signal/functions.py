@@ -16,6 +16,8 @@ counts may differ by one.
 
 from __future__ import annotations
 
+import functools
+import logging
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +25,10 @@ import numpy as np
 from fastmodel.parameters import Parameters
 from fastmodel.signal.array_namespace import Array, find_namespace
 from fastmodel.signal.butterworth import LowPass
+from fastmodel.signal.electronics import describe_calibration
 from fastmodel.signal.point_spread import build_operator
+
+_LOG = logging.getLogger(__name__)
 
 
 class ChainState(NamedTuple):
@@ -80,6 +85,8 @@ class ChainFunctions:
         """
         array = parameters.array
         self._electronics, self._shape = parameters.electronics, (array.rows, array.columns)
+        if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
+            _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
         self._active = None if array.active.all() else namespace.asarray(array.active)
         self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace)
         self._spread = None
@@ -150,3 +157,9 @@ def _join(forces: Array, carried: Array | None) -> Array:
     xp = find_namespace(forces)
     total = xp.sum(forces, axis=-1) if carried is None else xp.asarray(carried, dtype=forces.dtype)
     return xp.concat([forces, total[..., None]], axis=-1)
+
+
+@functools.cache
+def _warn_once(message: str) -> None:
+    """Log a warning, once in a process."""
+    _LOG.warning(message)

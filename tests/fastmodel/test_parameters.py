@@ -271,3 +271,19 @@ def test_any_parameters_are_loaded_bit_for_bit_as_saved(electronics, low_pass, s
         back = load(folder)
     assert same_array(back.array, array)
     assert (back.electronics, back.filter, back.spread) == (electronics, low_pass, spread)
+
+
+def test_what_counts_were_calibrated_against_is_stored_and_its_absence_is_said(tmp_path, caplog):
+    known = dataclasses.replace(WTS_0614_34, tip_share=0.77)
+    make(electronics=known).save(tmp_path)
+    assert load(tmp_path).electronics == known
+    text = (tmp_path / "parameters.toml").read_text()
+    assert 'calibrated = "through the cover, tip 1 mm"\ntip_share = 0.77\n' in text
+    assert not caplog.records
+    earlier = text.replace('calibrated = "through the cover, tip 1 mm"\ntip_share = 0.77\n', "")
+    (tmp_path / "parameters.toml").write_text(earlier)
+    assert load(tmp_path).electronics.calibrated == "texel force"
+    assert "[electronics] has no `calibrated`" in caplog.text
+    (tmp_path / "parameters.toml").write_text(text.replace("tip 1 mm", "tip 1"))
+    with pytest.raises(ParametersError, match=r"parameters.toml: \[electronics\] calibrated must be 'texel force' or"):
+        load(tmp_path)

@@ -1,5 +1,6 @@
 """Every metric by its definition, by a planted defect, and at its edges."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.stats import wasserstein_distance_nd
 
+from fastmodel import WTS_0614_34, Electronics
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 from validation import metrics
@@ -185,6 +187,18 @@ def test_wrong_sizes_are_refused():
 
 def test_grey_levels_after_the_published_line():
     assert metrics.grey_by_line([0, 0.185, 0.19, 1.646, 3]).tolist() == [0, 0, 1, 255, 255]
+    line = metrics.published_line(dataclasses.replace(WTS_0614_34, tip_share=0.5))
+    assert metrics.grey_by_line([0, 0.0925, 0.095, 0.823, 3], line).tolist() == [0, 0, 1, 255, 255]
+    # the share of another tip, or none, says nothing about the published line
+    other = Electronics(rate_hz=1, sensitivity=1, calibrated="through the cover, tip 3 mm", tip_share=0.5)
+    assert metrics.published_line(other) == metrics.published_line(Electronics(rate_hz=1, sensitivity=1)) == WTS_0614_34
+
+
+def test_scores_on_the_second_grey_scale_follow_the_share_of_the_tip():
+    light = 0.15 * blob() / blob().max()
+    assert metrics.score(light, light, load=5.0, array=ARRAY).pixels_lit_line == 0
+    known = dataclasses.replace(WTS_0614_34, tip_share=0.5)
+    assert metrics.score(light, light, load=5.0, array=ARRAY, line=known).pixels_lit_line > 0
 
 
 @given(arrays(float, 12, elements=st.floats(0, 1)), arrays(float, 12, elements=st.floats(0, 1)))

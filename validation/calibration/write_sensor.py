@@ -8,12 +8,13 @@ from typing import Any
 
 import tomli_w
 
+from fastmodel.signal.electronics import TEXEL_FORCE
 from validation.calibration.calibrate import Calibration
 from validation.errors import InputError
 from validation.sensor_file import parse
 
 #: Keys of the table `[electronics]` of a sensor file that a calibrated characteristic replaces.
-_CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
+_CHARACTERISTIC = ("sensitivity", "offset", "characteristic", "calibrated")
 
 
 def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, *, polynomial: bool = False) -> Path:
@@ -59,6 +60,7 @@ def _calibrated_electronics(calibration: Calibration, *, polynomial: bool) -> di
     electronics: dict[str, Any] = {
         "threshold": float(curve.form.threshold),
         "gains": [round(gain, 5) for gain in calibration.gains.tolist()],
+        "calibrated": TEXEL_FORCE,
     }
     if polynomial:
         electronics["characteristic"] = curve.values[: curve.form.degree + 1].tolist()

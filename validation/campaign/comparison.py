@@ -126,8 +126,8 @@ def compare_models(
         indenter = tilt_indenter(case.indenter, case.tilt)
         fast = indent(parameters, indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
     score = None
-    if fem is not None and fast is not None:
-        score = score_forces(fem, fast.texel_forces, fast.outside, case.load, sensor.array)
+    if fem is not None and fast is not None and parameters is not None:
+        score = score_forces(fem, fast.texel_forces, fast.outside, case.load, parameters)
     return Comparison(sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models), wanted=wanted)
 
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from meshes import Cover, TexelArray
+from meshes import Cover
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled, pool, skill
 from validation.errors import InputError
-from validation.metrics import Score, score
+from validation.metrics import Score, published_line, score
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -220,7 +220,7 @@ def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
         name: Prediction(
             texel_forces=texel_forces,
             outside=outside,
-            score=score_forces(reference, texel_forces, outside, case.load, array),
+            score=score_forces(reference, texel_forces, outside, case.load, parameters),
         )
         for name, (texel_forces, outside) in forces.items()
     }
@@ -228,7 +228,7 @@ def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
 
 
 def score_forces(
-    reference: Indentation, texel_forces: FloatArray, outside: float, load: float, array: TexelArray
+    reference: Indentation, texel_forces: FloatArray, outside: float, load: float, parameters: Parameters
 ) -> Score:
     """Score the texel forces of a model against the finite-element result of the same indentation.
 
@@ -237,7 +237,7 @@ def score_forces(
         texel_forces: Forces on the n texels by the model, shape (n,) [N].
         outside: Force that no active texel measures, by the model [N].
         load: Applied force [N].
-        array: The texels.
+        parameters: Texels and electronics of the sensor.
     """
     return score(
         reference.texel_forces,
@@ -245,7 +245,8 @@ def score_forces(
         reference_outside=reference.outside,
         outside=outside,
         load=load,
-        array=array,
+        array=parameters.array,
+        line=published_line(parameters.electronics),
     )
 
 

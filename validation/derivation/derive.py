@@ -19,6 +19,7 @@ import numpy.typing as npt
 from fastmodel.fitting.gaussian import Fit
 from fastmodel.signal.point_spread import Tabulated
 from meshes import TexelArray
+from validation.derivation.calibration_tip import TipShare, compute_tip_share
 from validation.derivation.cover_kernels import cells_with_sides, cover_cells
 from validation.derivation.depth_fits import DepthFits, fit_depth
 from validation.derivation.kernel_fit import Influence, fit_kernel, radial_profile
@@ -57,6 +58,8 @@ class Derivation:
         error_estimate: Estimated relative errors of the finite elements (`total_force`, `peak_texel`, `sigma`) [-].
         depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
         undetermined: Quantities that the derivation cannot determine, one line of text each.
+        tip: Share of the calibration tip's force that the texel under the tip measures; None if the characteristic was
+            calibrated against the texel force, or if the finite elements failed.
         seconds: Wall time of the derivation, without the properties that are computed on first use [s].
     """
 
@@ -70,6 +73,7 @@ class Derivation:
     error_estimate: Mapping[str, float]
     depth: DepthFits | None
     undetermined: tuple[str, ...]
+    tip: TipShare | None
     seconds: float
 
     @property
@@ -127,6 +131,10 @@ class Derivation:
             "depth": None if self.depth is None else dataclasses.asdict(self.depth),
             "validity": _describe_range(self.parameters.validity),
             "undetermined": list(self.undetermined),
+            "calibration": {
+                "calibrated": self.sensor.electronics.calibrated,
+                "tip": None if self.tip is None else dataclasses.asdict(self.tip),
+            },
             "seconds": self.seconds,
         }
 
@@ -163,19 +171,16 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     tell("cover kernels")
     cells = None if sensor.spread else _tabulate_cells(sensor, influence)
     depth = fit_depth(cover) if wide else None
+    tip = _press_tip(sensor, influence, tell)
     undetermined = list_undetermined(cover, fit, depth)
-    tables: dict[str, FloatArray] = {}
-    if (spread := radial_profile(influence)) is not None:
-        tables["point_response_radius"] = np.asarray(spread.radius)
-        tables["point_response_pressure"] = np.asarray(spread.pressure_per_force)
     parameters = Parameters(
         array=array,
         spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),
         filter=sensor.filter,
-        electronics=sensor.electronics,
-        provenance=_describe_provenance(sensor, fit, depth, undetermined),
+        electronics=dataclasses.replace(sensor.electronics, tip_share=None if tip is None else tip.share),
+        provenance=_describe_provenance(sensor, fit, depth, undetermined, tip),
         cells=cells,
-        tables=tables,
+        tables=_tabulate_response(influence),
     )
     return Derivation(
         sensor=sensor,
@@ -188,8 +193,23 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         error_estimate=influence.error_estimate,
         depth=depth,
         undetermined=undetermined,
+        tip=tip,
         seconds=time.perf_counter() - started,
     )
+
+
+def _press_tip(sensor: SensorDescription, influence: Influence, tell: Progress) -> TipShare | None:
+    """Compute the share of the calibration tip's force on the texel; None if it is not needed or not computable."""
+    from fem_reference.errors import ConvergenceError
+
+    if sensor.electronics.tip_radius is None:
+        return None
+    tell("calibration tip over a texel")
+    try:
+        return compute_tip_share(sensor.cover, sensor.array, influence, sensor.electronics)
+    except (ConvergenceError, ValueError) as error:
+        tell(f"the share of the calibration tip's force on a texel is not known: {error}")
+        return None
 
 
 def _describe_range(validity: Validity | None) -> dict[str, Any] | str:
@@ -227,6 +247,16 @@ def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCel
     return cells_with_sides(sensor.cover, sensor.array, influence) if sensor.array.regular else None
 
 
+def _tabulate_response(influence: Influence) -> dict[str, FloatArray]:
+    """Return radius [m] and pressure per force [1/m2] of the point response; nothing for free side edges."""
+    if (spread := radial_profile(influence)) is None:
+        return {}
+    return {
+        "point_response_radius": np.asarray(spread.radius),
+        "point_response_pressure": np.asarray(spread.pressure_per_force),
+    }
+
+
 def _tabulate_spread(influence: Influence, array: TexelArray) -> Tabulated:
     """Tabulate the force on every texel per unit force spread uniformly over each texel, for free side edges."""
     columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
@@ -248,7 +278,11 @@ def _force_outside(influence: Influence, array: TexelArray) -> tuple[float, floa
 
 
 def _describe_provenance(
-    sensor: SensorDescription, fit: Fit, depth: DepthFits | None, undetermined: tuple[str, ...]
+    sensor: SensorDescription,
+    fit: Fit,
+    depth: DepthFits | None,
+    undetermined: tuple[str, ...],
+    tip: TipShare | None,
 ) -> dict[str, Any]:
     from importlib.metadata import version
 
@@ -261,4 +295,5 @@ def _describe_provenance(
         "outside_kernel": fit.outside_kernel,
         "undetermined": undetermined,
         "depth": None if depth is None else dataclasses.asdict(depth),
+        "calibration_tip": None if tip is None else dataclasses.asdict(tip),
     }

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fastmodel.signal.electronics import describe_calibration
 from validation.calibration.stamp import StampScores
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
@@ -85,6 +86,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         "derivation": derivation,
         "gaussian": derivation.fit.gaussian,
         "campaign": campaign,
+        "calibration": describe_calibration(derivation.parameters.electronics),
         "models": MODELS,
         "metrics": METRICS,
         "tiles": _tiles(evaluation),

@@ -25,7 +25,13 @@ from validation.text.quantity import read_quantity
 #: so the slope of the WTS 0614-34 is used.  The offset of the WTS 0614-34 is left out, because the firmware of the
 #: DSACON32m, which reads the arrays, subtracts a threshold.  To score recordings, a fitted characteristic replaces this
 #: one.
-_SDH2_ELECTRONICS = Electronics(rate_hz=31.25, sensitivity=WTS_0614_34.sensitivity, output_max=3512, bits=12)
+_SDH2_ELECTRONICS = Electronics(
+    rate_hz=31.25,
+    sensitivity=WTS_0614_34.sensitivity,
+    output_max=3512,
+    bits=12,
+    calibrated=WTS_0614_34.calibrated,
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

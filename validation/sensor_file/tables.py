@@ -5,6 +5,7 @@ Pydantic reports each fault with its path in the file.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
@@ -12,9 +13,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, WrapValidator
 from pydantic.dataclasses import dataclass
 
+from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes.catalogue import MATERIALS
 from meshes.material import MODELS, SERIES_MODELS, Material
-from validation.errors import nearest
+from validation.errors import InputError, nearest
 from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.quantity import Kind, read_quantity
 
@@ -22,6 +24,11 @@ _CONFIG = ConfigDict(extra="forbid")
 
 #: Upper limit on the pitch of texels and on the edge lengths of a cover: larger values must have a wrong unit [m].
 _LONGEST = 1.0
+#: Largest radius of a calibration tip: one that is wider presses on several texels of any array [m].
+_WIDEST_TIP = 0.02
+#: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
+#: unit follow.
+_THROUGH_COVER = re.compile(r"through the cover, tip (\S{1,20} ?[a-zA-Z\u00b5\u03bc]{1,20})")
 #: Number of coefficients of the electronics' characteristic, a polynomial of degree 5 as in the 2015 report [-].
 _COEFFICIENTS = 6
 #: Upper limit on the absolute value of an exponent of the Ogden material model: powers with larger exponents overflow
@@ -248,6 +255,23 @@ class CoverTable:
     free_edges: Annotated[object, BeforeValidator(_refuse_free_edges)] = None
 
 
+def _calibration(value: object) -> str:
+    """Read what a characteristic was calibrated against, and return it as `Electronics.calibrated` has it."""
+    accepted = f"accepted: '{TEXEL_FORCE}' or 'through the cover, tip 1 mm' (radius of the tip's hemispherical end)"
+    if value == TEXEL_FORCE:
+        return TEXEL_FORCE
+    tip = _THROUGH_COVER.fullmatch(value) if isinstance(value, str) else None
+    if tip is None:
+        raise ValueError(f"{value!r} is not what a characteristic can be calibrated against; {accepted}")
+    try:
+        radius = read_quantity(tip[1], "length")
+    except InputError as error:
+        raise ValueError(f"{'; '.join(error.faults)}; {accepted}") from None
+    if not 0 < radius <= _WIDEST_TIP:
+        raise ValueError(f"the radius of the tip must lie in 0..{1e3 * _WIDEST_TIP:g} mm, not {tip[1]!r}; {accepted}")
+    return f"through the cover, tip {1e3 * radius:.9g} mm"
+
+
 def _frictionless(value: object) -> float:
     if isinstance(value, bool) or value != 0:
         raise ValueError(f"friction is not yet supported; write 0 (frictionless), not {value!r}")
@@ -293,6 +317,7 @@ class ElectronicsTable:
     saturation_band: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
     characteristic: Annotated[list[Number], AfterValidator(_refuse_other_degrees)] | None = None
     gains: list[Number] | None = None
+    calibrated: Annotated[str, BeforeValidator(_calibration)] = TEXEL_FORCE
 
 
 @dataclass(config=_CONFIG, kw_only=True)

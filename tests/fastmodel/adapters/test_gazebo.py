@@ -40,6 +40,17 @@ def test_a_written_block_is_read_back_unchanged():
     assert read_block(write_block(bare), pitch=3.4e-3).parameters.filter is None
 
 
+def test_the_line_in_the_block_is_that_of_the_force_on_a_texel():
+    known = dataclasses.replace(WTS_0614_34, tip_share=0.8)
+    text = write_block(dataclasses.replace(WTS, electronics=known))
+    back = read_block(text, pitch=3.4e-3).parameters.electronics
+    forces = np.linspace(0, 2, 40)
+    np.testing.assert_array_equal(back.counts(forces), known.counts(forces))
+    assert (back.calibrated, back.sensitivity) == ("texel force", pytest.approx(2665.7 / 0.8))
+    assert float(text.split("<rangeMin>")[1].split("<")[0]) == pytest.approx(0.8 * 0.185, abs=5e-4)
+    assert 'calibrated="through the cover, tip 1 mm"' in write_block(WTS)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -149,3 +149,18 @@ def test_a_copy_of_a_chain_continues_like_the_original_and_on_its_own():
         np.testing.assert_array_equal(frame.counts, other.counts)
         assert outside == beside
         assert frame.texel_forces.sum() > 1
+
+
+def test_an_unknown_share_of_the_calibration_tip_is_said_once(caplog):
+    array = dataclasses.replace(ARRAY, name="never built before")
+    for _ in range(2):
+        resting_chain(dataclasses.replace(PARAMETERS, array=array))
+    (record,) = caplog.records
+    assert "never built before" in record.message
+    assert "counts are too low" in record.message
+    known = dataclasses.replace(WTS_0614_34, tip_share=0.77)
+    direct = dataclasses.replace(WTS_0614_34, calibrated="texel force")
+    for electronics in (known, direct):
+        other = dataclasses.replace(array, name="another")
+        resting_chain(dataclasses.replace(PARAMETERS, array=other, electronics=electronics))
+    assert len(caplog.records) == 1

@@ -140,3 +140,40 @@ def test_grey_levels_depend_on_the_ratio_to_the_full_scale_only(value, full_scal
     one, other = (int(grey_levels([scale * value], scale * full_scale)[0]) for scale in (1.0, factor))
     assert abs(one - other) <= 1  # rounding of the ratio may pass the border between two levels
     assert one == min(max(round(255 * value / full_scale), 0), 255) or abs(255 * value / full_scale % 1 - 0.5) < 1e-9
+
+
+@pytest.mark.parametrize("characteristic", [None, (-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5)])
+def test_a_characteristic_calibrated_through_the_cover_is_one_of_the_applied_force(characteristic):
+    """The texel measures three quarters of the tip's force; noise and gains keep their places."""
+    applied = np.linspace(0, 2, 50)
+    direct = dataclasses.replace(PLAIN, offset=-100, threshold=20, saturation_band=300, characteristic=characteristic)
+    through = dataclasses.replace(direct, calibrated="through the cover, tip 0.75 mm", tip_share=0.75)
+    np.testing.assert_array_equal(through.counts(0.75 * applied), direct.counts(applied))
+    assert (through.tip_radius, direct.tip_radius) == (pytest.approx(0.75e-3), None)
+    unknown = dataclasses.replace(through, tip_share=None)
+    np.testing.assert_array_equal(unknown.counts(applied), direct.counts(applied))
+
+
+def test_the_published_line_was_calibrated_through_the_cover():
+    assert WTS_0614_34.calibrated == "through the cover, tip 1 mm"
+    assert WTS_0614_34.tip_share is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"calibrated": "through the cover"}, "calibrated must be 'texel force' or 'through the cover, tip 1 mm'"),
+        ({"calibrated": "through the cover, tip 1"}, "not 'through the cover, tip 1'"),
+        ({"calibrated": "through the cover, tip -1 mm"}, "calibrated"),
+        ({"calibrated": "through the cover, tip 0 mm"}, "calibrated"),
+        ({"calibrated": "through the cover, tip 1e999 mm"}, "calibrated"),
+        ({"calibrated": "Texel force"}, "calibrated"),
+        ({"calibrated": 1}, "not 1"),
+        ({"calibrated": "through the cover, tip 1 mm", "tip_share": 0.0}, "tip_share must be positive, not 0.0"),
+        ({"calibrated": "through the cover, tip 1 mm", "tip_share": float("nan")}, "tip_share"),
+        ({"tip_share": 0.8}, "tip_share must be left out"),
+    ],
+)
+def test_bad_calibrations_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(PLAIN, **wrong)

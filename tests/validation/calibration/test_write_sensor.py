@@ -30,11 +30,13 @@ def test_from_recordings_to_a_sensor_file(tmp_path):
     source.write_text(
         '[array]\nrows = 2\ncolumns = 2\npitch = "3.4 mm"\n[[cover.layer]]\nthickness = "2 mm"\n'
         'material = "dragon-skin-30"\n[electronics]\nrate = "271 Hz"\nsensitivity = "1 1/N"\n'
+        'calibrated = "through the cover, tip 1 mm"\n'
     )
     written = load_sensor(write_sensor(found, source, target)).electronics
     assert written.sensitivity == pytest.approx(2600, rel=0.01)
     assert written.output_max == pytest.approx(3700, abs=20)
     assert written.gains == pytest.approx(GAINS, abs=0.01)
+    assert written.calibrated == "texel force"  # the fit is one of texel forces
     assert "from 11 recordings" in target.read_text()
     assert load_sensor(write_sensor(found, source, target, polynomial=True)).electronics.characteristic is not None
     with pytest.raises(InputError, match="softcover init"):

@@ -73,6 +73,30 @@ friction = 0.3
         ('rate = "271 Hz"', 'rate = "271 Hz"\noutput_max = 5000', "does not fit 12 bits; accepted: 1..4095"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\nnoise = 3', "electronics.noise: 3 has no unit"),
+        *(
+            (
+                "[electronics]",
+                f"[electronics]\ncalibrated = {value}",
+                "accepted: 'texel force' or 'through the cover, tip 1",
+            )
+            for value in (
+                "'the texel'",
+                "'through the cover'",
+                "'through the cover, tip 1'",
+                "'through the cover, tip mm'",
+                "'through the cover, tip 1 N'",
+                "'through the cover, tip -1 mm'",
+                "'through the cover, tip 0 mm'",
+                "'through the cover, tip 30 mm'",
+                "'through the cover, tip 1 mm*9**9**9'",
+                "'through the cover, tip 1 mm or so'",
+                f"'through the cover, tip 1{' ' * 60_000}mm'",
+                "1.0",
+                "true",
+                "['texel force']",
+            )
+        ),
+        ("[electronics]", "[electronics]\ncalibrated = '1 mm'", "electronics.calibrated: '1 mm' is not what"),
         ("[electronics]", "[cover]\nsize = ['6.7 mm', '30 mm']\n[electronics]", "leaves 6 texels uncovered in part"),
         ("[electronics]", "[cover]\nsize = ['30 mm', '5 mm']\n[electronics]", "the texels need 6.8 mm x 10.2 mm"),
         ("[electronics]", "[cover]\nsize = '30'\n[electronics]", "cover.size: '30' has no unit"),

@@ -124,3 +124,20 @@ def test_any_value_of_a_key_is_read_or_bad_input(table, key, value):
     except InputError as error:
         faults = error.faults
     assert all(fault.startswith("sensor.toml: ") and "\n" not in fault for fault in faults)
+
+
+@pytest.mark.parametrize(
+    ("written", "kept"),
+    [
+        ("texel force", "texel force"),
+        ("through the cover, tip 1 mm", "through the cover, tip 1 mm"),
+        ("through the cover, tip 500 um", "through the cover, tip 0.5 mm"),
+        ("through the cover, tip 0.1cm", "through the cover, tip 1 mm"),
+    ],
+)
+def test_what_the_characteristic_was_calibrated_against_is_read(sensor, written, kept):
+    path = sensor(GOOD + f'calibrated = "{written}"\n')
+    assert load(path).electronics.calibrated == kept
+    assert load(sensor(GOOD)).electronics.calibrated == "texel force"
+    for built_in in BUILT_IN.values():
+        assert built_in.electronics.calibrated == "through the cover, tip 1 mm"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from fastmodel.signal.electronics import describe_calibration
 from validation.cli.options import Json, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
 from validation.cli.progress import Progress
@@ -100,6 +101,10 @@ def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
         ball = f"ball of {1e3 * validity.ball_radius:.3g} mm radius, {validity.strain} strain"
         yield "range of fast model", f"misplaces at most 2 % up to {_format_limit(validity, 2)} ({ball})"
         yield "", f"and at most 5 % up to {_format_limit(validity, 5)}"
+    yield "characteristic", describe_calibration(derivation.parameters.electronics)
+    if (tip := derivation.tip) is not None:
+        shares = f"{tip.lightest:.4f} under a point load, {tip.heaviest:.4f} under {tip.largest_load:.3g} N"
+        yield "", f"the share is fitted up to {tip.largest_load:.3g} N ({shares})"
     yield "error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())
     yield "time", f"{derivation.seconds:.2f} s"
     for index, line in enumerate(derivation.undetermined):
