@@ -298,9 +298,9 @@ class _PressureReader:
     def _add_points(self, contact: PlateContact, reading: Reading) -> Reading:
         """Add the point forces of a contact, and the force beside the front of the array, to a reading."""
         carried = reading.carried + contact.beside
-        if not len(contact.point_forces):
-            return reading._replace(carried=carried)
-        row, column, forces = self._grid.divide_points(contact.point_forces)
+        if not len(contact.points):
+            return reading._replace(carried=carried) if contact.beside else reading
+        row, column, forces = self._grid.divide_points(contact.points)
         contact_forces = reading.contact_forces + self._grid.sum_on_texels(row, column, forces)
         texel_forces = reading.texel_forces
         if self._base is not None and texel_forces is not None:
@@ -308,5 +308,5 @@ class _PressureReader:
             window = np.zeros((row.max() - origin[0] + 1, column.max() - origin[1] + 1))
             np.add.at(window, (row - origin[0], column - origin[1]), forces)
             texel_forces = texel_forces + self._base.from_window(window, origin)
-        carried += float(contact.point_forces[:, 2].sum())
+        carried += float(contact.points[:, 2].sum())
         return reading._replace(contact_forces=contact_forces, texel_forces=texel_forces, carried=carried)

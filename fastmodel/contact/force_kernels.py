@@ -143,13 +143,13 @@ def sum_forces(
 
     Returns:
         Ids of the bodies of known shape that touch the plate's top, shape (bodies,); for each of these bodies the sums
-        over its contacts of force [N], force times x, and force times y [N m], and its deepest penetration [m], shape
-        (bodies, 4); for each of the m contacts with the plate's top the index of its body, -1 for an unknown shape,
-        shape (m,), and x, y [m] and force [N], shape (m, 3); and the sum of the forces at the sides and the back of the
-        plate [N].
+        over its contacts of force [N], force times x, and force times y [N m], its deepest penetration [m], and the
+        number of its contacts, shape (bodies, 5); for each of the m contacts with the plate's top the index of its
+        body, -1 for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); and the sum of the forces
+        at the sides and the back of the plate [N].
     """
     geom, address, _, frame, _, pos, dist, _, _ = contacts
-    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 4))
+    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 5))
     owner, points = np.empty(len(geom), dtype=np.int64), np.empty((len(geom), 3))
     count, touching, beside, local = 0, 0, 0.0, np.zeros(3)
     for k in range(len(geom)):
@@ -181,6 +181,7 @@ def sum_forces(
             sums[slot, 1] += force * x
             sums[slot, 2] += force * y
             sums[slot, 3] = max(sums[slot, 3], -dist[k])
+            sums[slot, 4] += 1
         owner[touching] = slot
         points[touching, 0], points[touching, 1], points[touching, 2] = x, y, force
         touching += 1

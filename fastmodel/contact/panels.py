@@ -162,19 +162,19 @@ class PanelReader(PlateReader):
         self._normals = np.array([part.panel.axes[:, 2] for part in self._panels])
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> PlateContact:
-        """Find the bodies that press on the panels and their loads, without poses; see `PlateReader.find_contact`."""
+        """Find the bodies that press on the panels and their loads and poses; see `PlateReader.find_contact`."""
         contact = data.contact
         panels = self._panel_of_geom[contact.geom]
-        touches = ((panels >= 0).any(axis=1) & (contact.efc_address >= 0)).nonzero()[0]
-        second = panels[touches, 1] >= 0
+        touching = ((panels >= 0).any(axis=1) & (contact.efc_address >= 0)).nonzero()[0]
+        second = panels[touching, 1] >= 0
         side = second.astype(np.int64)
-        body = self._bodies.of_geom[contact.geom[touches, 1 - side]]
-        panel = panels[touches, side]
+        body = self._bodies.of_geom[contact.geom[touching, 1 - side]]
+        panel = panels[touching, side]
         normal = self._normals[panel]
-        local = np.zeros((len(touches), 6))  # force and torque
-        for number, force in zip(touches.tolist(), local, strict=True):
+        local = np.zeros((len(touching), 6))  # force and torque
+        for number, force in zip(touching.tolist(), local, strict=True):
             mujoco.mj_contactForce(self._model, data, number, force)
-        directions = contact.frame[touches].reshape(-1, 3, 3) @ axes
+        directions = contact.frame[touching].reshape(-1, 3, 3) @ axes
         directions[second] *= -1
         pressure = local[:, :1] * directions[:, 0]
         friction = np.einsum("ki,kij->kj", local[:, 1:3], directions[:, 1:])
@@ -182,7 +182,7 @@ class PanelReader(PlateReader):
         forces = pressure + (friction * normal).sum(axis=1, keepdims=True) * normal
         along = (forces * normal).sum(axis=1)
         front = (directions[:, 0] * normal).sum(axis=1) >= FRONT
-        place = (contact.pos[touches] - origin) @ axes
+        place = (contact.pos[touching] - origin) @ axes
         loads = {}
         for each in np.unique(body[front & (body >= 0)]).tolist():
             mine = front & (body == each)
@@ -193,16 +193,20 @@ class PanelReader(PlateReader):
         known = np.isin(body, bodies) & (body >= 0)
         owner = np.full(len(body), -1)
         owner[known] = np.searchsorted(bodies, body[known])
-        kept = front & (known | ((body < 0) & (along > 0)))
-        points = np.column_stack([self._place_on_grid(panel[kept], place[kept]), along[kept]])
+        scattered = front & (body < 0) & (along > 0)
+        known &= front
+        touches = np.column_stack([self._place_on_grid(panel, place), along])
         return PlateContact(
             bodies=bodies,
             loads=tuple(loads.values()),
-            poses=(),
-            depths=tuple(float(-contact.dist[touches[front & (body == each)]].min()) for each in bodies),
-            owner=owner[kept],
-            points=points,
-            beside=float(along[~kept].sum()),
+            poses=tuple(
+                self._find_pose(data, each, axes, origin, float(-contact.dist[touching[body == each]].min()))
+                for each in bodies
+            ),
+            owner=owner[known],
+            touches=touches[known],
+            points=touches[scattered],
+            beside=float(along[~known & ~scattered].sum()),
         )
 
     def _place_on_grid(self, panel: IntArray, place: FloatArray) -> FloatArray:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -27,6 +26,9 @@ from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
+
+#: No point forces.
+_NO_POINTS = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,18 +104,17 @@ class PlateContact:
         bodies: Id of each body of known shape that presses on the front of the plate.
         loads: Force and moments of each body.
         poses: Shape of each body and its pose in the array's frame.
-        depths: Deepest penetration of each body into the rigid plate [m].
-        owner: Index in `bodies` of the body of each of m contacts with the front of the plate; -1 for contacts whose
-            bodies have no known shape, and act as point forces, shape (m,).
-        points: Position x, y on the contact grid [m] and force [N] of these contacts, shape (m, 3).
+        owner: Index in `bodies` of the body of each of m contacts, shape (m,).
+        touches: Position x, y on the contact grid [m] and force [N] of these contacts, shape (m, 3).
+        points: The same of the k contacts whose bodies have no known shape; they act as point forces, shape (k, 3).
         beside: Force at the sides and on the back of the plate, with its sign [N].
     """
 
     bodies: tuple[int, ...]
     loads: tuple[Load, ...]
     poses: tuple[PosedBody, ...]
-    depths: tuple[float, ...]
     owner: IntArray
+    touches: FloatArray
     points: FloatArray
     beside: float
 
@@ -131,38 +132,35 @@ class PlateContact:
             and all(a.equals(b, tolerance, length) for a, b in zip(self.poses, other.poses, strict=True))
             and all(a.equals(b, tolerance, length) for a, b in zip(self.loads, other.loads, strict=True))
             and abs(self.beside - other.beside) <= tolerance * abs(self.beside)
-            and _are_equal(self.point_forces, other.point_forces, tolerance, length)
+            and _are_equal(self.points, other.points, tolerance, length)
         )
 
-    @cached_property
-    def point_forces(self) -> FloatArray:
-        """Positions x, y [m] and forces [N] of the k contacts that act as point forces, shape (k, 3)."""
-        return self.points[self.owner < 0]
-
     def select(self, kept: Sequence[int]) -> PlateContact:
-        """Return the contact with the other bodies' contacts as point forces.
+        """Return the contact with the contacts of the other bodies as point forces.
 
         Args:
             kept: Indices in `bodies` of the bodies that keep their shapes.
         """
-        number = np.full(len(self.bodies) + 1, -1)
+        number = np.full(len(self.bodies), -1)
         number[list(kept)] = np.arange(len(kept))
+        owner = number[self.owner]
         return replace(
             self,
             bodies=tuple(self.bodies[k] for k in kept),
             loads=tuple(self.loads[k] for k in kept),
             poses=tuple(self.poses[k] for k in kept),
-            depths=tuple(self.depths[k] for k in kept),
-            owner=number[self.owner],
+            owner=owner[owner >= 0],
+            touches=self.touches[owner >= 0],
+            points=np.concatenate([self.points, self.touches[owner < 0]]),
         )
 
 
 def _are_equal(one: FloatArray, other: FloatArray, tolerance: float, length: float) -> bool:
     """Return whether positions and forces of points are equal up to a tolerance; see `PlateContact.equals`."""
-    if one.shape != other.shape:
-        return False
+    if not len(one) or len(one) != len(other):
+        return len(one) == len(other)
     apart, size = np.abs(one - other), np.abs(one[:, 2]).sum()
-    return not apart.size or bool(apart[:, :2].max() <= tolerance * length and apart[:, 2].max() <= tolerance * size)
+    return bool(apart[:, :2].max() <= tolerance * length and apart[:, 2].max() <= tolerance * size)
 
 
 class PlateReader:
@@ -212,15 +210,14 @@ class PlateReader:
         origin = data.geom_xpos[self._geom] - axes.dot(self._middle)
         self._bodies.follow_changes()
         found = self._find_loads(data, axes, origin)
-        if not len(found.points) and not found.beside:
+        force = found.beside + sum([load.force for load in found.loads])
+        if len(found.points):
+            force += found.points[:, 2].sum()
+        elif not found.loads and not force:
             return None
-        if not math.isfinite(found.beside + found.points[:, 2].sum() + sum(each.force for each in found.loads)):
+        if not math.isfinite(force):
             raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
-        poses = [
-            self._find_pose(data, body, axes, origin, -self._height - depth)
-            for body, depth in zip(found.bodies, found.depths, strict=True)
-        ]
-        return replace(found, poses=tuple(poses))
+        return found
 
     def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
         """Sample the gap under every body.
@@ -239,55 +236,66 @@ class PlateReader:
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> PlateContact:
-        """Find the bodies that press and their loads, without poses; a force that is not finite makes the sum so."""
+        """Find the bodies that press, their loads and poses; a force that is not finite makes the loads so."""
         contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
-        bodies, sums, owner, points, beside = self._sum_forces(contacts, self._geom, self._bodies.of_geom, axes, origin)
-        loads = []
-        for body, (force, x, y, _) in zip(bodies.tolist(), sums.tolist(), strict=True):
+        bodies, sums, owner, touches, beside = self._sum_forces(
+            contacts, self._geom, self._bodies.of_geom, axes, origin
+        )
+        found, poses, loads, pulls, scattered = [], [], [], [], len(owner)
+        for k, (body, (force, x, y, depth, count)) in enumerate(zip(bodies.tolist(), sums.tolist(), strict=True)):
+            scattered -= int(count)
+            if force <= 0:  # false for nan, which `find_contact` reports
+                pulls.append(k)
+                continue
             tilts = self._joints.let_tilt(data, body, axes[:, 2])
             loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
-        found = PlateContact(
-            bodies=tuple(bodies.tolist()),
+            found.append(body)
+            poses.append(self._find_pose(data, body, axes, origin, depth))
+        points = _NO_POINTS
+        if scattered or pulls:
+            owner, touches, points, pulled = _sort_touches(owner, touches, pulls)
+            beside += pulled
+        return PlateContact(
+            bodies=tuple(found),
             loads=tuple(loads),
-            poses=(),
-            depths=tuple(sums[:, 3].tolist()),
+            poses=tuple(poses),
             owner=owner,
+            touches=touches,
             points=points,
             beside=beside,
         )
-        return leave_out_pulls(found)
 
     def _find_pose(
-        self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray, back: float
+        self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray, depth: float
     ) -> PosedBody:
-        """Compute the poses of a body's solids in the array's frame; `back` is that of `PosedBody` [m]."""
+        """Compute the poses of a body's solids in the array's frame, for its deepest penetration into the plate [m]."""
         geoms, shape = self._bodies.find_shape(body)
         rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, axes, origin)
-        return PosedBody(shape=shape, rotation=rotation, position=position, back=back)
+        return PosedBody(shape=shape, rotation=rotation, position=position, back=-self._height - depth)
 
 
-def leave_out_pulls(contact: PlateContact) -> PlateContact:
-    """Return a contact without poses in which bodies and points that pull on the array count as beside it.
+def _sort_touches(
+    owner: IntArray, touches: FloatArray, pulls: Sequence[int]
+) -> tuple[IntArray, FloatArray, FloatArray, float]:
+    """Sort m contacts into those of bodies of known shape, point forces and pulls.
 
-    Friction can pull at the front of the array where the contact's normal is inclined.  No texel measures a pull.
+    Friction can pull at the front of an array where the contact's normal is inclined.  No texel measures a pull.
+
+    Args:
+        owner: Index of the body of each contact, -1 for a body of unknown shape, shape (m,).
+        touches: Position x, y [m] and force [N] of each contact, shape (m, 3).
+        pulls: Indices of the bodies that pull.
+
+    Returns:
+        Index of the body, counted without bodies that pull, and the row of `touches` of every contact of a body that
+        presses; rows of `touches` of the point forces; and the sum of the pulls [N].
     """
-    kept = [k for k, load in enumerate(contact.loads) if not load.force <= 0]  # keeps nan, which is reported later
-    pulled = contact.points[contact.owner < 0, 2]
-    if len(kept) == len(contact.loads) and not (pulled <= 0).any():
-        return contact
-    gone = np.isin(contact.owner, np.setdiff1d(np.arange(len(contact.loads)), kept))
-    gone |= (contact.owner < 0) & (contact.points[:, 2] <= 0)
-    number = np.full(len(contact.loads) + 1, -1)
-    number[kept] = np.arange(len(kept))
-    return replace(
-        contact,
-        bodies=tuple(contact.bodies[k] for k in kept),
-        loads=tuple(contact.loads[k] for k in kept),
-        depths=tuple(contact.depths[k] for k in kept),
-        owner=number[contact.owner[~gone]],
-        points=contact.points[~gone],
-        beside=contact.beside + float(contact.points[gone, 2].sum()),
-    )
+    gone = np.isin(owner, pulls)
+    scattered = owner < 0
+    lost = gone | (scattered & (touches[:, 2] <= 0))
+    kept = ~gone & ~scattered
+    _, number = np.unique(owner[kept], return_inverse=True)
+    return number, touches[kept], touches[scattered & ~lost], float(touches[lost, 2].sum())
 
 
 def transform_poses(
