@@ -63,7 +63,8 @@ from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_c
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.pressure.cover_kernels import CoverCells
-from fastmodel.sensor import RangeWarning, Sensor
+from fastmodel.running import RangeWarning
+from fastmodel.sensor import Sensor
 from fastmodel.signal.butterworth import Butterworth, FilterBank
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame

@@ -11,37 +11,34 @@ physics step.  Frames are made at the sensor's own rate, and each frame contains
 
 from __future__ import annotations
 
-import math
 import re
-import warnings
+from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.check import list_options, warn_of_options
+from fastmodel.check import warn_of_options
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.geoms import NameInModel
-from fastmodel.contact.interface import ContactReader, Reading, TexelContact
-from fastmodel.errors import LifeCycleError, StateError, check_type
+from fastmodel.contact.interface import TexelContact
+from fastmodel.errors import LifeCycleError, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.signal.chain import SignalChain
+from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
 from fastmodel.signal.frame import Frame
+from fastmodel.state import State
 from meshes.array_types import FloatArray
 
-#: Tolerance for comparisons of times, as a share of a physics step or of a frame period; it allows for rounding [-].
-_CLOCK_TOLERANCE = 1e-3
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  With this value the highest frequency
 #: that samples can represent, which is half the sampling rate, is at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
 
 
-class RangeWarning(UserWarning):
-    """Warn that a contact lies beyond the range in which the fast model agrees with the finite elements."""
-
-
 class Sensor:
     """A tactile array that `attach` added to a spec.  A model may have several sensors, which are independent.
+
+    Sensors pickle, and `copy.deepcopy` copies them, with the model and data that they are bound to: copy or pickle
+    `(model, data, sensor)` together, and the copy of the sensor continues with the copies of model and data.
 
     Attributes:
         name: Name of the sensor.
@@ -64,7 +61,7 @@ class Sensor:
         self._contact = contact
         self._every = every
         self._prefix, self._suffix = prefix, suffix
-        self._running: _RunningSensor | None = None
+        self._running: RunningSensor | None = None
 
     def twin(self, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
         """Make another, unbound sensor of the same array.
@@ -115,6 +112,13 @@ class Sensor:
         suffix = self._suffix if suffix is None else suffix
         check_type("prefix", prefix, str, "a str, as in spec.attach(child, prefix='left_')")
         check_type("suffix", suffix, str, "a str, as in spec.attach(child, suffix='_left')")
+        self._running = self._start(model, prefix, suffix)
+        self._prefix, self._suffix = prefix, suffix
+        warn_of_options(self.parameters, model, self._running.every)
+        return self
+
+    def _start(self, model: mujoco.MjModel, prefix: str, suffix: str) -> RunningSensor:
+        """Find the array in a model, compile the kernels, and start the sensor at rest; see `bind`."""
         name, parameters = NameInModel(f"{prefix}{self.name}", suffix), self.parameters
         try:
             reader = self._contact.bind(model, parameters.array, name, cells=parameters.cells)
@@ -122,11 +126,8 @@ class Sensor:
             raise LifeCycleError(f"{error}{self._suggest_names(model, prefix, suffix)}") from error
         with report_slow_compilation(f"sensor {self.name!r}"):
             reader.compile_kernels(mujoco.MjData(model))
-        self._prefix, self._suffix = prefix, suffix
         every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
-        self._running = _RunningSensor(f"{name}{suffix}", parameters, reader, model, every)
-        warn_of_options(parameters, model, every)
-        return self
+        return RunningSensor(f"{name}{suffix}", parameters, reader, model, every)
 
     def step(self, data: mujoco.MjData) -> bool:
         """Update the sensor after one physics step; call this after every `mj_step`.
@@ -177,8 +178,8 @@ class Sensor:
         """
         return self._bound().chain.outside
 
-    def reset(self, contact_forces: npt.ArrayLike = 0.0) -> None:
-        """Restart clocks, filter, hysteresis and noise; call this after `mj_resetData`.
+    def reset(self, contact_forces: npt.ArrayLike = 0.0, *, seed: int | np.random.SeedSequence | None = None) -> None:
+        """Restart clocks, filter and hysteresis; call this after `mj_resetData`.
 
         If options of the model (timestep, solver, flags) have changed since `bind`, the sensor follows them from here
         on, and warns of them as `bind` does.
@@ -186,17 +187,68 @@ class Sensor:
         Args:
             contact_forces: Constant force on each texel, a number or shape (n,); the filter starts in its steady
                 state under these forces [N].
+            seed: Seed from which the noise restarts: equal seeds give equal frames, and sensors of other names other
+                noise.  By default the noise continues; after `bind` it starts from `Electronics.seed`.
 
         Raises:
+            ArgumentTypeError: If the seed has a wrong type.
             LifeCycleError: If the sensor is not bound.
             StateError: If a force is not finite.
+            FastModelError: If the seed is negative.
             FilterError: If the timestep of the model has changed, and the filter's cut-off is not below half the
                 new sampling rate.
         """
         running = self._bound()
         if running.is_outdated():
+            noise = running.chain.noise
             self.bind(running.model)
-        self._bound().reset(np.array(contact_forces, dtype=np.float64))
+            running = self._bound()
+            running.chain.noise = noise
+        if seed is not None:
+            running.seed(seed)
+        running.reset(np.array(contact_forces, dtype=np.float64))
+
+    def get_state(self) -> State:
+        """Return the state of the sensor as arrays by name, which `numpy.savez` writes.
+
+        The state belongs to the state of the simulation at the same time, which `mujoco.mj_getState` returns with
+        `mjSTATE_INTEGRATION`.  It contains clocks, filter, hysteresis, noise, the start of the contact solver, the
+        latest contact forces and the latest frame.  Its arrays are copies; some of their shapes depend on the contacts.
+
+        Raises:
+            LifeCycleError: If the sensor is not bound.
+        """
+        return self._bound().get_state()
+
+    def set_state(self, state: State) -> None:
+        """Restore a state that `get_state` returned, also that of another sensor of the same array and model.
+
+        After `mujoco.mj_setState`, the next frames are those that followed the stored state, bit for bit.
+
+        Args:
+            state: The arrays by name.
+
+        Raises:
+            LifeCycleError: If the sensor is not bound.
+            StateError: If an array is missing or has a wrong shape.
+        """
+        self._bound().set_state(state)
+
+    def __getstate__(self) -> tuple[dict[str, Any], tuple[Any, ...] | None]:
+        """Return the settings, and model, data and state of a bound sensor, for `pickle` and `copy`."""
+        settings, running = dict(vars(self)), self._running
+        settings["_running"] = None
+        return settings, None if running is None else (running.model, running.data, running.get_state())
+
+    def __setstate__(self, stored: tuple[dict[str, Any], tuple[Any, ...] | None]) -> None:
+        """Restore what `__getstate__` returned; a bound sensor is bound again, without the warnings of `bind`."""
+        settings, bound = stored
+        vars(self).update(settings)
+        if bound is not None:
+            model, data, state = bound
+            self._running = self._start(model, self._prefix, self._suffix)
+            self._running.set_state(state)
+            self._running.data = data
 
     def _suggest_names(self, model: mujoco.MjModel, prefix: str, suffix: str) -> str:
         """Return advice if the model has an array of this name with another prefix or suffix, otherwise no text."""
@@ -209,99 +261,11 @@ class Sensor:
         ]
         return f".  Arrays of this name are in the model: {', '.join(calls)}" if calls else ""
 
-    def _bound(self) -> _RunningSensor:
+    def _bound(self) -> RunningSensor:
         """Return the state of the bound sensor, or raise an error if the sensor is not bound."""
         if self._running is None:
             raise LifeCycleError(f"sensor {self.name!r} is not bound; call bind(model) after compiling")
         return self._running
-
-
-class _RunningSensor:
-    """The clocks, contact reader and signal chain of a sensor that is bound to a model.
-
-    Attributes:
-        model: The model.
-        reading: The contact forces of the latest sample.
-        chain: The signal chain: filter, point spread and electronics.
-        frame: The latest frame.
-    """
-
-    def __init__(
-        self, name: str, parameters: Parameters, reader: ContactReader, model: mujoco.MjModel, every: int
-    ) -> None:
-        self._name, self._count, self._reader, self.model = name, parameters.array.count, reader, model
-        self._every, self._timestep = every, float(model.opt.timestep)
-        self._options = list_options(model)
-        self._tolerance, self._rate = _CLOCK_TOLERANCE * self._timestep, parameters.electronics.rate_hz
-        self._data: mujoco.MjData | None = None
-        self._validity = parameters.validity
-        spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
-        self.chain = SignalChain(parameters, 1.0 / (every * self._timestep), spreads=spreads)
-        self.reset(np.zeros(()))
-
-    def reset(self, contact_forces: FloatArray) -> None:
-        """Restart the sensor under constant contact forces, see `Sensor.reset`."""
-        settled = np.broadcast_to(contact_forces, (self._count,))
-        if not np.isfinite(settled).all():
-            raise StateError("contact forces to start from must be finite")
-        self.reading: Reading = self._reader.at_rest(settled)
-        self.chain.settle(self.reading)
-        self._steps = self._frames = 0
-        self._time = self._start = math.nan
-        self._sampled_at = 0.0
-        self.frame: Frame = self.chain.frame(self._sampled_at, noisy=False)
-
-    def step(self, data: mujoco.MjData) -> bool:
-        """Update the sensor after one physics step, see `Sensor.step`."""
-        if data is not self._data:
-            self._check_data(data)
-        now = data.time
-        if not abs(now - self._time - self._timestep) <= self._tolerance:
-            self._check_clock(now)
-        self._time = now
-        if self._steps % self._every == 0:
-            reading = self._reader.read(data)
-            if not math.isfinite(reading.carried):
-                raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
-            self.chain.take(reading)
-            self.reading, self._sampled_at = reading, now
-            if self._validity is not None and self._validity.is_exceeded(reading):
-                message = f"sensor {self._name!r}: {self._validity.describe_excess(reading)}"
-                warnings.warn(message, RangeWarning, stacklevel=3)
-                self._validity = None  # warn once
-        self._steps += 1
-        due = int((self._sampled_at - self._start) * self._rate + _CLOCK_TOLERANCE)
-        if due <= self._frames:
-            return False
-        self._frames = due
-        self.frame = self.chain.frame(self._sampled_at)
-        return True
-
-    def is_outdated(self) -> bool:
-        """Return whether options of the model have changed since the sensor was bound."""
-        return list_options(self.model) != self._options
-
-    def _check_data(self, data: mujoco.MjData) -> None:
-        """Check that another state belongs to the bound model, and store the state for later comparison."""
-        check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
-        if data.model is not self.model:
-            raise LifeCycleError(f"sensor {self._name!r} is bound to another model; call bind(model) again")
-        self._data = data
-
-    def _check_clock(self, now: float) -> None:
-        """Start the clock of the sensor on its first step; on a later step raise an error about a jump in time."""
-        if self.model.opt.timestep != self._timestep:
-            raise LifeCycleError(
-                f"sensor {self._name!r}: the timestep has changed from {self._timestep:g} s to "
-                f"{self.model.opt.timestep:g} s, but filter and rates belong to the former; call reset(), which "
-                f"follows the new one"
-            )
-        if not math.isnan(self._time):
-            raise LifeCycleError(
-                f"sensor {self._name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "
-                f"of {self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
-            )
-        self._start = now - self._timestep
 
 
 def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: float) -> int:
@@ -311,4 +275,4 @@ def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: fl
     wanted = parameters.electronics.rate_hz
     if parameters.filter is not None:
         wanted = max(wanted, _SAMPLES_PER_CUTOFF * parameters.filter.cutoff_hz)
-    return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * timestep)))
+    return max(1, int((1 + CLOCK_TOLERANCE) / (wanted * timestep)))

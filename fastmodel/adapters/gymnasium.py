@@ -8,16 +8,25 @@ several times.  If frames are more frequent, `info["frames"]` contains all frame
     spec = mujoco.MjSpec.from_file("hand.xml")
     sensor = fastmodel.attach(spec, "fingertip", parameters)
     env = TactileObservation(HandEnv(spec.compile()), sensor)        # env.unwrapped.model, env.unwrapped.data
-    observation, info = env.reset()
+    observation, info = env.reset(seed=0)
     observation["tactile"]                                           # (rows, columns) uint8
+    new = info["frames"]["tactile"]
+    new["images"][: new["made"]]                                     # images since the previous step
 
-Environments derived from `gymnasium.envs.mujoco.MujocoEnv` load a file; `spec.to_file` writes the edited spec.
-This module needs the extra `gym`.
+All arrays keep their shapes from step to step, so vector environments and other wrappers take them.  `reset(seed=...)`
+also seeds the noise of the sensors; later episodes continue with other noise until a new seed is given.  A copy of the
+wrapper (`copy.deepcopy`, `pickle`) is independent of the original.  Copies of an environment that derives from
+`gymnasium.utils.EzPickle`, as most of Gymnasium's do, start anew and need a `reset`.
+
+Environments derived from `gymnasium.envs.mujoco.MujocoEnv` or gymnasium-robotics' `MujocoRobotEnv` load a file;
+`spec.to_file` writes the edited spec.  This module needs the extra `gym`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -37,6 +46,11 @@ except ImportError as error:
 
 #: Function of an environment and a callback, which makes the environment call the callback after every physics step.
 Listen = Callable[[Any, Callable[[mujoco.MjData], None]], None]
+#: Methods in which environments of a common base class make all physics steps of an environment step, and attributes
+#: with the number of these steps: those of gymnasium's `MujocoEnv` and of gymnasium-robotics' `MujocoRobotEnv`.
+_STEPPERS = {"_step_mujoco_simulation": "frame_skip", "_mujoco_step": "n_substeps"}
+#: Relative tolerance on the number of frames in a time; it allows for rounding [-].
+_TOLERANCE = 1e-6
 
 
 class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
@@ -44,22 +58,29 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
 
     The observation is a dict.  If the observation of the wrapped environment is a dict, its entries are kept; otherwise
     that observation is stored under the key `observation`.  Each image has shape (rows, columns), uint8, row 0 at the
-    smallest y.  `info["frames"]` contains the m frames of the step, by sensor and oldest first: simulation `times` of
-    their samples, shape (m,) [s], `counts`, shape (m, n) [-], and `images`, shape (m, rows, columns) [-].
+    smallest y.
+
+    `info["frames"]` contains, by sensor, the number `made` of frames that the step made, and the values of these
+    frames, oldest first, in arrays with room for m frames: simulation `times` of their samples, shape (m,) [s],
+    `counts`, shape (m, n) [-], and `images`, shape (m, rows, columns) [-].  Entries from `made` on are zero.  If a step
+    makes more than m frames, the latest m are kept.
 
     Args:
         env: The environment.
         sensors: A sensor, observed as `tactile`, or several sensors by name.  They are bound to the environment's
             model, and bound again if `reset` compiles another model.
         simulation: Function from the environment to its model and data; by default `env.unwrapped.model` and `.data`.
-        listen: Function that makes the environment call a callback after every physics step.  By default this is done
-            for a `MujocoEnv`, and any other environment must make one physics step per environment step.
+        listen: Function that makes the environment call a callback after every physics step; the wrapper calls this
+            function once.  By default a `MujocoEnv` and a `MujocoRobotEnv` are made to call back, and any other
+            environment must make one physics step per environment step.
+        frames: Number m of frames of a step for which `info["frames"]` has room.  By default the largest number that
+            the environment's physics steps allow; 1 with `listen`.
 
     Raises:
         FastModelError: If the environment has no attributes `model` and `data`, the observation has the name of a
-            sensor already, or there is no sensor.
+            sensor already, there is no sensor, or `frames` is not a positive whole number.
         LifeCycleError: From the constructor, if the model was compiled without a sensor; from `step`, if the
-            environment made several physics steps without calling the callback.
+            environment made physics steps without calling the callback, or is a copy that was not reset.
     """
 
     def __init__(
@@ -69,36 +90,60 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         *,
         simulation: Callable[[Any], tuple[mujoco.MjModel, mujoco.MjData]] | None = None,
         listen: Listen | None = None,
+        frames: int | None = None,
     ) -> None:
         super().__init__(env)
         self._sensors = {"tactile": sensors} if isinstance(sensors, Sensor) else dict(sensors)
         self._simulation = simulation or _find_simulation
         self._frames: dict[str, list[Frame]] = {name: [] for name in self._sensors}
-        self._resetting = False
+        self._seeds: np.random.SeedSequence | None = None
+        self._stepping = False
+        self._time = math.nan
         self._model: mujoco.MjModel | None = None
         self._bind()
         self.observation_space = self._extend_space(env.observation_space)
-        self._calls_back = listen is not None or hasattr(env.unwrapped, "_step_mujoco_simulation")
-        if self._calls_back:
-            (listen or _listen_to_mujoco_env)(env, self._step_sensors)
+        self._stepper = None if listen else next((name for name in _STEPPERS if hasattr(env.unwrapped, name)), None)
+        self._steps_once = listen is None and self._stepper is None
+        self._room = {name: self._count_frames(sensor, frames) for name, sensor in self._sensors.items()}
+        if listen is not None:
+            listen(env, self._step_sensors)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
-        """Reset the environment and the sensors; the sensors ignore physics steps during the reset."""
-        self._resetting = True
-        try:
-            observation, info = self.env.reset(seed=seed, options=options)
-        finally:
-            self._resetting = False
+        """Reset the environment and the sensors; the sensors ignore physics steps during the reset.
+
+        Args:
+            seed: Seed of the environment and of the noise of the sensors.  Without a seed, the first reset draws one,
+                and later resets continue with other noise.
+            options: Options of the environment.
+        """
+        observation, info = self.env.reset(seed=seed, options=options)
         self._bind()
-        for sensor in self._sensors.values():
-            sensor.reset()
+        if seed is not None or self._seeds is None:
+            known = self.env.unwrapped.np_random_seed if seed is None else seed
+            self._seeds = np.random.SeedSequence(known if known is not None and known >= 0 else None)
+        for sensor, child in zip(self._sensors.values(), self._seeds.spawn(len(self._sensors)), strict=True):
+            sensor.reset(seed=child)
+        self._time = self._simulation(self.env)[1].time
         return self._observe(observation), {**info, "frames": self._take_frames()}
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:  # noqa: ANN401 -- as gymnasium's
         """Step the environment, and add the images after the step to the observation."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        if not self._calls_back:
-            self._step_sensors_once()
+        model, data = self._simulation(self.env)
+        if model is not self._model:
+            raise LifeCycleError("the environment has another model than at the last reset, as copies have; call reset")
+        self._stepping = True
+        try:
+            with _step_singly(self.env.unwrapped, self._stepper, self._step_sensors):
+                observation, reward, terminated, truncated, info = self.env.step(action)
+        finally:
+            self._stepping = False
+        if self._steps_once:
+            self._step_sensors_once(data)
+        elif data.time != self._time:
+            raise LifeCycleError(
+                f"the environment went from {self._time:g} s to {data.time:g} s without calling back after each "
+                "physics step; check the function listen="
+            )
         return self._observe(observation), reward, terminated, truncated, {**info, "frames": self._take_frames()}
 
     def _bind(self) -> None:
@@ -110,16 +155,17 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
             self._model = model
 
     def _step_sensors(self, data: mujoco.MjData) -> None:
-        """Update the sensors after one physics step, and store new frames."""
-        if self._resetting:
+        """Update the sensors after one physics step of an environment step, and store new frames."""
+        if not self._stepping:
             return
+        self._time = data.time
         for name, sensor in self._sensors.items():
             if sensor.step(data):
                 self._frames[name].append(sensor.frame())
 
-    def _step_sensors_once(self) -> None:
+    def _step_sensors_once(self, data: mujoco.MjData) -> None:
         """Update the sensors after the only physics step of an environment step."""
-        _, data = self._simulation(self.env)
+        self._stepping = True
         try:
             self._step_sensors(data)
         except LifeCycleError as error:
@@ -127,10 +173,27 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
                 f"{error}. This environment makes several physics steps per environment step: give listen=, a function "
                 "that makes it call back after each physics step"
             ) from error
+        finally:
+            self._stepping = False
 
-    def _take_frames(self) -> dict[str, dict[str, np.ndarray]]:
+    def _count_frames(self, sensor: Sensor, frames: int | None) -> int:
+        """Return the number of frames of one sensor for which there is room, see the argument `frames`."""
+        if frames is not None:
+            if frames < 1 or frames != int(frames):
+                raise FastModelError(f"frames must be a whole number from 1 on, not {frames}")
+            return int(frames)
+        if self._stepper is None:
+            return 1
+        steps = int(getattr(self.env.unwrapped, _STEPPERS[self._stepper]))
+        period = steps * self._simulation(self.env)[0].opt.timestep
+        return min(steps, int(period * sensor.parameters.electronics.rate_hz * (1 + _TOLERANCE)) + 1)
+
+    def _take_frames(self) -> dict[str, dict[str, Any]]:
         """Return the frames since the previous call as arrays, by sensor, and discard the stored frames."""
-        stacked = {name: _stack_frames(frames, self._sensors[name].frame()) for name, frames in self._frames.items()}
+        stacked = {
+            name: _stack_frames(frames, self._sensors[name].frame(), self._room[name])
+            for name, frames in self._frames.items()
+        }
         for frames in self._frames.values():
             frames.clear()
         return stacked
@@ -155,18 +218,23 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         return spaces.Dict(own | images)
 
 
-def _stack_frames(frames: Sequence[Frame], latest: Frame) -> dict[str, np.ndarray]:
-    """Stack the values of frames to arrays, which Gymnasium can compare and batch.
+def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, Any]:
+    """Stack the values of frames to arrays of fixed shapes, see `TactileObservation`.
 
     Args:
-        frames: The frames.
-        latest: The latest frame, whose shapes are used if there are no frames.
+        frames: The frames, oldest first.
+        like: A frame of the same sensor, whose shapes are used.
+        room: Length of the arrays.
     """
-    return {
-        "times": np.array([frame.time for frame in frames]),
-        "counts": np.array([frame.counts for frame in frames], dtype=np.int64).reshape(-1, *latest.counts.shape),
-        "images": np.array([frame.image for frame in frames], dtype=np.uint8).reshape(-1, *latest.image.shape),
+    kept = frames[-room:]
+    arrays = {
+        "times": np.zeros(room),
+        "counts": np.zeros((room, *like.counts.shape), dtype=np.int64),
+        "images": np.zeros((room, *like.image.shape), dtype=np.uint8),
     }
+    for index, frame in enumerate(kept):
+        arrays["times"][index], arrays["counts"][index], arrays["images"][index] = frame.time, frame.counts, frame.image
+    return {"made": len(frames), **arrays}
 
 
 def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -181,14 +249,42 @@ def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujo
         ) from error
 
 
-def _listen_to_mujoco_env(env: Any, callback: Callable[[mujoco.MjData], None]) -> None:  # noqa: ANN401 -- MujocoEnv
-    """Make a `MujocoEnv` call the callback after every physics step."""
-    inner = env.unwrapped
-    step_several = inner._step_mujoco_simulation  # noqa: SLF001 -- the only function in which a MujocoEnv steps
+@contextlib.contextmanager
+def _step_singly(inner: Any, stepper: str | None, callback: Callable[[mujoco.MjData], None]) -> Iterator[None]:  # noqa: ANN401
+    """Make an environment call back after every physics step, in the body of the `with` statement.
 
-    def step_singly(control: Any, frames: int) -> None:  # noqa: ANN401 -- an array
+    The environment holds no reference to the callback before and after, so that copies of it are independent.
+
+    Args:
+        inner: The innermost environment.
+        stepper: Name of its method that makes all physics steps, see `_STEPPERS`; None to do nothing.
+        callback: Function of the state after a physics step.
+    """
+    if stepper is None:
+        yield
+        return
+    before, step_several, count = vars(inner).get(stepper), getattr(inner, stepper), _STEPPERS[stepper]
+
+    def step_mujoco_env(control: Any, frames: int) -> None:  # noqa: ANN401 -- an array
         for _ in range(frames):
             step_several(control, 1)
             callback(inner.data)
 
-    inner._step_mujoco_simulation = step_singly  # noqa: SLF001 -- on this instance alone
+    def step_robot_env(action: Any) -> None:  # noqa: ANN401 -- an array
+        frames = getattr(inner, count)
+        setattr(inner, count, 1)
+        try:
+            for _ in range(frames):
+                step_several(action)
+                callback(inner.data)
+        finally:
+            setattr(inner, count, frames)
+
+    setattr(inner, stepper, step_mujoco_env if stepper == "_step_mujoco_simulation" else step_robot_env)
+    try:
+        yield
+    finally:
+        if before is None:
+            delattr(inner, stepper)
+        else:
+            setattr(inner, stepper, before)

@@ -20,6 +20,7 @@ from fastmodel.contact.interface import Reading
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
+from fastmodel.state import State
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
@@ -124,6 +125,13 @@ class BoxReader:
         pressed, total, beside = self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._neighbours)
         carried = float(total.sum()) + beside
         return Reading(self._share(data, pressed, _remove_lift(total)), None, carried)
+
+    def get_state(self) -> State:
+        """Return no arrays, because readings do not depend on earlier ones; see `ContactReader.get_state`."""
+        return {}
+
+    def set_state(self, state: State) -> None:
+        """Do nothing; see `ContactReader.set_state`."""
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from fastmodel.contact.interface import ContactReader, Reading
 from fastmodel.contact.panel_layout import PanelLayout, ScatteredBaseForces, ScatteredGrid, divide_into_panels, lay_out
-from fastmodel.contact.panels import PanelReader
+from fastmodel.contact.panels import PanelReader, Wrench
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.contact.stretching import StretchingCover
 from fastmodel.errors import ParametersError
@@ -27,6 +27,7 @@ from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap import ELLIPSOID, Solid
 from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.winkler import FoundationSolver
+from fastmodel.state import State, pack, take_array, unpack
 from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray
@@ -48,6 +49,8 @@ _EDGE = 0.125
 _UNCHANGED = 1e-5
 #: Number of cells along each texel pitch if neither the contact method nor the parameters define it [-].
 _CELLS = 4
+#: Types of the parts of a solution, for `unpack`.
+_STORED = (PlateContact, Load, Wrench, PosedBody, BodyShape, Solid, Reading)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,6 +233,17 @@ class _PressureReader:
             texel_forces=None if self._base is None else self._base.from_texels(contact_forces),
             carried=float(contact_forces.sum()),
         )
+
+    def get_state(self) -> State:
+        """Return the last solution and what the next one starts from; see `ContactReader.get_state`."""
+        reach = np.array(list(self._reach.items()), dtype=np.float64).reshape(-1, 2)
+        return {"reach": reach, **pack("solved", self._solved), **self._solver.get_state()}
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned; see `ContactReader.set_state`."""
+        self._reach = {int(body): float(reach) for body, reach in take_array(state, "reach")}
+        self._solved = unpack(state, "solved", _STORED)
+        self._solver.set_state(state)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile every kernel by solving the contact of a ball of one pitch in diameter under a load of 1 N."""

@@ -12,6 +12,7 @@ import mujoco
 
 from fastmodel.pose import Pose
 from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.state import State
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
@@ -96,3 +97,13 @@ class ContactReader(Protocol):
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N], and discard results of previous steps."""
+
+    def get_state(self) -> State:
+        """Return everything, besides the state of the simulation, on which the next readings depend, as arrays."""
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned, so that the next readings are equal bit for bit.
+
+        Raises:
+            StateError: If an array is missing.
+        """

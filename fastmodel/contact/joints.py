@@ -28,23 +28,25 @@ class Joints:
         """
         self._model = model
         self._own = self._find_ancestors(body)
-        self._tilting: dict[int, bool] = {}
+        self._turning: dict[int, tuple[bool, IntArray]] = {}
         self._slides: dict[int, IntArray] = {}
 
     def let_tilt(self, data: mujoco.MjData, body: int, normal: FloatArray) -> bool:
         """Return whether any joint between a body and the array lets the body tilt relative to the array.
 
         Args:
-            data: State of the simulation.  The first result for each body is stored and returned in later calls.
+            data: State of the simulation.
             body: Id of the body.
             normal: The array's normal in the world, shape (3,) [-].
         """
-        if body not in self._tilting:
+        if body not in self._turning:
             joints = self._find_between(body)
             kinds = self._model.jnt_type[joints]
-            upright = (kinds == mujoco.mjtJoint.mjJNT_HINGE) & (np.abs(data.xaxis[joints] @ normal) >= _UPRIGHT)
-            self._tilting[body] = bool((~upright & (kinds != mujoco.mjtJoint.mjJNT_SLIDE)).any())
-        return self._tilting[body]
+            hinges = joints[kinds == mujoco.mjtJoint.mjJNT_HINGE]
+            free = bool(np.isin(kinds, (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL)).any())
+            self._turning[body] = free, hinges
+        always, hinges = self._turning[body]
+        return always or bool((np.abs(data.xaxis[hinges] @ normal) < _UPRIGHT).any())
 
     def find_slides(self, data: mujoco.MjData, body: int) -> FloatArray:
         """Find the axes, in the world, of the k slide joints between a body and the array, shape (k, 3) [-]."""

@@ -16,6 +16,7 @@ from fastmodel.pressure.cell_grid import BaseForces
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import GapSamples
+from fastmodel.state import State, take_array
 from meshes.array_types import FloatArray
 
 #: Depth of a body over that of the ball under the same load, above which the tables of this load are used [-].  It
@@ -47,6 +48,15 @@ class StretchingCover:
         """Discard the last solution."""
         self._solver.reset()
         self._load, self._share = 0.0, math.nan
+
+    def get_state(self) -> State:
+        """Return what the next solution starts from."""
+        return {"stretching": np.array([self._load, self._share]), **self._solver.get_state()}
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned."""
+        self._load, self._share = take_array(state, "stretching").tolist()
+        self._solver.set_state(state)
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies; see `CoverSolver.solve`.

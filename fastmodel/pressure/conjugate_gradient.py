@@ -26,6 +26,7 @@ from fastmodel.pressure.conjugate_gradient_kernels import minimise_energy
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import GapSamples
 from fastmodel.pressure.preparation_kernels import find_start, place_cells
+from fastmodel.state import State, take_array
 from meshes.array_types import FloatArray, IntArray
 
 #: Displacement at the centre of a square on an elastic half space under uniform pressure of unit force, divided by
@@ -143,6 +144,15 @@ class CoverSolver:
     def reset(self) -> None:
         """Discard the last solution; the next iteration starts from uniform pressure."""
         self._last = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+
+    def get_state(self) -> State:
+        """Return the last solution: row, column and pressure times area [N] of each of m cells, shape (3, m)."""
+        return {"last": np.array(self._last, dtype=np.float64)}
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned."""
+        row, column, pressure = take_array(state, "last")
+        self._last = (row.astype(np.int64), column.astype(np.int64), pressure.copy())
 
     def solve(self, samples: GapSamples, loads: Sequence[Load], stretching: float | None = None) -> PressureSolution:
         """Compute the forces on the cells under all bodies.

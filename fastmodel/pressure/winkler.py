@@ -16,6 +16,7 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load, PressureSolution
 from fastmodel.pressure.gap_sampling import GapSamples
+from fastmodel.state import State
 from meshes.array_types import FloatArray
 
 #: Largest number of Newton steps [-].
@@ -45,6 +46,13 @@ class FoundationSolver:
 
     def reset(self) -> None:
         """Do nothing, because a solution does not depend on previous solutions."""
+
+    def get_state(self) -> State:
+        """Return no arrays, for the same reason."""
+        return {}
+
+    def set_state(self, state: State) -> None:
+        """Do nothing, for the same reason."""
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies.

@@ -12,7 +12,8 @@ import numpy as np
 from fastmodel.contact.interface import Reading
 from fastmodel.parameters import Parameters
 from fastmodel.signal.frame import Frame
-from fastmodel.signal.functions import ChainFunctions
+from fastmodel.signal.functions import ChainFunctions, ChainState
+from fastmodel.state import State, pack_generator, take_array, unpack_generator
 from meshes.array_types import FloatArray
 
 
@@ -20,6 +21,7 @@ class SignalChain:
     """The signal chain of one array with the states of its filters; call `settle` before the first sample.
 
     Attributes:
+        noise: Random generator of the noise.
         outside: Part of the filtered contact force that no texel measures, at the latest frame [N].
     """
 
@@ -35,18 +37,18 @@ class SignalChain:
         Raises:
             FilterError: If the filter's cut-off is not below half the sampling rate.
         """
-        self._electronics, self._count = parameters.electronics, parameters.array.count
+        self._count = parameters.array.count
         self._functions = ChainFunctions(parameters, rate_hz, spreads=spreads)
+        self.noise = np.random.default_rng(parameters.electronics.seed)
         self.outside = 0.0
 
     def settle(self, reading: Reading) -> None:
-        """Set the filter to its steady state under constant forces, and restart hysteresis and noise.
+        """Set the filter to its steady state under constant forces, and restart hysteresis; the noise continues.
 
         Args:
             reading: The constant contact forces.
         """
         self._state = self._functions.settle(_pressing(reading), reading.carried)
-        self._noise = np.random.default_rng(self._electronics.seed)
 
     def take(self, reading: Reading) -> None:
         """Pass one more sample through the filter.
@@ -65,9 +67,30 @@ class SignalChain:
             time: Time of the latest sample [s].
             noisy: Whether to add the noise of the electronics.
         """
-        self._state, made = self._functions.frame(self._state, self._noise if noisy else None)
+        self._state, made = self._functions.frame(self._state, self.noise if noisy else None)
         self.outside = float(made.outside)
         return Frame(time=time, counts=made.counts, texel_forces=made.texel_forces, image=made.image)
+
+    def get_state(self) -> State:
+        """Return the states of filter, hysteresis and noise, and the force `outside`."""
+        return {
+            "filter": np.array(self._state.filter),
+            "play": np.array(self._state.play),
+            "noise": pack_generator(self.noise),
+            "outside": np.array(self.outside),
+        }
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned.
+
+        Raises:
+            StateError: If an array is missing or has another shape than in this chain.
+        """
+        own = self.get_state()
+        found = {name: take_array(state, name, array) for name, array in own.items()}
+        self._state = ChainState(filter=found["filter"], play=found["play"])
+        self.noise = unpack_generator(found["noise"])
+        self.outside = float(found["outside"])
 
 
 def _pressing(reading: Reading) -> FloatArray:

@@ -119,14 +119,17 @@ def test_masked_texels_count_nothing_and_the_others_do():
     np.testing.assert_array_equal(frame.image, WTS_0614_34.image(frame.counts).reshape(5, 4))
 
 
-def test_settling_resets_hysteresis_and_noise():
+def test_settling_resets_hysteresis_and_continues_the_noise():
     electronics = dataclasses.replace(WTS_0614_34, noise=0.05, hysteresis_share=0.5, hysteresis_width=0.2)
     chain = resting_chain(dataclasses.replace(PARAMETERS, electronics=electronics))
-    first = run(chain, random_forces(12), 4)
-    chain.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
-    again = run(chain, random_forces(12), 4)
-    for (one, _), (other, _) in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one.counts, other.counts)
+    runs = []
+    for again in (False, True, False):
+        chain.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
+        if again:
+            chain.noise = np.random.default_rng(electronics.seed)
+        runs.append([frame.counts for frame, _ in run(chain, random_forces(12), 4)])
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert (np.array(runs[1]) != runs[2]).any()
 
 
 def test_frames_stay_as_they_were_returned():

@@ -1,0 +1,183 @@
+import copy
+import dataclasses
+import multiprocessing
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import ArgumentTypeError, Butterworth, FastModelError, LifeCycleError, StateError
+from tests.support.cover_data import parameters
+
+#: An array whose frames depend on filter, hysteresis and noise.
+PARAMETERS = dataclasses.replace(
+    parameters(),
+    filter=Butterworth(cutoff_hz=30.0, order=3),
+    electronics=dataclasses.replace(
+        parameters().electronics, offset=0.0, noise=0.01, hysteresis_share=0.4, hysteresis_width=0.05
+    ),
+)
+METHODS = ("boxes", "cover", *(pytest.param(name, marks=pytest.mark.slow) for name in ("area", "foundation")))
+BODY_OF_SPEC = {"one": (0, 0, 0), "two": (0.1, 0, 0)}
+
+
+def scene(method, array=PARAMETERS, names=("one",)):
+    """A block that slides and rocks on an array, and a ball beside it: model, data, sensors bound to the model."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    sensors = [
+        fastmodel.attach(spec, "world", array, name=name, position=BODY_OF_SPEC[name], contact=method) for name in names
+    ]
+    for kind, size, place in (
+        (mujoco.mjtGeom.mjGEOM_BOX, [5e-3, 4e-3, 3e-3], [0, 0, 3.5e-3]),
+        (mujoco.mjtGeom.mjGEOM_SPHERE, [4e-3, 0, 0], [2e-3, 14e-3, 4.5e-3]),
+    ):
+        body = spec.worldbody.add_body(pos=place)
+        body.add_freejoint()
+        body.add_geom(type=kind, size=size, mass=0.1)
+    model = spec.compile()
+    return model, mujoco.MjData(model), [sensor.bind(model) for sensor in sensors]
+
+
+def run(model, data, sensors, steps, pushed=True):
+    """Frames of all sensors while the bodies are pushed about, then left at rest."""
+    frames = []
+    for k in range(steps):
+        slope = np.sin(40 * data.time) if pushed and k < steps // 2 else 0.0
+        data.xfrc_applied[1:3, :3] = [0.2 * slope, 0.1 * slope, -2.0]
+        mujoco.mj_step(model, data)
+        frames += [sensor.frame() for sensor in sensors if sensor.step(data)]
+    return frames
+
+
+def assert_equal(some, others):
+    assert len(some) == len(others) > 10
+    for one, other in zip(some, others, strict=True):
+        assert one.time == other.time
+        np.testing.assert_array_equal(one.counts, other.counts)
+        np.testing.assert_array_equal(one.texel_forces, other.texel_forces)
+        np.testing.assert_array_equal(one.image, other.image)
+
+
+@pytest.mark.parametrize("after", [150, 600])
+@pytest.mark.parametrize("method", METHODS)
+def test_after_going_back_the_next_frames_are_the_same(method, after, tmp_path):
+    """While sliding (150 ms) and at rest (600 ms); through a file."""
+    model, data, sensors = scene(method)
+    run(model, data, sensors, after)
+    physics = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(model, data, physics, mujoco.mjtState.mjSTATE_INTEGRATION)
+    np.savez(tmp_path / "state.npz", **sensors[0].get_state())
+    before = sensors[0].frame()
+    first = run(model, data, sensors, 300)
+    assert sum(frame.counts.any() for frame in first) > 10
+    mujoco.mj_setState(model, data, physics, mujoco.mjtState.mjSTATE_INTEGRATION)
+    with np.load(tmp_path / "state.npz") as stored:
+        sensors[0].set_state(dict(stored))
+    np.testing.assert_array_equal(sensors[0].frame().counts, before.counts)
+    assert_equal(run(model, data, sensors, 300), first)
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301
+@pytest.mark.parametrize("method", ["boxes", "cover"])
+def test_copies_of_model_data_and_sensors_belong_together_and_to_nothing_else(method, duplicate):
+    original = scene(method, names=("one", "two"))
+    run(*original, 150)
+    twin = duplicate(original)
+    forces = original[2][0].contact_forces()
+    mine = run(*original, 200)
+    np.testing.assert_array_equal(twin[2][0].contact_forces(), forces)
+    assert_equal(run(*twin, 200), mine)
+
+
+def test_a_sensor_copied_apart_from_its_data_takes_data_of_an_equal_model_only():
+    model, data, sensors = scene("cover")
+    run(model, data, sensors, 100)
+    other_model, other = copy.deepcopy((model, data))
+    twin = copy.deepcopy(sensors[0])
+    assert_equal(run(other_model, other, [twin], 100), run(model, data, sensors, 100))
+    heavier = copy.deepcopy(model)
+    heavier.body_mass[1] *= 2
+    with pytest.raises(LifeCycleError, match="another model"):
+        sensors[0].step(mujoco.MjData(heavier))
+
+
+def test_an_unbound_sensor_is_copied_unbound():
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    twin = pickle.loads(pickle.dumps(fastmodel.attach(spec, "world", PARAMETERS)))  # noqa: S301
+    with pytest.raises(LifeCycleError, match="not bound"):
+        twin.frame()
+    assert not twin.bind(spec.compile()).frame().counts.any()
+
+
+def continue_elsewhere(stored):
+    return run(*pickle.loads(stored), 1000)  # noqa: S301
+
+
+@pytest.mark.slow
+def test_in_another_process_the_next_thousand_frames_are_the_same():
+    original = scene("cover")
+    run(*original, 200)
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        elsewhere = pool.apply(continue_elsewhere, (pickle.dumps(original),))
+    assert_equal(elsewhere, run(*original, 1000))
+
+
+def noise_of(sensor, model, steps=40):
+    """Counts of all frames of an unloaded array."""
+    data = mujoco.MjData(model)
+    counts = []
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        if sensor.step(data):
+            counts.append(sensor.frame().counts)
+    return np.array(counts)
+
+
+def test_seeds_determine_the_noise_and_episodes_without_a_seed_continue_it():
+    noisy = dataclasses.replace(PARAMETERS, electronics=dataclasses.replace(PARAMETERS.electronics, seed=5))
+    model, _, (one, two) = scene("boxes", noisy, names=("one", "two"))
+    runs = {}
+    for name, seed in (("bound", None), ("next", None), ("five", 5), ("six", 6), ("six again", 6), ("later", None)):
+        if name != "bound":
+            one.reset(seed=seed)
+            two.reset(seed=seed)
+        runs[name] = noise_of(one, model)
+        assert (runs[name] != noise_of(two, model)).any()
+    assert runs["bound"].any()
+    np.testing.assert_array_equal(runs["bound"], runs["five"])  # Electronics.seed is the default
+    np.testing.assert_array_equal(runs["six"], runs["six again"])
+    kinds = [runs[name] for name in ("bound", "next", "six", "later")]
+    assert all((first != second).any() for k, first in enumerate(kinds) for second in kinds[:k])
+    one.reset(seed=np.random.SeedSequence(6))
+    np.testing.assert_array_equal(noise_of(one, model), runs["six"])
+
+
+def test_noise_continues_when_a_reset_follows_a_changed_option():
+    model, _, (sensor,) = scene("boxes")
+    first = noise_of(sensor, model)
+    model.opt.timestep = 2e-3
+    sensor.reset()
+    again = noise_of(sensor, model)
+    assert (first[: len(again)] != again[: len(first)]).any()
+
+
+def test_bad_seeds_and_states_are_refused():
+    _, _, (sensor,) = scene("cover")
+    with pytest.raises(FastModelError, match="must not be negative"):
+        sensor.reset(seed=-1)
+    with pytest.raises(ArgumentTypeError, match="whole number"):
+        sensor.reset(seed="one")
+    state = sensor.get_state()
+    for name in state:
+        if name.startswith(("chain", "clock", "contact/last", "contact/reach")):
+            with pytest.raises(StateError, match=name.split("/")[-1]):
+                sensor.set_state({key: array for key, array in state.items() if key != name})
+    with pytest.raises(StateError, match="this sensor has"):
+        sensor.set_state(state | {"chain/play": np.zeros(3)})
+    with pytest.raises(StateError, match="not one of"):
+        sensor.set_state(state | {"reading/type": np.array("SensorWithAnotherName")})
