@@ -18,7 +18,7 @@ from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
 from meshes import TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Place, PlanarPose
 
 #: Function that computes, for an array and the pose of the indenter, the normal force on each of n texels and then the
 #: force on the base outside the active texels, shape (n + 1,) [N].
@@ -48,8 +48,9 @@ class GridSolution:
             indenter, shape (m, 2) [N]; None without friction.
         fields: Displacement and stress in the cover in the frame of the mesh: of the array on a cover of limited size,
             else of the indenter; None unless the solver computed them.
-        base_error: Function that estimates, for an array, a pose and the index of a texel, the relative error of the
-            force on this texel due to the computed response of the base [-]; None if no computed response is used.
+        base_error: Function that estimates, for an array and pose, the index of a texel, and the force on this texel
+            over `total_force`, the relative error of this force due to the computed response of the base [-]; None if
+            no computed response is used.
     """
 
     size: float
@@ -62,7 +63,7 @@ class GridSolution:
     energy: float
     shear: FloatArray | None = None
     fields: CoverFields | None = None
-    base_error: Callable[[TexelArray, PlanarPose, int], float] | None = None
+    base_error: Callable[[Place, int, float], float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -161,8 +161,10 @@ def _estimate_errors(
     for part, solutions in parts:
         for name, quantity in quantities.items():
             errors[name] += part.estimate_error(solutions, quantity)
-        if solutions[-1].base_error is not None:
-            errors["peak_texel"] += solutions[-1].base_error(place.array, place.pose, peak)
+        finest = solutions[-1]
+        if finest.base_error is not None:
+            share = quantities["peak_texel"](finest) / finest.total_force
+            errors["peak_texel"] += finest.base_error(place, peak, share)
     return errors
 
 

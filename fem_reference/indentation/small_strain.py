@@ -24,7 +24,7 @@ from fem_reference.linear_response.superposition import superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Cover, Indenter, TexelArray
+from meshes import Cover, Indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
 
@@ -137,11 +137,13 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: Texe
 
 
 def _estimate_base_error(
-    contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: PlanarPose, texel: int
+    contact: FloatArray, base_response: TexelInfluence, place: Place, texel: int, share: float
 ) -> float:
-    """Estimate the relative error of a texel force due to the base response, from its three grids [-]."""
-    values = [float(superpose(contact, each, array, pose)[texel]) for each in base_response.on_grids]
-    return grid_convergence(values, base_response.sizes) / abs(values[-1]) if values[-1] else 0.0
+    """Estimate the relative error of a texel's share of the force due to the base response on its three grids [-]."""
+    force = contact[:, 2].sum()
+    forces = [superpose(contact, each, place.array, place.pose) for each in base_response.on_grids[:-1]]
+    coarse = [float(each[texel] / force) for each in forces]
+    return grid_convergence([*coarse, share], base_response.sizes) / abs(share) if share else 0.0
 
 
 def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:
