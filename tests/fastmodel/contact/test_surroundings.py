@@ -1,6 +1,8 @@
 """Arrays in scenes of other people: only what is in front of an array loads its texels, and every force is counted."""
 
 import dataclasses
+import functools
+import pathlib
 import warnings
 
 import mujoco
@@ -312,3 +314,37 @@ def measure_force(model, data):
             if geom >= 0 and model.geom(int(geom)).name.startswith("sensor/"):
                 total -= sign * (contact.frame.reshape(3, 3).T @ force[:3])[2]
     return total
+
+
+@functools.cache
+def load_fields():
+    """Load MuJoCo's plugin of signed distance fields, once in a process."""
+    library = pathlib.Path(mujoco.__file__).parent / "plugin" / "libsdf_plugin.so"
+    if not library.exists():
+        pytest.skip(f"no {library.name} with this MuJoCo")
+    mujoco.mj_loadPluginLibrary(str(library))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_signed_distance_field_is_laid_out_at_its_contact_points(method):
+    """A torus from MuJoCo's own plugin lies on the array: a ring of texels, and nothing in its hole."""
+    load_fields()
+    spec = mujoco.MjSpec.from_string("""
+    <mujoco><option timestep="1e-3" cone="elliptic" sdf_iterations="20" sdf_initpoints="40"/>
+      <extension><plugin plugin="mujoco.sdf.torus"><instance name="torus">
+        <config key="radius1" value="0.008"/><config key="radius2" value="0.002"/></instance></plugin></extension>
+      <asset><mesh name="torus"><plugin instance="torus"/></mesh></asset>
+      <worldbody><body name="pad"/><body name="ring" pos="0 0 0.0022"><joint type="slide" axis="0 0 1" damping="2"/>
+        <geom type="sdf" mesh="torus" mass="0.3"><plugin instance="torus"/></geom></body></worldbody></mujoco>""")
+    sensor = fastmodel.attach(spec, "pad", PARAMETERS, contact=method, every=1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
+    assert sensor.carried() == pytest.approx(0.3 * 9.81, rel=0.1)
+    centres = PARAMETERS.array.centres[sensor.contact_forces() > 1e-3, :2]
+    assert len(centres) > 3
+    assert np.abs(np.hypot(*centres.T) - 8e-3).max() < 2e-3 + 1.5 * max(PARAMETERS.array.pitch)
