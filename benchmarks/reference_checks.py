@@ -1,10 +1,12 @@
-"""Hold `press` against boundary elements: twelve flat outlines on a large array, and rollers from slender to very wide.
+"""Check `press`: flat outlines and rollers against boundary elements, and how deep balls go at finite strain.
 
     python benchmarks/reference_checks.py outlines [--truths L nut blade ...]
     python benchmarks/reference_checks.py rollers
+    python benchmarks/reference_checks.py reach [--ratios 2 5 10 50] [--poisson 0.3 0.49 0.5]
 
 Outlines: the array is so wide that the force outside its texels is zero, so the texels must add up to the load.
 Peak texel: the largest of the result, against boundary elements on three grids, extrapolated with order 2.
+Reach: how deep balls come on neo-Hookean covers at finite strain, of 80 % of the thickness (75 % at Poisson ratio 0.5).
 Rollers: the depth under the load, the contact area and the peak texel, against boundary elements on two grids.
 """
 
@@ -21,10 +23,13 @@ from coverage_truth import find_root
 
 from fem_reference import press
 from fem_reference.closed_form import PressedCells, press_face, pressed_shape
-from meshes import Box, Cover, Indenter, Layer, Material, Nut, Prism, Roller, TexelArray
+from fem_reference.errors import IncompletePathError
+from meshes import Box, Cover, Indenter, Layer, Material, Nut, Prism, Roller, Sphere, TexelArray
 from meshes.pose import PlanarPose
 
 PITCH = 3.4e-3
+#: Depth of the balls over the thickness: compressible, and incompressible [-].
+REACH = (0.8, 0.75)
 ARRAY = TexelArray.grid(41, 41, PITCH, name="139 mm")
 TEXEL = TexelArray.grid(1, 1, PITCH)
 RUBBER = Material(
@@ -182,16 +187,43 @@ def check_rollers() -> None:
         print("| " + " | ".join(row) + " |", flush=True)
 
 
+def check_reach(ratios: list[float], poisson: list[float]) -> None:
+    """Print how deep balls come in neo-Hookean covers of 2 mm and shear modulus 0.3 MPa."""
+    print("| radius / thickness | Poisson ratio | asked | reached | force [N] | estimates: force, texel, area | s |")
+    print("|---|---|---|---|---|---|---|")
+    for ratio, nu in ((ratio, nu) for nu in poisson for ratio in ratios):
+        rubber = Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=nu)
+        cover = Cover(layers=(Layer(thickness=2e-3, material=rubber),))
+        share = REACH[nu == 0.5]
+        started = time.perf_counter()
+        try:
+            found = [press(cover, ARRAY, Sphere(radius=ratio * 2e-3), depth=share * 2e-3)]
+        except IncompletePathError as error:
+            found = error.reached
+        seconds = f"{time.perf_counter() - started:.0f}"
+        row = ["0", "", ""]
+        if found:
+            last = found[-1]
+            names = ("total_force", "peak_texel", "contact_area")
+            each = ", ".join(f"{100 * last.error_estimate[name]:.2g} %" for name in names)
+            row = [f"{last.depth / 2e-3:.2f}", f"{last.total_force:.4g}", each]
+        print("| " + " | ".join([f"{ratio:g}", f"{nu:g}", f"{share:g}", *row, seconds]) + " |", flush=True)
+
+
 def main() -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("table", choices=["outlines", "rollers"])
+    parser.add_argument("table", choices=["outlines", "rollers", "reach"])
     parser.add_argument(
         "--truths", nargs="*", default=[], help="outlines to compare with boundary elements; all if none"
     )
+    parser.add_argument("--ratios", nargs="*", type=float, default=[2.0, 5.0, 10.0, 50.0], help="radii over thickness")
+    parser.add_argument("--poisson", nargs="*", type=float, default=[0.3, 0.49, 0.5], help="Poisson ratios")
     given = parser.parse_args()
     if given.table == "outlines":
         check_outlines(given.truths)
+    elif given.table == "reach":
+        check_reach(given.ratios, given.poisson)
     else:
         check_rollers()
 

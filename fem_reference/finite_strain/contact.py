@@ -64,6 +64,7 @@ class ContactState:
         weight: Reference area that belongs to each quadrature point of the meshed part, shape (f, q) [m2].
         sticking: Whether each point is in contact and does not slide, shape (f, q).
         gap: Vertical distance of each point from the indenter, negative for penetration, shape (f, q) [m].
+        normal: Normal of the indenter at each point, scaled to a vertical component of 1, shape (f, q, d) [-].
         depth: Approach of the indenter from first touch [m].
     """
 
@@ -80,6 +81,7 @@ class ContactState:
     weight: FloatArray
     sticking: BoolArray
     gap: FloatArray
+    normal: FloatArray
     depth: float
 
 
@@ -132,18 +134,18 @@ class SurfaceContact:
         component = np.arange(self._dimension)
         self._unknowns = (self._dimension * self._nodes[:, :, None] + component).reshape(len(self._nodes), -1)
 
-    def evaluate(self, state: FloatArray, depth: float, *, curved: bool = True) -> ContactState:
+    def evaluate(self, state: FloatArray, depth: float, *, expected: FloatArray | None = None) -> ContactState:
         """Evaluate contact forces, pressures and tangent for given displacements and depth.
 
         Args:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
             depth: Approach of the indenter from first touch [m].
-            curved: Whether the tangent includes the curvature of the indenter.  Far from equilibrium, the product of
-                large penetrations and the curvature of an edge makes Newton's method diverge.
+            expected: Contact pressure per reference area with which the curvature of the indenter enters the tangent,
+                shape (f, q); that of the state if None.  Far from equilibrium, the pressure of large penetrations
+                makes Newton's method diverge [Pa].
         """
         d = self._dimension
-        displacement = state[self._unknowns].reshape(*self._nodes.shape, d)
-        moved = self._position + np.einsum("fqa,fai->fqi", self._shape, displacement)
+        moved = self._move(state)
         surface = self._indenter.evaluate(*self._split_plane(moved))
         # Contact pressure; `normal` is the normal of the indenter, scaled to a vertical component of 1.
         overlap = moved[..., -1] - (self._top - depth + surface.height)
@@ -155,8 +157,8 @@ class SurfaceContact:
         force = pressure[..., None] * normal
         per_depth = stiffness[..., None] * normal
         tangent = stiffness[..., None, None] * normal[..., :, None] * normal[..., None, :]
-        if curved:
-            tangent[..., : d - 1, : d - 1] -= pressure[..., None, None] * surface.curvature[..., : d - 1, : d - 1]
+        held = pressure if expected is None else expected * touching * self.weight
+        tangent[..., : d - 1, : d - 1] -= held[..., None, None] * surface.curvature[..., : d - 1, : d - 1]
         # Frictional traction at the positions in the frame of the indenter.
         position = moved + depth * np.eye(d)[-1]
         traction, sticking = None, np.zeros_like(touching)
@@ -179,8 +181,26 @@ class SurfaceContact:
             weight=self.weight,
             sticking=sticking,
             gap=-overlap,
+            normal=normal,
             depth=depth,
         )
+
+    def predict_pressure(self, before: ContactState, state: FloatArray, depth: float) -> FloatArray:
+        """Compute the contact pressure per reference area from the gap linearised at another state, shape (f, q) [Pa].
+
+        Args:
+            before: Contact at the state at which the gap is linearised.
+            state: Displacements [m], then mean pressures [Pa], shape (n,).
+            depth: Approach of the indenter from first touch [m].
+        """
+        change = self._move(state) + depth * np.eye(self._dimension)[-1] - before.position
+        overlap = np.einsum("fqi,fqi->fq", before.normal, change) - before.gap
+        return np.asarray(np.maximum(self._penalty * overlap + self._multiplier, 0.0))
+
+    def _move(self, state: FloatArray) -> FloatArray:
+        """Compute the positions of the quadrature points in the deformed state, shape (f, q, d) [m]."""
+        displacement = state[self._unknowns].reshape(*self._nodes.shape, self._dimension)
+        return np.asarray(self._position + np.einsum("fqa,fai->fqi", self._shape, displacement))
 
     def _split_plane(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return x and y of positions, shape (f, q) each; y is 0 in axisymmetric meshes, where x is the radius."""

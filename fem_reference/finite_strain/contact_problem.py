@@ -46,9 +46,6 @@ _AUGMENTATIONS = 6
 #: Largest number of Newton iterations in a step without friction, and with friction, where the same iterations also
 #: find the friction cones [-].
 _ITERATIONS, _FRICTION_ITERATIONS = 24, 60
-#: Number of Newton iterations at the beginning of a step in which the tangent omits the curvature of the indenter,
-#: which makes the iteration diverge far from equilibrium [-].
-_UNCURVED_ITERATIONS = 2
 #: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
 #: between two updates over their sum [-].
 _CONE_CHANGE = 1e-4
@@ -187,7 +184,7 @@ class ContactProblem:
             state, depth = _extrapolate(before, here, aim, control)
             self.contact.stiffen(float(here.contact.pressure.max()))
             load = aim if control == "load" else None
-            reached = self._solve(state, depth, load, here.iterations, tolerance=_STEP_TOLERANCE)
+            reached = self._solve(state, depth, load, here.iterations, tolerance=_STEP_TOLERANCE, near=here)
             self.contact.record_slip(reached.contact)
             if progress is not None:
                 progress(self._describe(reached))
@@ -248,7 +245,7 @@ class ContactProblem:
         """Solve for the same target from a nearby state; return None if Newton's method does not converge."""
         load = here.load if control == "load" else None
         try:
-            out = self._solve(here.state, here.depth, load, here.iterations, tolerance=tolerance, uncurved=0)
+            out = self._solve(here.state, here.depth, load, here.iterations, tolerance=tolerance, near=here)
         except STEP_FAILURES as error:
             _LOG.info("a mean penetration of %.2g m remains: %s", here.contact.overlap, error)
             return None
@@ -264,7 +261,7 @@ class ContactProblem:
         used: int,
         *,
         tolerance: float,
-        uncurved: int = _UNCURVED_ITERATIONS,
+        near: ContactEquilibrium | None = None,
     ) -> ContactEquilibrium:
         """Solve for the equilibrium at a depth or, if a load is given, for the equilibrium and the depth at this load.
 
@@ -274,13 +271,24 @@ class ContactProblem:
             load: Given load [N], or None.
             used: Number of Newton iterations on the loading path so far [-].
             tolerance: Largest relative residual [-].
-            uncurved: Number of first iterations that omit the curvature of the indenter in the tangent [-].
+            near: Nearby equilibrium, whose contact pressure and volume are those of the first tangent.  Later tangents
+                have those that the previous iteration predicts: those of the state itself contain the penalty times
+                the error of linearisation, with which Newton's method diverges.
         """
+        seen: tuple[FloatArray, ContactState] | None = None
 
         def linearise(unknowns: FloatArray, iteration: int) -> Linearisation[ContactEquilibrium]:
+            nonlocal seen
             state, depth = unknowns[:-1], float(unknowns[-1])
-            internal, stiffness = self.solid.linearise(state)
-            contact = self.contact.evaluate(state, depth, curved=iteration >= uncurved)
+            volume, pressure = None, np.zeros_like(self.contact.weight)
+            if seen is not None:
+                volume = self.solid.predict_volume(seen[0], state)
+                pressure = self.contact.predict_pressure(seen[1], state, depth)
+            elif near is not None:
+                volume, pressure = self.solid.predict_volume(near.state, near.state), near.contact.pressure
+            internal, stiffness = self.solid.linearise(state, volume)
+            contact = self.contact.evaluate(state, depth, expected=pressure)
+            seen = state, contact
             balanced = self._is_balanced(internal + contact.force, contact, load, tolerance)
             equilibrium = None
             if balanced and self.contact.update_cone(contact) <= max(tolerance, _CONE_CHANGE):

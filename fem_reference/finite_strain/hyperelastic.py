@@ -7,7 +7,10 @@ bulk modulus K; the stress is P = dW/dF.  In the undeformed state the tangent eq
 A part k < K of the bulk modulus may act on the displacements directly: W = W_iso(F) + k (J - 1)^2 / 2 - q (J - 1) -
 q^2 / 2 (K - k), with the mean pressure p = q - k (J - 1).  The exact solution does not depend on k.  Under mean
 pressures of many shear moduli, Taylor-Hood elements with k = 0 have false instabilities (Auricchio et al. 2010, The
-importance of the exact satisfaction of the incompressibility constraint in nonlinear elasticity).
+importance of the exact satisfaction of the incompressibility constraint in nonlinear elasticity).  The tangent may take
+k (J - 1) from J linearised at the previous Newton iteration, which lets Newton's method converge from farther away
+(Magisano, Leonetti and Garcea 2017, How to improve efficiency and robustness of the Newton method in geometrically
+non-linear structural problems discretized via displacement-based finite elements).
 """
 
 from __future__ import annotations
@@ -78,11 +81,13 @@ class Solid:
             direct_bulk=np.array([min(direct * m.shear_modulus, m.bulk_modulus / 2) for m in materials]) / units.stress,
         )
 
-    def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
+    def linearise(self, state: FloatArray, expected: FloatArray | None = None) -> tuple[FloatArray, sp.csr_matrix]:
         """Compute the residual of equilibrium without external forces, and its tangent.
 
         Args:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
+            expected: J - 1 in the direct part of the pressure in the tangent, from `predict_volume`, shape (e, q); that
+                of the state if None [-].
 
         Returns:
             Internal forces [N], then volume residuals [m3], shape (n,), and their derivatives with respect to the
@@ -97,18 +102,19 @@ class Solid:
         size = max(1, _POINTS // e.weight.shape[1])
         parts = [slice(start, start + size) for start in range(0, len(e.cells), size)]
         with ThreadPoolExecutor(min(_count_threads(), len(parts))) as pool:
-            list(pool.map(partial(self._fill, state, found), parts))
+            list(pool.map(partial(self._fill, state, expected, found), parts))
         forces, volumes, stiff, couple, squeeze = found
         residual = np.bincount(e.unknowns.ravel(), forces.ravel(), minlength=len(state)).astype(np.float64)
         rows = e.pressure_cells + e.displacements
         residual += np.bincount(rows.ravel(), volumes.ravel(), minlength=len(state))
         return residual, self.pattern.assemble(stiff, couple, squeeze)
 
-    def _fill(self, state: FloatArray, found: tuple[FloatArray, ...], part: slice) -> None:
+    def _fill(self, state: FloatArray, expected: FloatArray | None, found: tuple[FloatArray, ...], part: slice) -> None:
         """Compute residuals and matrices of some elements and write them into arrays over all elements.
 
         Args:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
+            expected: As for `linearise`.
             found: Arrays to write into: forces, volume residuals, and the stiffness, coupling and pressure blocks of
                 the element matrices.
             part: Range of elements to compute.
@@ -123,10 +129,24 @@ class Solid:
         forces[part] = e.integrate_force(stress, part)
         volumes[part] = -np.einsum("eqb,eq->eb", shape, (J.value - 1 + q * inverse) * w)
         volume = direct[..., None, None] * J.first[..., :, None] * J.first[..., None, :]
-        moduli = (response.tangent - p[..., None, None] * J.second + volume) * w[..., None, None]
+        held = p if expected is None else q - direct * expected[part]
+        moduli = (response.tangent - held[..., None, None] * J.second + volume) * w[..., None, None]
         stiff[part] = e.integrate_stiffness(moduli, part)
         couple[part] = -e.integrate_coupling(J.first * w[..., None], part)
         squeeze[part] = -np.matmul(shape.transpose(0, 2, 1), shape * (w * inverse)[..., None])
+
+    def predict_volume(self, before: FloatArray, state: FloatArray) -> FloatArray | None:
+        """Compute J - 1 at a state from J linearised at another state, shape (e, q); None if it is not needed [-].
+
+        Args:
+            before: State at which J is linearised, shape (n,).
+            state: State at which J is wanted, shape (n,).
+        """
+        if not self.direct_bulk.any():
+            return None
+        _, J, _ = self._evaluate_fields(before, slice(None))
+        change = self.elements.compute_gradient(state - before)
+        return np.asarray(J.value - 1 + np.einsum("eqg,eqg->eq", J.first, change))
 
     def linearise_at_rest(self) -> SmallStrainSolid:
         """Return the small-strain solid whose stiffness matrix is the tangent of this solid in the undeformed state."""
@@ -212,9 +232,12 @@ class SmallStrainSolid:
     elements: MixedElements
     stiffness: sp.csr_matrix
 
-    def linearise(self, state: FloatArray) -> tuple[FloatArray, sp.csr_matrix]:
+    def linearise(self, state: FloatArray, _expected: FloatArray | None = None) -> tuple[FloatArray, sp.csr_matrix]:
         """Compute the residual of equilibrium and the constant stiffness matrix; see `Solid.linearise`."""
         return np.asarray(self.stiffness @ state), self.stiffness
+
+    def predict_volume(self, _before: FloatArray, _state: FloatArray) -> None:
+        """Return None, because the stiffness matrix does not depend on the state; see `Solid.predict_volume`."""
 
     def energy(self, state: FloatArray) -> float:
         """Compute the elastic energy stored in equilibrium [J]; see `Solid.energy`."""

@@ -162,7 +162,8 @@ def walk_to(
         control: Whether the target is a load or a depth.
         step: Length of the first step [N] or [m].
         solve: Function that solves at a load or depth.  Its arguments are the equilibrium before the last (None in the
-            first step and after a failed step), the last equilibrium, and the load or depth.
+            first step and after the first failed step, where extrapolation no longer helps), the last equilibrium, and
+            the load or depth.
         describe: Function that describes an equilibrium as text, for error messages.
         easy: Number of Newton iterations below which the next step is longer [-].
         longest: Largest length of a step [N] or [m].
@@ -173,13 +174,13 @@ def walk_to(
     Raises:
         PathConvergenceError: If a step fails even after repeated halving.
     """
-    before, here = None, start
+    before, here, failed = None, start, False
     while (done := getattr(here, control)) != target:
         aim = target if abs(target - done) <= _LAST_STEP * step else done + np.sign(target - done) * step
         try:
-            before, here = here, solve(before, here, aim)
+            before, here = here, solve(None if failed else before, here, aim)
         except STEP_FAILURES as error:
-            step, before = abs(aim - done) / 2, None
+            step, failed = abs(aim - done) / 2, True
             _LOG.info("step to %s %.4g halved: %s", control, aim, error)
             if step < abs(target) * _SMALLEST_STEP:
                 raise PathConvergenceError(
