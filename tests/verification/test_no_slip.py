@@ -70,6 +70,9 @@ def test_a_small_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
 @pytest.mark.parametrize(("nu", "kappa"), [(0.49, 3.71350), (0.5, 3.92912)])
 def test_a_punch_as_wide_as_the_layer_is_thick_has_an_independently_computed_stiffness(nu, kappa):
     assert dimensionless_stiffness(nu, 1.0) == pytest.approx(kappa, rel=5e-5)
+    found = press(cover(nu), ARRAY, Cylinder(radius=THICKNESS), depth=1e-5, friction=np.inf)
+    unit = 4 * cover(nu).layers[0].material.shear_modulus * THICKNESS * 1e-5
+    assert found.total_force * (1 - nu) / unit == pytest.approx(kappa, rel=5e-5)
 
 
 def test_an_incompressible_half_space_under_a_sphere_needs_no_friction():
