@@ -237,6 +237,29 @@ def test_a_geom_that_never_collides_meets_the_array_as_an_explicit_pair(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_a_part_that_is_excluded_from_contact_loads_nothing(method):
+    """A lower part of the object is excluded from contact with the hand."""
+    spec = make_spec()
+    hand = spec.worldbody.add_body(name="hand")
+    sensor = fastmodel.attach(spec, hand, PAD, contact=method, every=1)
+    body = spec.worldbody.add_body(name="object", pos=[0, 0, 5e-3])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
+    body.add_geom(type=BOX, size=[3e-3, 3e-3, 5e-3], pos=[3.4e-3, 0, 0], mass=3 / 9.81)
+    low = body.add_body(name="ghost")
+    low.add_geom(type=BOX, size=[3e-3, 3e-3, 5e-3], pos=[-3.4e-3, 0, -1e-3], mass=0)
+    spec.add_exclude(bodyname1="ghost", bodyname2="hand")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    image = PAD.array.image(sensor.contact_forces())
+    assert image[:, 2:].sum() == pytest.approx(3.0, rel=1e-2)
+    assert image[:, :2].max() == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_facing_arrays_press_on_one_another(method):
     spec = make_spec()
     low = fastmodel.attach(spec, "world", PAD, name="low", contact=method, every=1)
