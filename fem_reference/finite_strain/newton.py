@@ -31,7 +31,8 @@ _HALVINGS = 4
 _OVERSHOOT = 0.3
 #: Smallest and largest fraction of a Newton step that is reversed [-].
 _LEAST_BACK, _MOST_BACK = 0.1, 0.9
-#: Smallest step along a loading path over the target load or depth; with smaller steps the solver gives up [-].
+#: Smallest step along a loading path over the load or depth reached; with smaller steps the solver gives up.  Under a
+#: tip the first loads are far below the target [-].
 _SMALLEST_STEP = 1 / 256
 #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
 _LAST_STEP = 1.3
@@ -182,7 +183,7 @@ def walk_to(
         except STEP_FAILURES as error:
             step, failed = abs(aim - done) / 2, True
             _LOG.info("step to %s %.4g halved: %s", control, aim, error)
-            if step < abs(target) * _SMALLEST_STEP:
+            if step < abs(done or target) * _SMALLEST_STEP:
                 raise PathConvergenceError(
                     f"no convergence beyond {describe(here)}: {error}",
                     cause=str(error),
