@@ -150,7 +150,7 @@ def test_copies_of_an_array_are_found_by_prefix_and_suffix(names):
     right = sensor.twin(**names)
     batch = fastmodel.Batch(model, [sensor.bind(model, prefix="left_"), right], worlds=1)
     batch.step(300)
-    left_force, right_force = (each.carried() for each in batch.sensors[0])
+    left_force, right_force = batch.visit(lambda number, data, sensors: [each.carried() for each in sensors])[0]
     assert left_force == 0
     assert right_force == pytest.approx(0.981, rel=1e-3)
     assert sensor.bind(model) is sensor  # keeps its prefix

@@ -1,3 +1,4 @@
+import dataclasses
 import warnings
 
 import mujoco
@@ -5,8 +6,11 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import Batch, FastModelError, OptionWarning
+from fastmodel import Batch, FastModelError, LifeCycleError
 from tests.support.cover_data import parameters
+
+#: Counts at rest are not zero, so that they show the noise.
+NOISY = parameters(electronics=dataclasses.replace(parameters().electronics, offset=100.0, noise=0.01))
 
 
 def world(method):
@@ -15,7 +19,7 @@ def world(method):
     fastmodel.recommend_options(spec)
     spec.option.timestep = 1e-3
     sensors = [
-        fastmodel.attach(spec, "world", parameters(), name=name, position=place, contact=method)
+        fastmodel.attach(spec, "world", NOISY, name=name, position=place, contact=method)
         for name, place in (("one", (0, 0, 0)), ("two", (0.1, 0, 0)))
     ]
     body = spec.worldbody.add_body(name="block", pos=[0, 0, 6e-3])
@@ -29,31 +33,106 @@ def push(number, data):
     data.xfrc_applied[1, :3] = [0.1 * np.sin(number + 20 * data.time), 0.05, -4.0]
 
 
-@pytest.mark.parametrize("method", ["boxes", "cover"])
-def test_many_worlds_give_bit_for_bit_what_each_gives_alone(method):
+def lift(number, data, sensors):
+    """Every world starts at its own height; return the latest counts of the second array."""
+    data.qpos[2] += 1e-4 * number
+    return sensors[1].frame().counts
+
+
+def step_alone(model, sensors, number, steps, seed):
+    """The frames of one world, without a batch."""
+    data = mujoco.MjData(model)
+    own = [sensor.twin().bind(model) for sensor in sensors]
+    for sensor in own:
+        sensor.reset(seed=np.random.SeedSequence(seed).spawn(number + 1)[number])
+    frames = [[], []]
+    for _ in range(steps):
+        push(number, data)
+        mujoco.mj_step(model, data)
+        for new, sensor in zip(frames, own, strict=True):
+            if sensor.step(data):
+                new.append(sensor.frame())
+    return frames
+
+
+def assert_equal(some, others):
+    assert len(some) == len(others) > 10
+    for one, other in zip(some, others, strict=True):
+        assert one.time == other.time
+        assert np.array_equal(one.texel_forces, other.texel_forces)
+        assert np.array_equal(one.counts, other.counts)
+
+
+@pytest.mark.parametrize("method", ["boxes", pytest.param("cover", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_many_worlds_give_bit_for_bit_what_each_gives_alone(method, processes):
     model, sensors = world(method)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OptionWarning)
-        together = Batch(model, sensors, 6, threads=4)
-        alone = Batch(model, sensors, 6, threads=1)
-    for _ in range(3):
-        several = together.step(60, push)
-        single = alone.step(60, push)
-    assert len(several[0][0]) == len(single[0][0]) > 10
-    for a, b in zip(several, single, strict=True):
-        for mine, theirs in zip(a[0] + a[1], b[0] + b[1], strict=True):
-            assert np.array_equal(mine.texel_forces, theirs.texel_forces)
-            assert np.array_equal(mine.counts, theirs.counts)
-            assert mine.time == theirs.time
-    images = together.images()
-    assert images.shape == (6, 14, 6)
-    assert len({mine[0][-1].texel_forces.tobytes() for mine in several}) == 6
-    assert all(mine[0][-1].texel_forces.sum() > 3 for mine in several)
-    assert images.any()
-    assert not together.images(1).any()
+    with Batch(model, sensors, 5, processes=processes, seed=8) as batch:
+        together = [
+            [[*a, *b] for a, b in zip(*both, strict=True)]
+            for both in zip(batch.step(60, push), batch.step(60, push), strict=True)
+        ]
+        assert batch.images().shape == (5, 14, 6)
+        assert batch.images().any()
+        last = batch.visit(lift)
+        changed = batch.step(1)
+        batch.reset(seed=8)
+        again = batch.step(120, push)
+    for number in range(5):
+        alone = step_alone(model, sensors, number, 120, 8)
+        for mine, repeated, theirs in zip(together[number], again[number], alone, strict=True):
+            assert_equal(mine, theirs)
+            assert_equal(repeated, theirs)
+        assert np.array_equal(last[number], alone[1][-1].counts)
+        assert alone[0][-1].texel_forces.sum() > 3
+    assert len({mine[0][-1].texel_forces.tobytes() for mine in together}) == 5
+    assert len(changed) == 5
 
 
-def test_impossible_numbers_of_worlds_and_threads_are_refused():
+def test_noise_differs_between_worlds_sensors_seeds_and_episodes():
+    model, sensors = world("boxes")
+    counts = []
+    for seed in (None, 4):
+        batch = Batch(model, sensors, 4, seed=seed)
+        for _ in range(2):
+            counts += [new[1][0].counts for new in batch.step(5)]
+            batch.reset()
+    assert len({each.tobytes() for each in counts}) == 16
+    batch.reset(seed=4)
+    assert np.array_equal(batch.step(5)[2][1][0].counts, counts[10])
+    first = batch.step(60)[0]
+    assert (first[0][-1].counts != first[1][-1].counts).any()
+
+
+def stop(number, data):
+    raise ValueError(f"world {number} stops")
+
+
+@pytest.mark.slow
+def test_an_error_in_another_process_arrives():
+    model, sensors = world("boxes")
+    with Batch(model, sensors, 2, processes=2) as batch:
+        with pytest.raises(ValueError, match="world 0 stops"):
+            batch.step(1, stop)
+        assert len(batch.step(10)) == 2
+
+
+def test_impossible_numbers_and_foreign_models_are_refused():
     model, sensors = world("cover")
-    with pytest.raises(FastModelError, match="worlds and threads"):
+    with pytest.raises(FastModelError, match="worlds and processes"):
         Batch(model, sensors, 0)
+    with pytest.raises(FastModelError, match="worlds and processes"):
+        Batch(model, sensors, 2, processes=0)
+    with pytest.raises(FastModelError, match="negative"):
+        Batch(model, sensors, 2, seed=-1)
+    with pytest.raises(LifeCycleError):
+        Batch(mujoco.MjSpec().compile(), sensors, 2, processes=2)
+
+
+def test_the_options_of_a_model_are_warned_of_once():
+    model, sensors = world("boxes")
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        Batch(model, sensors, 4)
+    assert len(caught) == len(sensors)

@@ -9,6 +9,7 @@ from fastmodel.contact.interface import Reading
 from fastmodel.signal.chain import SignalChain
 from fastmodel.signal.functions import ChainFunctions
 from meshes import TexelArray
+from meshes.catalogue import ARRAYS
 
 ARRAY = TexelArray.grid(5, 4, 3e-3)
 ARRAY = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 7 != 3)
@@ -63,7 +64,7 @@ def run(functions, xp, forces, carried, noise):
     """The frames, made after every third sample."""
     state = functions.settle(xp.asarray(forces[0]), xp.asarray(carried[0]))
     made = []
-    for k in range(SAMPLES):
+    for k in range(len(forces)):
         state = functions.take(state, xp.asarray(forces[k]), xp.asarray(carried[k]))
         if k % EVERY == 0:
             state, output = functions.frame(state, xp.asarray(noise[k]))
@@ -90,6 +91,18 @@ def test_many_worlds_in_any_library_give_what_each_world_gives_alone(xp, electro
             assert mine["image"].dtype == np.uint8
             assert mine["counts"].dtype == np.int64
             assert mine["counts"].any()
+
+
+def test_4096_worlds_of_84_texels_equal_single_ones():
+    given = parameters(WTS_0614_34, array=ARRAYS["wts-0614-34"])
+    functions = ChainFunctions(given, RATE)
+    forces = np.random.default_rng(0).uniform(0, 2, (4, 4096, 84))
+    together = run(functions, np, forces, forces.sum(axis=-1), np.zeros(forces.shape))
+    for world in range(0, 4096, 512):
+        alone = run(functions, np, forces[:, world], forces[:, world].sum(axis=-1), np.zeros((4, 84)))
+        for one, all_worlds in zip(alone, together, strict=True):
+            np.testing.assert_allclose(all_worlds.texel_forces[world], one.texel_forces, atol=1e-12)
+            np.testing.assert_array_equal(all_worlds.image[world], one.image)
 
 
 def test_the_chain_of_a_sensor_computes_the_same():
