@@ -1,19 +1,67 @@
-"""Warnings about options of a model or of a sensor that reduce accuracy."""
+"""Warnings about a model in which a sensor measures less accurately, or less, than it could.
+
+Every warning is a sentence that says what is wrong and what to do.  The first part of the file judges the options of
+the model, the second part the geoms that share the force with the array or never touch it.
+"""
 
 from __future__ import annotations
 
+import re
 import warnings
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import mujoco
+import numpy as np
 
+from fastmodel.obstruction import find_span, sample_top
 from fastmodel.parameters import Parameters
+from meshes.array_types import BoolArray, IntArray
 
 #: Tolerance for comparisons of rates; it allows for rounding [-].
 _RATE_TOLERANCE = 1e-3
+#: Fewest iterations of the solver, and of its line search, that are not warned of [-].  A block that slides over box
+#: texels carries 11 % too much with 1 iteration and 3 % too little with 5 of both; from 10 on its weight.
+_FEWEST_ITERATIONS = 10
+#: Longest timestep that is not warned of [s].
+_LONGEST_STEP = 5e-3
+#: Depth below the top of the array from which on geoms of the same body carry no force [m].  Under MuJoCo's default
+#: softness, and 160 times the weight of the object, a pad carries 50 % of the force if it is flush with the array, 16 %
+#: if it lies 0.5 mm below, and none from 1 mm on.
+_CLEARANCE = 1e-3
+#: Cosine of the angle between the normals of two arrays below which they face one another [-].
+_FACING = -0.5
+#: Most names that a sentence lists.
+_MOST_NAMES = 4
+#: Height over the top of an array that counts as flush [m], and relative tolerance of comparisons of heights [-].
+_FLUSH, _ROUNDING = 5e-6, 1e-6
+#: Number of bits by which MuJoCo shifts the id of the first body in the signature of an excluded pair of bodies [-].
+_SIGNATURE_BITS = 16
+
+
+#: For every geom of a model, why it never touches an array; "" for geoms that can.
+Reasons = np.ndarray[Any, np.dtype[np.object_]]
 
 
 class OptionWarning(UserWarning):
-    """Warn of options of the model or of the sensor that reduce accuracy; the options stay as they are."""
+    """Warn of what `Sensor.check` finds in a model; nothing in the model is changed."""
+
+
+def find_geoms_of(model: mujoco.MjModel, name: str, suffix: str) -> IntArray:
+    """Find the ids of the geoms of a sensor.
+
+    Args:
+        model: The compiled model.
+        name: Name of the sensor in the model, without suffix.
+        suffix: Suffix of names in the model.
+    """
+    names = [model.geom(geom).name for geom in range(model.ngeom)]
+    for part in (r"(?:plate|texel)\d*", ".*"):  # the latter for contact methods of other packages
+        own = re.compile(f"{re.escape(name)}/{part}{re.escape(suffix)}")
+        found = [geom for geom, each in enumerate(names) if own.fullmatch(each)]
+        if found:
+            break
+    return np.array(found, dtype=np.int64)
 
 
 def list_options(model: mujoco.MjModel) -> tuple[float, ...]:
@@ -23,29 +71,245 @@ def list_options(model: mujoco.MjModel) -> tuple[float, ...]:
         model: The compiled model.
     """
     option = model.opt
-    numbers = (option.timestep, option.cone, option.solver, option.impratio, option.noslip_iterations)
-    return (*numbers, option.iterations, option.disableflags, option.enableflags)
+    numbers = (option.timestep, option.cone, option.solver, option.impratio)
+    return (*numbers, option.iterations, option.ls_iterations, option.disableflags, option.enableflags)
 
 
-def warn_of_options(parameters: Parameters, model: mujoco.MjModel, every: int) -> None:
-    """Warn of options of the model or of the sensor that reduce accuracy.
+def give_warnings(sentences: Iterable[str], stacklevel: int) -> None:
+    """Give sentences as warnings.
+
+    Args:
+        sentences: What `check_options` and `check_surroundings` found.
+        stacklevel: Number of the calling function that the warnings name, as for `warnings.warn`.
+    """
+    for sentence in sentences:
+        warnings.warn(sentence, OptionWarning, stacklevel=stacklevel + 1)
+
+
+def check_options(parameters: Parameters, model: mujoco.MjModel, every: int, geoms: IntArray) -> Iterator[str]:
+    """Find options of the model or of the sensor that reduce accuracy; yield a sentence about each.
 
     Args:
         parameters: The array and its cover.
         model: The compiled model with the sensor.
         every: Number of physics steps between two samples of the contact forces [-].
+        geoms: Ids of the geoms of the array.
     """
-    rate = parameters.electronics.rate_hz
-    sampled = 1.0 / (every * model.opt.timestep)
-    messages = []
-    if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL or model.opt.solver != mujoco.mjtSolver.mjSOL_NEWTON:
-        messages.append(
+    option, rate = model.opt, parameters.electronics.rate_hz
+    sampled = 1.0 / (every * option.timestep)
+    if option.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL or option.solver != mujoco.mjtSolver.mjSOL_NEWTON:
+        yield (
             "forces of sliding contacts are unsteady without Newton and elliptic cones; "
             "fastmodel.recommend_options(spec) sets them"
         )
+    if option.impratio < 1:
+        yield f"held objects creep with impratio {option.impratio:g}; fastmodel.recommend_options(spec) sets 10"
+    if min(option.iterations, option.ls_iterations) < _FEWEST_ITERATIONS:
+        yield (
+            f"the solver may stop before contact forces balance the loads, after {option.iterations} iterations with "
+            f"{option.ls_iterations} of the line search; MuJoCo's defaults, spec.option.iterations = 100 and "
+            f"ls_iterations = 50, suffice"
+        )
+    if option.timestep > _LONGEST_STEP:
+        yield (
+            f"forces of sliding contacts are unsteady with a timestep of {option.timestep:g} s; "
+            f"spec.option.timestep = 0.001 or 0.002 is better"
+        )
     if parameters.filter is not None and parameters.filter.cutoff_hz > rate / 2:
-        messages.append(f"cutoff_hz {parameters.filter.cutoff_hz:g} exceeds half the frame rate of {rate:g} Hz")
+        yield (
+            f"cutoff_hz {parameters.filter.cutoff_hz:g} exceeds half the frame rate of {rate:g} Hz; frames cannot show "
+            f"what the filter lets pass"
+        )
     if rate > sampled * (1 + _RATE_TOLERANCE):
-        messages.append(f"frames come at {sampled:g} Hz, not {rate:g} Hz: contact forces are sampled no more often")
-    for message in messages:
-        warnings.warn(message, OptionWarning, stacklevel=3)
+        yield (
+            f"frames come at {sampled:g} Hz, not {rate:g} Hz: contact forces are sampled no more often; a shorter "
+            f"timestep or a smaller `every` mends it"
+        )
+    yield from _check_flags(model, geoms)
+
+
+def _check_flags(model: mujoco.MjModel, geoms: IntArray) -> Iterator[str]:
+    """Find flags of the model that remove or change contact forces; yield a sentence about each."""
+    off, on = mujoco.mjtDisableBit, mujoco.mjtEnableBit
+    disabled, enabled = model.opt.disableflags, model.opt.enableflags
+    if disabled & (off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
+        yield (
+            "the array measures nothing, because contacts are switched off in this model; remove "
+            '<flag contact="disable"/> or <flag constraint="disable"/>'
+        )
+    can_touch = find_obstacles(model, geoms) == ""
+    if (
+        disabled & (off.mjDSBL_MULTICCD | off.mjDSBL_NATIVECCD)
+        and (model.geom_type[can_touch] == mujoco.mjtGeom.mjGEOM_MESH).any()
+    ):
+        yield (
+            "flat faces of meshes touch the array in one point or in changing points with <flag "
+            'multiccd="disable"/> or <flag nativeccd="disable"/>; remove them'
+        )
+    if enabled & on.mjENBL_OVERRIDE:
+        yield (
+            "the options o_margin, o_solref, o_solimp and o_friction replace those of the array and all other geoms; "
+            'remove <flag override="enable"/>, unless this is meant'
+        )
+    if enabled & on.mjENBL_SLEEP and _may_sleep(model, int(geoms[0])):
+        yield (
+            "objects that sleep have no contacts in MuJoCo, so that the force of an object at rest fades to 0; remove "
+            '<flag sleep="enable"/>, or set sleep="never" for the objects that touch the array'
+        )
+
+
+def _may_sleep(model: mujoco.MjModel, geom: int) -> bool:
+    """Return whether objects that touch a geom may sleep; an object stays awake while it touches a tree that does."""
+    awake = (mujoco.mjtSleepPolicy.mjSLEEP_NEVER, mujoco.mjtSleepPolicy.mjSLEEP_AUTO_NEVER)
+    tree = model.body_treeid[model.geom_bodyid[geom]]
+    trees = model.tree_sleep_policy if tree < 0 else model.tree_sleep_policy[tree : tree + 1]
+    return not np.isin(trees, [int(policy) for policy in awake]).all()
+
+
+def check_surroundings(
+    model: mujoco.MjModel, geoms: IntArray, name: str, *, inset: float, spacing: float
+) -> Iterator[str]:
+    """Find geoms that carry part of the force on an array, and geoms that never touch it; yield a sentence about each.
+
+    Args:
+        model: The compiled model with the sensor.
+        geoms: Ids of the geoms of the array.
+        name: Name of the sensor in the model.
+        inset: Width of the margin of the array's geoms around the texels [m].
+        spacing: Distance of the points at which the top of the array is examined [m].
+    """
+    data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)
+    mujoco.mj_kinematics(model, data)
+    yield from _check_flush_geoms(model, data, geoms, name, inset=inset, spacing=spacing)
+    colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)
+    others = colliding & (model.geom_bodyid != model.geom_bodyid[geoms[0]])
+    if others.any() and not (colliding & (obstacles == "")).any() and not model.nflex:
+        reasons = "; ".join(
+            f"{_list_geoms(model, others & (obstacles == why))}: {why}" for why in _sort(obstacles[others])
+        )
+        yield f"nothing in this model can touch array {name!r} ({reasons})"
+        return
+    tree = model.body_treeid[model.geom_bodyid]
+    elsewhere = others & (tree != tree[geoms[0]])
+    for why in _sort(obstacles[elsewhere]):
+        yield f"array {name!r} never touches {_list_geoms(model, elsewhere & (obstacles == why))}: {why}"
+    yield from _check_facing_arrays(model, data, geoms, name, obstacles)
+
+
+def _check_flush_geoms(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, *, inset: float, spacing: float
+) -> Iterator[str]:
+    """Find geoms that move with the array and reach the top of it; see `check_surroundings`."""
+    points, normals = sample_top(model, data, geoms, inset=inset, spacing=spacing)
+    weld = model.body_weldid[model.geom_bodyid]
+    rigid = _find_colliding(model) & (weld == weld[geoms[0]])
+    rigid[geoms] = False
+    for geom in rigid.nonzero()[0].tolist():
+        low, high = find_span(model, data, geom, points, normals)
+        shares = (high > -_CLEARANCE * (1 - _ROUNDING)) & (low < _CLEARANCE)
+        if shares.any():
+            top = float(high[shares].max())
+            yield (
+                f"{_describe_geom(model, geom)} lies {_describe_height(top)} the top of array {name!r} at "
+                f"{100 * shares.mean():.0f} % of it, and carries part of the force; "
+                f"{_advise_on_flush_geom(model, geom, int(geoms[0]))}move the array outwards by "
+                f"{1e3 * (top + _CLEARANCE):.2f} mm"
+            )
+
+
+def _describe_height(height: float) -> str:
+    """Describe the height of a geom over the top of an array [m]."""
+    if abs(height) < _FLUSH:
+        return "flush with"
+    return f"{1e3 * abs(height):.2f} mm {'above' if height > 0 else 'below'}"
+
+
+def _advise_on_flush_geom(model: mujoco.MjModel, geom: int, array: int) -> str:
+    """Say what removes a geom that carries part of the force on an array, one of whose geoms is given."""
+    if int(model.geom_type[geom]) in {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD}:
+        return ""  # a floor is needed elsewhere
+    if _find_sensor(model, geom):
+        return "move that array aside, or "
+    if model.geom_bodyid[geom] != model.geom_bodyid[array]:
+        return "set its contype and conaffinity to 0, or "
+    name = model.geom(geom).name
+    return f"give attach replaces={name!r}, or " if name else "give attach that geom of the spec as replaces=, or "
+
+
+def _check_facing_arrays(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, obstacles: Reasons
+) -> Iterator[str]:
+    """Find arrays that face an array but cannot touch it; see `check_surroundings`."""
+    normals, weld = data.geom_xmat[:, 2::3], model.body_weldid[model.geom_bodyid]
+    against = (normals @ normals[geoms].T).min(axis=1) < _FACING
+    found = against & (obstacles != "") & (weld != weld[geoms[0]])
+    reasons = {_find_sensor(model, geom): obstacles[geom] for geom in found.nonzero()[0].tolist()}
+    for other in sorted(set(reasons) - {""}):
+        yield f"arrays {name!r} and {other!r} face one another but never touch: {reasons[other]}"
+
+
+def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
+    """Find why each geom of a model can never touch an array, and what to do about it; "" for geoms that can.
+
+    Source: MuJoCo documentation, Computation, section "Collision detection", selection of pairs.
+
+    Args:
+        model: The compiled model.
+        geoms: Ids of the geoms of the array.
+
+    Returns:
+        Sentences, shape (geoms of the model,).
+    """
+    first, body = geoms[0], model.geom_bodyid
+    found = np.full(model.ngeom, "", dtype=object)
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    common = (types & affinities[first]) | (affinities & types[first])
+    found[common == 0] = (
+        "no bit of contype and conaffinity is common; set one, or add a <pair> with each geom of the array"
+    )
+    pairs = np.sort(np.column_stack([body, np.full(model.ngeom, body[first])]), axis=1)
+    excluded = np.isin((pairs[:, 0] << _SIGNATURE_BITS) + pairs[:, 1], model.exclude_signature)
+    found[excluded] = "an <exclude> names both bodies; remove it"
+    weld = model.body_weldid[body]
+    parent = model.body_weldid[model.body_parentid[weld]]
+    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        moving = (weld != 0) & (weld[first] != 0)
+        found[moving & ((parent == weld[first]) | (parent[first] == weld))] = (
+            "MuJoCo lets no parent and child collide; add a <pair> with each geom of the array, or "
+            '<flag filterparent="disable"/>'
+        )
+    found[weld == weld[first]] = "no joint lies between; give the object or the array a joint"
+    for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
+        found[one[np.isin(other, geoms)]] = ""
+    return found
+
+
+def _find_colliding(model: mujoco.MjModel) -> BoolArray:
+    """Return which geoms of a model can collide with any other geom, by their masks or as an explicit pair."""
+    found = (model.geom_contype | model.geom_conaffinity) != 0
+    found[np.concatenate([model.pair_geom1, model.pair_geom2])] = True
+    return np.asarray(found)
+
+
+def _find_sensor(model: mujoco.MjModel, geom: int) -> str:
+    """Return the name of the sensor that a geom belongs to, or "" if it belongs to none."""
+    found = re.fullmatch(r"(.+)/(?:plate|texel)\d*(.*)", model.geom(geom).name)
+    return "".join(found.groups()) if found else ""
+
+
+def _sort(reasons: Reasons) -> list[str]:
+    """Return the different reasons that are not empty, sorted."""
+    return sorted(set(reasons.tolist()) - {""})
+
+
+def _list_geoms(model: mujoco.MjModel, chosen: BoolArray) -> str:
+    """List the names of some geoms of a model, or the names of their bodies where they have none."""
+    names = list(dict.fromkeys(_describe_geom(model, geom) for geom in chosen.nonzero()[0].tolist()))
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
+
+
+def _describe_geom(model: mujoco.MjModel, geom: int) -> str:
+    """Describe a geom by its name and that of its body, or by the body alone if it has no name."""
+    name, body = model.geom(geom).name, model.body(model.geom_bodyid[geom]).name
+    return f"geom {name!r} of body {body!r}" if name else f"a geom without a name (id {geom}) of body {body!r}"

@@ -18,8 +18,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.check import warn_of_options
+from fastmodel.check import check_options, check_surroundings, find_geoms_of, give_warnings
 from fastmodel.compiled import report_slow_compilation
+from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import TexelContact
 from fastmodel.errors import LifeCycleError, check_type
@@ -32,6 +33,8 @@ from meshes.array_types import FloatArray
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  With this value the highest frequency
 #: that samples can represent, which is half the sampling rate, is at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
+#: Distance of the points at which `Sensor.check` examines the top of the array, over the pitch [-].
+_POINTS_APART = 0.5
 
 
 class Sensor:
@@ -114,7 +117,7 @@ class Sensor:
         check_type("suffix", suffix, str, "a str, as in spec.attach(child, suffix='_left')")
         self._running = self._start(model, prefix, suffix)
         self._prefix, self._suffix = prefix, suffix
-        warn_of_options(self.parameters, model, self._running.every)
+        give_warnings(self.check(model), stacklevel=2)
         return self
 
     def _start(self, model: mujoco.MjModel, prefix: str, suffix: str) -> RunningSensor:
@@ -128,6 +131,37 @@ class Sensor:
             reader.compile_kernels(mujoco.MjData(model))
         every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
         return RunningSensor(f"{name}{suffix}", parameters, reader, model, every)
+
+    def check(self, model: mujoco.MjModel) -> tuple[str, ...]:
+        """Find what makes this sensor measure less, or less accurately, than it could in a model.
+
+        These are: options and flags of the model; colliding geoms that move with the array and are flush with its top,
+        above it, or less than 1 mm below, where they carry part of the force; objects and facing arrays that can never
+        touch the array.  `bind` gives each sentence as an `OptionWarning`.
+
+        Args:
+            model: The model that was compiled from the spec with this array; prefix and suffix are those of `bind`.
+
+        Returns:
+            One sentence for each finding, which also says what to do; none if nothing was found.
+
+        Raises:
+            ArgumentTypeError: If the argument has a wrong type.
+            LifeCycleError: If the array is not in the model.
+        """
+        check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
+        array, name = self.parameters.array, f"{self._prefix}{self.name}"
+        geoms = find_geoms_of(model, name, self._suffix)
+        if not len(geoms):
+            advice = self._suggest_names(model, self._prefix, self._suffix)
+            raise LifeCycleError(f"array {name + self._suffix!r} is not in this model{advice}")
+        every = self._every or _choose_interval(self.parameters, self._contact, model.opt.timestep)
+        pitch = min(array.pitch)
+        margin = self._contact.plate.margin if isinstance(self._contact, CoverContact | Foundation) else 0
+        around = check_surroundings(
+            model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch
+        )
+        return (*check_options(self.parameters, model, every, geoms), *around)
 
     def step(self, data: mujoco.MjData) -> bool:
         """Update the sensor after one physics step; call this after every `mj_step`.
