@@ -61,6 +61,7 @@ class LoadingPath:
         targets: Target loads [N] or depths [m], ascending.
         control: Whether the targets are loads or depths.
         friction: Coefficient of Coulomb friction, inf for no slip [-].
+        baseline_friction: Coefficient of friction of the baseline that the solution is compared with, 0 or inf [-].
         load_scale: Factor on the targets and on the heights of the indenter [-].
         fields: Whether displacement and stress in the cover are part of the solution.
     """
@@ -70,6 +71,7 @@ class LoadingPath:
     targets: tuple[float, ...]
     control: Control
     friction: float = 0.0
+    baseline_friction: float = 0.0
     load_scale: float = 1.0
     fields: bool = False
 
@@ -91,8 +93,13 @@ class LoadingPath:
 
     @property
     def baseline(self) -> LoadingPath:
-        """This loading path without friction and at small strain."""
-        return replace(self, friction=0.0, load_scale=_SMALL_STRAIN_SCALE)
+        """This loading path at small strain and with the friction of the baseline."""
+        return replace(self, friction=self.baseline_friction, load_scale=_SMALL_STRAIN_SCALE)
+
+    @property
+    def has_friction_effect(self) -> bool:
+        """Whether the friction differs from that of the baseline."""
+        return self.friction != self.baseline_friction
 
 
 def choose_load_scale(cover: Cover) -> float:

@@ -76,10 +76,10 @@ def correct_path(
     accurate: Sequence[Sequence[GridSolution]],
     solve: Callable[[LoadingPath, Sequence[float]], SolvedPair],
 ) -> list[list[GridSolution]]:
-    """Solve a loading path by correcting its frictionless small-strain solution.
+    """Solve a loading path by correcting its small-strain solution without friction or, under flat faces, without slip.
 
-    Under a flat face without friction, small loads are corrected by the scaled effect at a larger load, which the grids
-    can resolve.  The contact area under a flat face is that of the small-strain solution.
+    Under a flat face with the friction of the baseline, small loads are corrected by the scaled effect at a larger
+    load, which the grids can resolve.  The contact area under a flat face is that of the small-strain solution.
 
     Args:
         path: Cover, indenter, target loads or depths, and friction.
@@ -92,7 +92,7 @@ def correct_path(
     """
     flat = path.indenter.is_flat
     solved_targets = list(path.targets)
-    if flat and not path.friction:
+    if flat and not path.has_friction_effect:
         least_depth = _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
         solved_targets = _raise_targets(path.targets, [grids[-1].depth / least_depth for grids in accurate])
     approach = {
@@ -103,7 +103,7 @@ def correct_path(
     baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
     out = []
     for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
-        limit = extrapolate_solutions(grids) if flat else grids[-1]
+        limit = extrapolate_solutions(grids) if flat and not path.baseline_friction else grids[-1]
         index = stops.index(solved)
         out.append(
             [

@@ -65,7 +65,9 @@ def count_refinements(path: LoadingPath) -> int:
     return len(GRIDS) - 3 if path.indenter.axisymmetric else 0
 
 
-def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> GridStudy:
+def study_path(
+    path: LoadingPath, progress: Progress, refinement: int = 0, sticking: GridStudy | None = None
+) -> GridStudy:
     """Solve a loading path on a wide cover on three grids.
 
     Corrections of the small-strain solution have no singularity under a sharp edge, so they are assumed to converge
@@ -75,6 +77,8 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         path: Cover, indenter, target loads or depths, and friction.
         progress: Called with a line of text after each step.
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
+        sticking: Small-strain solutions of a flat face without slip, which are then corrected instead of frictionless
+            ones.
 
     Returns:
         The solutions of every target with the element sizes and the expected order of convergence.
@@ -82,7 +86,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
     corrected = path.indenter.is_flat or not path.indenter.axisymmetric
     accurate = None
     if corrected:
-        accurate = small_strain.study_path(path, None, progress)
+        accurate = sticking or small_strain.study_path(path, None, progress)
         contact = accurate.solutions[-1][0].contact
         solve = partial(_solve_pair, contact=contact, progress=progress, refinement=refinement)
         solutions = correct_path(path, accurate.solutions, solve)
@@ -91,9 +95,9 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
     return GridStudy(
         solutions=solutions,
-        least_order=2.0 if corrected and not path.friction else 1.0,
+        least_order=2.0 if corrected and not path.has_friction_effect else 1.0,
         least_overlap=OVERLAP,
-        least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
+        least_error=LEAST_FRICTION_ERROR if path.has_friction_effect else 0.0,
         accurate=accurate,
         assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
         | (CONTACT_ASSUMPTION if corrected else {}),

@@ -192,13 +192,15 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
     small = path.cover.small_strain_only
     if small and not path.friction:
         return small_strain.study_path(path, place, progress, refinement)
-    if small and np.isinf(path.friction) and path.indenter.is_flat:
-        study = no_slip.study_path(path, place, progress)
-        if study is not None:
-            return study
+    sticking = None
+    if np.isinf(path.friction) and path.indenter.is_flat:
+        sticking = no_slip.study_path(path, place, progress)
+        if sticking is not None and small:
+            return sticking
+        path = replace(path, baseline_friction=0.0 if sticking is None else np.inf)
     if path.cover.size is None:
-        return finite_strain.study_path(path, progress, refinement)
-    return finite_cover.study_path(path, place, progress)
+        return finite_strain.study_path(path, progress, refinement, sticking)
+    return finite_cover.study_path(path, place, progress, sticking)
 
 
 def _count_refinements(path: LoadingPath) -> int:

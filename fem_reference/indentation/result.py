@@ -36,7 +36,8 @@ class Indentation:
 
     Attributes:
         texel_forces: Normal force on each of n texels, shape (n,) [N].
-        outside: Force that acts on the base outside the active texels [N], computed independently of the load.
+        outside: Force that acts on the base outside the active texels [N], computed independently of the load; in three
+            dimensions at finite strain or with friction, the whole base reaction minus `texel_forces`.
         total_force: Normal force on the indenter [N].
         balance: Sum of `texel_forces` and `outside` over `total_force`, minus 1 [-].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
@@ -134,7 +135,7 @@ def _estimate_errors(
 ) -> dict[str, float]:
     """Estimate the relative errors of force, depth, the force on the texel of index `peak`, and contact area [-].
 
-    A solution that corrects a small-strain solution has the errors of both.
+    A solution that corrects another one has the errors of both.
 
     Args:
         study: Solutions of every target, and properties of the three grids.
@@ -156,8 +157,10 @@ def _estimate_errors(
         "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
     }
     parts = [(study, grids)]
-    if study.accurate is not None:
-        parts.append((study.accurate, _fix_place(study.accurate.solutions[number], place)))
+    corrected = study.accurate
+    while corrected is not None:
+        parts.append((corrected, _fix_place(corrected.solutions[number], place)))
+        corrected = corrected.accurate
     for part, solutions in parts:
         for name, quantity in quantities.items():
             errors[name] += part.estimate_error(solutions, quantity)
