@@ -16,8 +16,8 @@ from fem_reference import result_store
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation.finite_strain import choose_reach
 from fem_reference.indentation.rounding import choose_fillet
+from fem_reference.linear_response.mesh_reach import choose_reach
 from fem_reference.linear_response.point_spread import PointSpread
 from meshes import Cover, Sphere
 from meshes.array_types import FloatArray

@@ -34,10 +34,9 @@ from fem_reference.indentation.correction import (
 )
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
 from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
-from fem_reference.linear_response.membrane_tension import membrane_length
+from fem_reference.linear_response.mesh_reach import choose_reach, choose_solid_reach, warn_of_boundary
 from fem_reference.linear_response.point_spread import PointSpread
-from fem_reference.linear_response.surface_compliance import decay_length
-from meshes import Cover, TexelArray
+from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
@@ -47,15 +46,6 @@ Progress = Callable[[str], None] | None
 #: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
 #: finest, and its error [-].
 GRIDS = (6, 9, 13, 19, 28)
-#: Distance of the outer boundary, where all displacements are zero, over the decay length of the cover's response: part
-#: of the radius of axisymmetric meshes, and distance from the contact in three dimensions [-].
-_REACH, _SOLID_REACH = 12.0, 7.0
-#: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
-_REACH_RADII = 1.5
-#: Least radius of axisymmetric meshes for a stiff top layer: over the distance over which the stretch of that layer
-#: decays, which leaves 0.1 % of the texel forces, and at most so many thicknesses, because the factorisation fails for
-#: longer elements [-].
-_REACH_MEMBRANE, _LONGEST = 0.3, 40.0
 #: Number of Gauss points along each side of a texel, for the integral of the base pressure [-].
 _TEXEL_POINTS = 16
 
@@ -101,20 +91,8 @@ def study_path(
         accurate=accurate,
         assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
         | (CONTACT_ASSUMPTION if corrected else {}),
-        warnings=_warn_of_boundary(path.cover),
+        warnings=warn_of_boundary(path.cover),
     )
-
-
-def _warn_of_boundary(cover: Cover) -> tuple[str, ...]:
-    """State that a stiff foil reaches beyond the outer boundary of the meshes, if it does."""
-    wanted = _REACH_MEMBRANE * membrane_length(cover)
-    if wanted <= max(_LONGEST * cover.thickness, _REACH * decay_length(cover)):
-        return ()
-    sentence = (
-        f"the stiff top reaches {wanted * 1e3:.3g} mm in its plane, beyond the fixed outer boundary of the mesh: the "
-        "cover is stiffer than a wide one, which no error estimate contains"
-    )
-    return (sentence,)
 
 
 def _solve_pair(
@@ -135,7 +113,7 @@ def _solve_pair(
         return baseline, full
     half_x, half_y = indenter.footprint if indenter.is_flat else np.abs(contact[:, :2]).max(axis=0)
     fillet = choose_fillet(cover.thickness, indenter)
-    reach = _SOLID_REACH * decay_length(cover)
+    reach = choose_solid_reach(cover)
 
     def lay_out_grid(count: int) -> Block:
         """Return the block to mesh with `count` elements through the cover."""
@@ -171,17 +149,6 @@ def integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) ->
     value = np.where(inside, spline.ev(x, y), 0.0)
     force = np.where(array.active, value @ np.outer(weights, weights).ravel() * half[0] * half[1], 0.0)
     return np.append(force, spline.integral(grid_x[0], grid_x[-1], grid_y[0], grid_y[-1]) - force.sum())
-
-
-def choose_reach(cover: Cover, contact_radius: float) -> float:
-    """Choose the radius of an axisymmetric mesh, at whose outer boundary all displacements are zero [m].
-
-    Args:
-        cover: Laterally wide cover.
-        contact_radius: Estimated radius of the largest contact [m].
-    """
-    reach = _REACH * decay_length(cover) + _REACH_RADII * contact_radius
-    return max(reach, min(_REACH_MEMBRANE * membrane_length(cover), _LONGEST * cover.thickness))
 
 
 def _solve_axisymmetric(

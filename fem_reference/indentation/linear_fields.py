@@ -22,7 +22,7 @@ from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.indentation.finite_cover import lay_out_cover
 from fem_reference.linear_response import axisymmetric
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.mesh_reach import choose_linear_reach, choose_solid_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import FlatPunch
@@ -31,10 +31,6 @@ from meshes.pose import Place, PlanarPose
 
 #: Number of elements through the cover, axisymmetric and in three dimensions [-].
 _COUNT, _SOLID_COUNT = 16, 4
-#: Distance of the outer boundary, where all displacements are zero, over the decay length of the cover's response [-].
-_REACH, _SOLID_REACH = 12.0, 7.0
-#: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
-_REACH_RADII = 1.5
 #: Radius of the region of small elements over the contact radius, and number of elements over the contact radius [-].
 _FINE_REGION, _ACROSS = 1.3, 24
 #: Growth of axisymmetric elements outside this region, times the number of elements through the cover [-].
@@ -92,7 +88,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) ->
     cover = units.scale_cover(path.cover)
     r = np.hypot(contact[:, 0], contact[:, 1]) / units.length
     radius = float(r.max())
-    reach = _REACH * decay_length(path.cover) / units.length + _REACH_RADII * radius
+    reach = choose_linear_reach(path.cover, radius * units.length) / units.length
     size = min(1 / _COUNT, radius / _ACROSS)
     radii = grade_outward(size, _FINE_REGION * radius, reach, 1 + _GROWTH / _COUNT)
     mesh, region = axisymmetric.mesh_cover(cover, _COUNT, radii, surface_size=size)
@@ -111,7 +107,7 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
     """Solve for the fields in a block of a wide cover, in the frame of the indenter."""
     unit = path.units.length
     halves = np.abs(contact[:, :2]).max(axis=0) / unit
-    reach = _SOLID_REACH * decay_length(path.cover) / unit
+    reach = choose_solid_reach(path.cover) / unit
     symmetric = path.indenter.mirror_symmetry
     sides, sizes = [], []
     for half, mirror in zip(halves.tolist(), symmetric, strict=True):
