@@ -74,8 +74,7 @@ def press_paired(
 
     The initial guess of the baseline at each target is the undeformed state at the given depth.  The initial guess of
     the full solution is the scaled baseline plus the difference found on a coarser grid.  Targets are reached in steps
-    where these guesses fail, and always with friction that the baseline lacks, because slip depends on the loading
-    history.
+    where these guesses fail, and always with friction, because slip depends on the loading history.
 
     Args:
         path: Cover, indenter, targets and friction.
@@ -101,13 +100,12 @@ def press_paired(
     undeformed = np.zeros(elements.displacements + elements.pressures)
     guesses = [Guess(state=undeformed, depth=scale * depth / units.length) for depth in approaches]
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
-    steps = FRICTION_STEPS * elements_per_thickness
-    baseline = _follow(path.baseline, block, small_strain_solid, guesses, tell, friction_steps=steps)
+    baseline = _follow(path.baseline, block, small_strain_solid, guesses, tell, friction_steps=0)
     # Full path.
     ratio = path.load_scale / scale
-    guesses = [] if path.has_friction_effect else _guess_full(path, block, baseline, elements, coarser)
+    guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
     full_solid = small_strain_solid if path.load_scale == scale else solid
-    full = _follow(path, block, full_solid, guesses, progress, friction_steps=steps)
+    full = _follow(path, block, full_solid, guesses, progress, friction_steps=FRICTION_STEPS * elements_per_thickness)
     before = [describe_state(small_strain_solid, units, each, block) for each in baseline]
     after = [
         replace(describe_state(full_solid, units, each, block), fields=_recover_fields(path, solid, block, each))
@@ -137,9 +135,7 @@ def _guess_full(
     solutions = [each.penalty_solution for each in baseline]
     scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]
     no_change = Guess(state=np.zeros_like(solutions[0].state), depth=0.0)
-    # Interpolated between grids, a change would move points that stick, and the springs would pull on them.
-    alone = [no_change] * len(scaled)
-    changes = alone if coarser is None or path.friction else coarser.transfer_changes(elements)
+    changes = [no_change] * len(scaled) if coarser is None else coarser.transfer_changes(elements)
     surface = replace(block.surface, load_scale=path.load_scale)
     return [add_change(*each, elements, surface) for each in zip(scaled, changes, strict=True)]
 

@@ -50,17 +50,13 @@ _ON_SIDE = 1e-9
 _SAMPLES = 801
 
 
-def study_path(
-    path: LoadingPath, place: Place, progress: Callable[[str], None] | None, sticking: GridStudy | None = None
-) -> GridStudy:
+def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> GridStudy:
     """Solve a loading path on three grids for one pose of the indenter.
 
     Args:
         path: Cover of limited size, indenter, targets and friction.
         place: Array under the cover, and pose of the indenter.
         progress: Called with a line of text after each step.
-        sticking: Small-strain solutions of a flat face without slip, which are then corrected instead of frictionless
-            ones.
 
     Returns:
         The solutions of every target with the element sizes and the expected order of convergence.
@@ -74,7 +70,7 @@ def study_path(
             "a cover of limited size that slides on its base stays where it is only under a shape that mirrors in both "
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
-    accurate = sticking or small_strain.study_path(path, place, progress)
+    accurate = small_strain.study_path(path, place, progress)
     fillet = choose_solid_fillet(cover.thickness, indenter)
     points = accurate.solutions[-1][0].contact[:, :2]
     if isinstance(indenter, FlatPunch):
@@ -89,9 +85,9 @@ def study_path(
     )
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, partial(solve_block_pair, model=model, progress=progress)),
-        least_order=1.0 if path.has_friction_effect else 2.0,
+        least_order=1.0 if path.friction else 2.0,
         least_overlap=OVERLAP,
-        least_error=LEAST_FRICTION_ERROR if path.has_friction_effect else 0.0,
+        least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
         accurate=accurate,
         assumptions=state_rounding(indenter, fillet) | CONTACT_ASSUMPTION,
     )

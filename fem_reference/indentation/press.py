@@ -193,14 +193,16 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
     if small and not path.friction:
         return small_strain.study_path(path, place, progress, refinement)
     sticking = None
-    if np.isinf(path.friction) and path.indenter.is_flat:
+    in_plane = path.cover.size is None and path.indenter.axisymmetric
+    if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
         sticking = no_slip.study_path(path, place, progress)
         if sticking is not None and small:
             return sticking
+        # Not in three dimensions: there the estimate does not cover the error (4.8 % with a 4 mm cylinder on a pad).
         path = replace(path, baseline_friction=0.0 if sticking is None else np.inf)
     if path.cover.size is None:
         return finite_strain.study_path(path, progress, refinement, sticking)
-    return finite_cover.study_path(path, place, progress, sticking)
+    return finite_cover.study_path(path, place, progress)
 
 
 def _count_refinements(path: LoadingPath) -> int:
