@@ -146,6 +146,21 @@ def test_jax_compiles_the_functions_and_differentiates_them():
     np.testing.assert_allclose(slope, np.broadcast_to(gain * share, slope.shape), rtol=1e-9)
 
 
+def test_hysteresis_remembers_the_frames_before():
+    """Loading and unloading differ by twice the width of the play operator times its share."""
+    electronics = dataclasses.replace(
+        WTS_0614_34, offset=0.0, sensitivity=1000.0, hysteresis_share=0.3, hysteresis_width=0.05
+    )
+    functions = ChainFunctions(parameters(electronics, filter=None), RATE, spreads=False)
+    state, counts = functions.settle(np.zeros((2, ARRAY.count))), []
+    for force in [*np.arange(11), *np.arange(11)[::-1]]:
+        state = functions.take(state, np.full((2, ARRAY.count), 0.1 * force))
+        state, output = functions.frame(state)
+        counts.append(output.counts[:, ARRAY.active])
+    loading, unloading = np.array(counts[:11]), np.array(counts[:10:-1])
+    np.testing.assert_allclose((unloading - loading)[2:-2], 2 * 0.3 * 0.05 * 1000, atol=1)
+
+
 def test_no_argument_is_changed():
     forces, _, noise = inputs()
     functions = ChainFunctions(parameters(), RATE)
