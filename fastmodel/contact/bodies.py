@@ -71,6 +71,12 @@ class Bodies:
             if not np.array_equal(find_vertices(self._model, geom), vertices):
                 self._shapes.clear()
 
+    def find_shapes(self) -> None:
+        """Describe the shapes of all bodies that can touch the array, so that none is described at its first touch."""
+        for body in np.unique(self.of_geom[:-1][self._collides()]).tolist():
+            if body >= 0 and body != self.of_geom[self._own[0]]:
+                self.find_shape(body)
+
     def find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
         """Find the ids of the geoms of a body that can collide with the array, and describe their shapes."""
         if body not in self._shapes:

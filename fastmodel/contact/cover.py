@@ -24,8 +24,8 @@ from fastmodel.pose import Pose
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
 from fastmodel.pressure.cover_kernels import CoverCells
-from fastmodel.pressure.gap import ELLIPSOID, Solid
-from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.gap import Solid
+from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody
 from fastmodel.pressure.winkler import FoundationSolver
 from fastmodel.state import State, pack, take_array, unpack
 from fastmodel.validity import FEWEST_CELLS
@@ -248,13 +248,8 @@ class _PressureReader:
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile every kernel by solving the contact of a ball of one pitch in diameter under a load of 1 N."""
         self._plate.compile_kernels(data)
-        size, low, edge = self._grid.arrays
-        radius = np.full(3, 0.5 * float(edge.max()) * self._grid.per_texel)
-        ball = Solid(kind=ELLIPSOID, size=radius, planes=np.zeros((0, 4)), centre=np.zeros(3), half=radius)
-        position = np.array([[*(low + 0.5 * size * edge), radius[0]]])
-        pose = PosedBody(shape=BodyShape(solids=(ball,)), rotation=np.eye(3)[None], position=position)
-        samples = sample_gap(self._grid, [pose], [np.inf])
-        self._solver.solve(samples, (Load(force=1.0, moment=np.zeros(2), tilts=False),))
+        contact = self._plate.imitate_ball(0.5 * float(max(self._grid.edge)) * self._grid.per_texel)
+        self._solver.solve(self._plate.sample_gap(contact, [np.inf]), contact.loads)
         self._solver.reset()
 
     def read(self, data: mujoco.MjData) -> Reading:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fastmodel.contact.force_kernels import FRONT
 from fastmodel.contact.panel_layout import PanelCells, PanelLayout
-from fastmodel.contact.plate import Plate, PlateContact, PlateReader
+from fastmodel.contact.plate import Plate, PlateContact, PlateReader, press_ball
 from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
@@ -243,6 +243,14 @@ class PanelReader(PlateReader):
         slides = self._joints.find_slides(data, body) @ axes
         rotates = self._joints.let_tilt(data, body, axes[:, 2])
         return Wrench.along_free_directions(vector, moment, slides, rotates=rotates)
+
+    def imitate_ball(self, radius: float) -> PlateContact:
+        """Make the contact of a ball with the first panel; see `PlateReader.imitate_ball`."""
+        panel = self._panels[0].panel
+        normal = panel.axes[:, 2]
+        centre = panel.origin + radius * normal
+        wrench = Wrench.along_free_directions(normal, np.cross(centre, normal), np.zeros((0, 3)), rotates=True)
+        return press_ball(radius, centre, wrench)
 
     def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
         """Sample the gap under every body, on the cells of every panel on which the body's force may press."""

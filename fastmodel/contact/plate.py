@@ -23,7 +23,8 @@ from fastmodel.errors import StateError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
-from fastmodel.pressure.gap_sampling import GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.gap import ELLIPSOID, Solid
+from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
@@ -163,6 +164,28 @@ def _are_equal(one: FloatArray, other: FloatArray, tolerance: float, length: flo
     return bool(apart[:, :2].max() <= tolerance * length and apart[:, 2].max() <= tolerance * size)
 
 
+def press_ball(radius: float, centre: FloatArray, load: Load) -> PlateContact:
+    """Make the contact of a ball.
+
+    Args:
+        radius: Radius of the ball [m].
+        centre: Centre of the ball in the array's frame, shape (3,) [m].
+        load: Load of the ball.
+    """
+    half = np.full(3, radius)
+    ball = Solid(kind=ELLIPSOID, size=half, planes=np.zeros((0, 4)), centre=np.zeros(3), half=half)
+    pose = PosedBody(shape=BodyShape(solids=(ball,)), rotation=np.eye(3)[None], position=centre[None])
+    return PlateContact(
+        bodies=(0,),
+        loads=(load,),
+        poses=(pose,),
+        owner=np.zeros(0, dtype=np.int64),
+        touches=_NO_POINTS,
+        points=_NO_POINTS,
+        beside=0.0,
+    )
+
+
 class PlateReader:
     """Reader that finds the bodies that press on the plate, and samples the gap under these bodies."""
 
@@ -234,6 +257,18 @@ class PlateReader:
         for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
             self._sum_forces(contacts, self._geom, self._bodies.of_geom, axes, origin)
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
+        self._bodies.find_shapes()
+
+    def imitate_ball(self, radius: float) -> PlateContact:
+        """Make the contact of a ball with the middle of the array under a load of 1 N; see `compile_kernels`.
+
+        Args:
+            radius: Radius of the ball [m].
+        """
+        size, low, edge = self._grid.arrays
+        return press_ball(
+            radius, np.array([*(low + 0.5 * size * edge), radius]), Load(force=1.0, moment=np.zeros(2), tilts=False)
+        )
 
     def _find_loads(self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray) -> PlateContact:
         """Find the bodies that press, their loads and poses; a force that is not finite makes the loads so."""

@@ -13,6 +13,7 @@ differences only.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -27,6 +28,8 @@ _NOT_SOLID = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 #: Decimal places to which the plane equations of two triangles of a convex hull are compared; triangles in the same
 #: plane count as one face [-].
 _FACE_DECIMALS = 6
+#: Number of meshes whose planes are kept for other sensors and other worlds of the same model [-].
+_MOST_HULLS = 1000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +71,7 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
             number, planes = POLYTOPE, np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(size + edge, 2)])
         case kinds.mjGEOM_MESH:
             vertices = find_vertices(model, geom)
-            number, planes = POLYTOPE, _find_hull_planes(vertices, edge)
+            number, planes = POLYTOPE, _find_hull_planes(vertices.tobytes(), edge)
             middle, half = (vertices.max(axis=0) + vertices.min(axis=0)) / 2, np.ptp(vertices, axis=0) / 2
         case kinds.mjGEOM_SPHERE:
             number, planes, half = ELLIPSOID, no_planes, np.repeat(size[0], 3)
@@ -100,14 +103,22 @@ def find_vertices(model: mujoco.MjModel, geom: int) -> FloatArray:
     return np.array(model.mesh_vert[first : first + count], dtype=np.float64)
 
 
-def _find_hull_planes(vertices: FloatArray, edge: float) -> FloatArray:
+@lru_cache(maxsize=_MOST_HULLS)
+def _find_hull_planes(vertices: bytes, edge: float) -> FloatArray:
     """Find the planes of the f flat faces of the convex hull of n vertices, moved outwards by `edge`, shape (f, 4).
 
     The columns are the outward normal [-] and the offset [m].
+
+    Args:
+        vertices: The bytes of an array of vertices, shape (n, 3) [m]; planes of equal vertices are computed once.
+        edge: Distance by which the planes are moved [m].
     """
     from scipy.spatial import ConvexHull
 
-    equations = ConvexHull(vertices).equations
-    scale = np.array([1, 1, 1, 1 / np.ptp(vertices, axis=0).max()])
+    corners = np.frombuffer(vertices).reshape(-1, 3)
+    equations = ConvexHull(corners).equations
+    scale = np.array([1, 1, 1, 1 / np.ptp(corners, axis=0).max()])
     _, kept = np.unique(np.round(equations * scale, _FACE_DECIMALS), axis=0, return_index=True)
-    return np.column_stack([equations[kept, :3], edge - equations[kept, 3]])
+    planes = np.column_stack([equations[kept, :3], edge - equations[kept, 3]])
+    planes.flags.writeable = False
+    return planes
