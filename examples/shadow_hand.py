@@ -271,7 +271,7 @@ def record(hand: Hand, path: Path, *, note: str) -> Run:
             seconds += time.perf_counter() - resumed
             for index, sensor in enumerate(hand.sensors.values()):
                 frame = sensor.frame()
-                file.add_frame(index, Clocks(begun + round(1e9 * now)), frame.counts, texel_forces=frame.texel_forces)
+                file.add_simulated_frame(index, Clocks(begun + round(1e9 * now)), frame)
             times.append(now)
             forces.append([sensor.carried() for sensor in hand.sensors.values()])
             if len(moments) < len(MOMENTS) and now >= MOMENTS[len(moments)][1]:

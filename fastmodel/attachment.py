@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
-from fastmodel.contact.overlap import refuse_overlaps
 from fastmodel.errors import FastModelError, UnknownNameError, check_type
+from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
 from fastmodel.sensor import Sensor

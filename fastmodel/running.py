@@ -69,7 +69,7 @@ class RunningSensor:
         settled = np.broadcast_to(contact_forces, (self._count,))
         if not np.isfinite(settled).all():
             raise StateError("contact forces to start from must be finite")
-        self.reading: Reading = self._reader.at_rest(settled)
+        self.reading: Reading = self._reader.add_net_force(self._reader.at_rest(settled))
         self.chain.settle(self.reading)
         self._steps = self._frames = 0
         self._time = self._start = math.nan
@@ -88,6 +88,7 @@ class RunningSensor:
             reading = self._reader.read(data)
             if not math.isfinite(reading.carried):
                 raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
+            reading = self._reader.add_net_force(reading, data)
             self.chain.take(reading)
             self.reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):

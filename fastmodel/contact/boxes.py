@@ -17,6 +17,7 @@ from fastmodel.contact.bodies import Bodies
 from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, press_boxes, read_contacts
 from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.interface import Reading
+from fastmodel.contact.net_force import NetForceReader
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
@@ -103,11 +104,15 @@ class BoxReader:
         self._texel_of[geoms] = np.arange(len(geoms))
         self._bodies = Bodies(model, geoms, name)
         self._press_boxes = compile_kernel(press_boxes)
+        axes = np.stack([*(each[0] for each in find_tangents(array)), array.normals[0]], axis=-1)
+        middle = array.centres[0] - model.geom_size[geoms[0], 2] * array.normals[0]
+        self._net_force = NetForceReader(model, array, geoms, axes=axes, middle=middle, neighbours=self._neighbours)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernel; see `ContactReader.compile_kernels`."""
         for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
             self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._neighbours)
+        self._net_force.compile_kernels(data)
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of the last simulation step; see `ContactReader.read`.
@@ -136,6 +141,10 @@ class BoxReader:
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""
         return Reading(contact_forces, None, float(contact_forces.sum()))
+
+    def add_net_force(self, reading: Reading, data: mujoco.MjData | None = None) -> Reading:
+        """Return a reading with net force and the tangential force on each box; see `ContactReader.add_net_force`."""
+        return self._net_force.add(reading, data)
 
     def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:  # noqa: ARG002
         """Share the forces of a state among the texels: here each box keeps its own, shape (n,) [N].

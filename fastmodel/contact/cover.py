@@ -228,11 +228,8 @@ class _PressureReader:
         self._solved = None
         self._solver.reset()
         self._plate.reset()
-        return Reading(
-            contact_forces=contact_forces,
-            texel_forces=None if self._base is None else self._base.from_texels(contact_forces),
-            carried=float(contact_forces.sum()),
-        )
+        base = None if self._base is None else self._base.from_texels(contact_forces)
+        return Reading(contact_forces, base, float(contact_forces.sum()))
 
     def get_state(self) -> State:
         """Return the last solution and what the next one starts from; see `ContactReader.get_state`."""
@@ -260,6 +257,10 @@ class _PressureReader:
         if self._solved is None or not contact.equals(self._solved[0], _UNCHANGED, min(self._grid.edge)):
             self._solved = (contact, self._solve(contact))
         return self._solved[1]
+
+    def add_net_force(self, reading: Reading, data: mujoco.MjData | None = None) -> Reading:
+        """Return a reading with net force and shear; see `ContactReader.add_net_force`."""
+        return self._plate.net_force.add(reading, data)
 
     def _solve(self, contact: PlateContact) -> Reading:
         """Compute the cell forces with a sufficient reach for each body, and sum the forces over texels."""

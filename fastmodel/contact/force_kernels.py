@@ -3,7 +3,8 @@
 The force f of a contact acts on the second geom of the contact, and -f acts on the first.  MuJoCo gives f in the frame
 of the contact, whose rows are the contact normal and two tangents.  With elliptic friction cones MuJoCo stores f
 itself.  With pyramidal cones MuJoCo stores edge forces e: the normal force is their sum, and the i-th tangential force
-is mu_i (e_2i - e_2i+1), with friction coefficient mu_i.  Components from the fourth on are torques, which are not used.
+is mu_i (e_2i - e_2i+1), with friction coefficient mu_i.  Components from the fourth on are the torques of torsional and
+rolling friction about the axes of the contact.
 Source: MuJoCo documentation, Computation, section "Contact".
 
 All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
@@ -66,18 +67,21 @@ def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts,
 
 @called_by_kernels
 def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
-    """Compute the normal and two tangential components of contact k's force, and write them to `force` (3,) [N]."""
+    """Compute normal and two tangential components of contact k's force, and its torques if `force` has room for them.
+
+    They are written to `force`, shape (3,) or (6,) [N, N m].
+    """
     _, address, dim, _, friction, _, _, efc_force, pyramidal = contacts
     force[:] = 0.0
     first = address[k]
     if pyramidal and dim[k] > 1:
         for edge in range(2 * (dim[k] - 1)):
             force[0] += efc_force[first + edge]
-        for axis in range(1, min(dim[k], 3)):
+        for axis in range(1, min(dim[k], len(force))):
             edge = first + 2 * (axis - 1)
             force[axis] = friction[k, axis - 1] * (efc_force[edge] - efc_force[edge + 1])
     else:
-        for axis in range(min(dim[k], 3)):
+        for axis in range(min(dim[k], len(force))):
             force[axis] = efc_force[first + axis]
 
 
@@ -126,6 +130,58 @@ def press_boxes(
                 pressed[k, side] = own
                 total[texel] += own
     return pressed, total, beside
+
+
+def sum_wrench(
+    contacts: Contacts,
+    geom_xmat: FloatArray,
+    part_of: IntArray,
+    neighbours: BoolArray,
+    pose: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray]:
+    """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
+
+    Args:
+        contacts: The contacts.
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        part_of: Index of the box or plate of every geom, -1 for geoms that are not of the array, shape (geoms + 1,).
+        neighbours: Whether each box has a neighbour at its sides -x, +x, -y, +y, as for `press_boxes`, shape (m, 4).
+        pose: Axes of the array in the world, as columns, shape (3, 3) [-], and its origin in the world, shape (3,) [m].
+
+    Returns:
+        Force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the part of the force
+        that acts on the front of each box or plate, in the frame of the array, shape (m, 3) [N].
+    """
+    geom, address, _, frame, _, pos, _, _, _ = contacts
+    axes, origin = pose
+    wrench, fronts = np.zeros(6), np.zeros((len(neighbours), 3))
+    local, facing, force, torque, lever = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    for k in range(len(geom)):
+        if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
+            continue
+        _decode_force(contacts, k, local)
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            part = part_of[geom[k, side]]
+            if part < 0:
+                continue
+            box = geom_xmat[geom[k, side]]
+            facing[:], force[:], torque[:], lever[:] = 0.0, 0.0, 0.0, 0.0
+            for j in range(3):
+                for i in range(3):
+                    facing[j] -= sign * frame[k, i] * box[3 * i + j]
+                    lever[j] += (pos[k, i] - origin[i]) * axes[i, j]
+                    for axis in range(3):
+                        force[j] += sign * local[axis] * frame[k, 3 * axis + i] * axes[i, j]
+                        torque[j] += sign * local[3 + axis] * frame[k, 3 * axis + i] * axes[i, j]
+            for j in range(3):
+                one, two = (j + 1) % 3, (j + 2) % 3
+                wrench[j] += force[j]
+                wrench[3 + j] += torque[j] + lever[one] * force[two] - lever[two] * force[one]
+            axis = 0 if abs(facing[0]) > abs(facing[1]) else 1
+            inside = facing[2] > -abs(facing[axis]) and neighbours[part, 2 * axis + (1 if facing[axis] > 0 else 0)]
+            if facing[2] >= FRONT or inside:
+                fronts[part] += force
+    return wrench, fronts
 
 
 def sum_forces(

@@ -29,6 +29,11 @@ class Reading(NamedTuple):
             None if the contact method does not compute the approach.
         fewest_cells: Number of cells under pressure, of the body that presses on the fewest; None if the contact method
             has no cells [-].
+        wrench: Force that all contacts exert on the array, at its sides and back too, and their torque about its
+            origin, in its frame, shape (6,); None if the contact method does not compute them [N, N m].
+        tangential: Tangential force on each texel along its two tangents (x and y of a flat array), before spread,
+            shape (n, 2); None if the contact method does not compute it [N].
+        tangential_source: How the tangential forces were found, see `Frame.tangential_source`.
     """
 
     contact_forces: FloatArray
@@ -36,6 +41,9 @@ class Reading(NamedTuple):
     carried: float
     approach: FloatArray | None = None
     fewest_cells: int | None = None
+    wrench: FloatArray | None = None
+    tangential: FloatArray | None = None
+    tangential_source: str = ""
 
 
 class TexelContact(Protocol):
@@ -106,4 +114,12 @@ class ContactReader(Protocol):
 
         Raises:
             StateError: If an array is missing.
+        """
+
+    def add_net_force(self, reading: Reading, data: mujoco.MjData | None = None) -> Reading:
+        """Return a reading with net force, net torque and tangential forces.
+
+        Args:
+            reading: What `read` or `at_rest` returned.
+            data: The state that was read; None for the reading of given contact forces.
         """

@@ -18,6 +18,7 @@ from fastmodel.contact.bodies import Bodies
 from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, read_contacts, sum_forces
 from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.joints import Joints
+from fastmodel.contact.net_force import NetForceReader
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
 from fastmodel.errors import StateError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
@@ -187,7 +188,11 @@ def press_ball(radius: float, centre: FloatArray, load: Load) -> PlateContact:
 
 
 class PlateReader:
-    """Reader that finds the bodies that press on the plate, and samples the gap under these bodies."""
+    """Reader that finds the bodies that press on the plate, and samples the gap under these bodies.
+
+    Attributes:
+        net_force: Reader of net force and torque, and of the shear on the plate.
+    """
 
     def __init__(
         self, plate: Plate, model: mujoco.MjModel, array: TexelArray, name: str, *, grid: CellGrid, edge: float
@@ -214,6 +219,7 @@ class PlateReader:
         self._bodies = Bodies(model, self._geoms, name, edge)
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
         self._sum_forces, self._transform_poses = compile_kernel(sum_forces), compile_kernel(transform_poses)
+        self.net_force = NetForceReader(model, array, self._geoms, axes=panels[0].axes, middle=self._middle)
 
     def reset(self) -> None:
         """Follow changes of meshes since the last reset; other changes are followed at every contact."""
@@ -257,6 +263,7 @@ class PlateReader:
         for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
             self._sum_forces(contacts, self._geom, self._bodies.of_geom, axes, origin)
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, axes, origin)
+        self.net_force.compile_kernels(data)
         self._bodies.find_shapes()
 
     def imitate_ball(self, radius: float) -> PlateContact:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fastmodel.contact.interface import Reading
 from fastmodel.parameters import Parameters
+from fastmodel.signal.butterworth import LowPass
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.functions import ChainFunctions, ChainState
 from fastmodel.state import State, pack_generator, take_array, unpack_generator
@@ -37,8 +38,9 @@ class SignalChain:
         Raises:
             FilterError: If the filter's cut-off is not below half the sampling rate.
         """
-        self._count = parameters.array.count
+        self._count, self._area = parameters.array.count, float(np.prod(parameters.array.texel_size))
         self._functions = ChainFunctions(parameters, rate_hz, spreads=spreads)
+        self._low_pass, self._vectors, self._source = LowPass(parameters.filter, rate_hz), np.zeros((1, 0)), ""
         self.noise = np.random.default_rng(parameters.electronics.seed)
         self.outside = 0.0
 
@@ -49,6 +51,7 @@ class SignalChain:
             reading: The constant contact forces.
         """
         self._state = self._functions.settle(_pressing(reading), reading.carried)
+        self._vectors, self._source = self._low_pass.settle(_join_vectors(reading)), reading.tangential_source
 
     def take(self, reading: Reading) -> None:
         """Pass one more sample through the filter.
@@ -59,6 +62,7 @@ class SignalChain:
         signals = np.empty(self._count + 1)
         signals[:-1], signals[-1] = _pressing(reading), reading.carried
         self._state = self._functions.take_signals(self._state, signals)
+        self._vectors = self._low_pass.step(self._vectors, _join_vectors(reading))
 
     def frame(self, time: float, *, noisy: bool = True) -> Frame:
         """Make a frame from the latest filtered sample.
@@ -69,12 +73,24 @@ class SignalChain:
         """
         self._state, made = self._functions.frame(self._state, self.noise if noisy else None)
         self.outside = float(made.outside)
-        return Frame(time=time, counts=made.counts, texel_forces=made.texel_forces, image=made.image)
+        vectors: FloatArray = self._vectors[-1].copy()
+        return Frame(
+            time=time,
+            counts=made.counts,
+            texel_forces=made.texel_forces,
+            image=made.image,
+            texel_area=self._area,
+            net_force=vectors[:3] if len(vectors) else None,
+            net_torque=vectors[3:6] if len(vectors) else None,
+            tangential=vectors[6:].reshape(-1, 2) if len(vectors) else None,
+            tangential_source=self._source,
+        )
 
     def get_state(self) -> State:
         """Return the states of filter, hysteresis and noise, and the force `outside`."""
         return {
             "filter": np.array(self._state.filter),
+            "vectors": np.array(self._vectors),
             "play": np.array(self._state.play),
             "noise": pack_generator(self.noise),
             "outside": np.array(self.outside),
@@ -89,6 +105,7 @@ class SignalChain:
         own = self.get_state()
         found = {name: take_array(state, name, array) for name, array in own.items()}
         self._state = ChainState(filter=found["filter"], play=found["play"])
+        self._vectors = found["vectors"]
         self.noise = unpack_generator(found["noise"])
         self.outside = float(found["outside"])
 
@@ -96,3 +113,10 @@ class SignalChain:
 def _pressing(reading: Reading) -> FloatArray:
     """Return the texel forces of a reading, at the base of the cover if the contact method computes them, (n,) [N]."""
     return reading.contact_forces if reading.texel_forces is None else reading.texel_forces
+
+
+def _join_vectors(reading: Reading) -> FloatArray:
+    """Return net force, net torque and tangential forces of a reading as one array; empty if it has none."""
+    if reading.wrench is None or reading.tangential is None:
+        return np.empty(0)
+    return np.append(reading.wrench, reading.tangential)

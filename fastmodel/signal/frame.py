@@ -21,16 +21,39 @@ class Frame:
         texel_forces: Filtered and spread texel forces before the electronics, shape (n,) [N]; None if only counts are
             known, as for a real sensor.  A texel force may be slightly negative, because the pressure under a nearly
             incompressible cover is negative around the load.  Counts are never negative.
+        texel_area: Sensitive area of a texel; None for a real sensor [m2].
+        net_force: Force that all contacts exert on the array, at its sides and back too, in the frame of the array,
+            shape (3,): x along columns, y along rows, z out of the cover, so that a pressing force has a negative z
+            component.  Filtered as the texel forces are, without spread, noise or electronics.  None for a real sensor
+            [N].
+        net_torque: Torque of these contacts about the origin of the array's frame, shape (3,); filtered likewise [N m].
+        tangential: Tangential force that contacts exert on each texel, along x and y of a flat array (in general along
+            the texel's tangents, see `fastmodel.signal.point_spread.find_tangents`), shape (n, 2); filtered, without
+            spread; zero on masked texels.  None for a real sensor [N].
+        tangential_source: How the tangential forces were found: "contacts of each texel" for the contact methods
+            `boxes` and `area`; "net shear, shared in proportion to pressure" for `cover` and `foundation`, whose
+            tangential forces say nothing about the distribution of shear, only about its sum.
     """
 
     time: float
     counts: IntArray
     image: npt.NDArray[np.uint8]
     texel_forces: FloatArray | None = None
+    texel_area: float | None = None
+    net_force: FloatArray | None = None
+    net_torque: FloatArray | None = None
+    tangential: FloatArray | None = None
+    tangential_source: str = ""
+
+    @property
+    def pressures(self) -> FloatArray | None:
+        """Mean pressure on each texel, force over sensitive area, shape (n,); None for a real sensor [Pa]."""
+        if self.texel_forces is None or self.texel_area is None:
+            return None
+        return self.texel_forces / self.texel_area
 
     def __post_init__(self) -> None:
         """Make the arrays of the frame read-only."""
-        self.counts.setflags(write=False)
-        self.image.setflags(write=False)
-        if self.texel_forces is not None:
-            self.texel_forces.setflags(write=False)
+        for values in (self.counts, self.image, self.texel_forces, self.net_force, self.net_torque, self.tangential):
+            if values is not None:
+                values.setflags(write=False)

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from meshes import Cover
+    from meshes.array_types import FloatArray
 
 
 def say(message: str) -> None:
@@ -27,6 +28,12 @@ def print_json(result: Mapping[str, Any]) -> None:
     from validation.json_values import json_text
 
     sys.stdout.write(f"{json_text(result)}\n")
+
+
+def describe_vector(force: Sequence[float] | FloatArray) -> str:
+    """Describe the net force on an array, shape (3,) [N], for the line of a live image."""
+    x, y, z = force
+    return f"net force ({x:.2f}, {y:.2f}, {z:.2f}) N"
 
 
 def print_rows(rows: Iterable[tuple[str, str]], *, title: str | None = None) -> None:

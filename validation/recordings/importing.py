@@ -116,7 +116,10 @@ def save(recording: Recording, path: str | Path) -> int:
         for number, time in enumerate(recording.times):
             clocks = Clocks(start + _count_nanoseconds(time), int(host_monotonic[number]), int(ticks[number]))
             for index, array in enumerate(recording.arrays):
-                writer.add_frame(index, clocks, array.counts[number])
+                if array.simulated is None:
+                    writer.add_frame(index, clocks, array.counts[number])
+                else:
+                    writer.add_simulated_frame(index, clocks, array.make_frame(number, float(time)))
         return writer.frames
 
 

@@ -51,15 +51,15 @@ def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
 
 
 def replay_frames(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
-    """Yield the frames of one array of a recording, without waiting between them.
+    """Yield the frames of one array of a recording, without waiting between them; with forces if it was simulated.
 
     Args:
         recording: A recording opened by any reader of `validation.recordings`.
         array: Index of the array in the recording.
     """
     recorded = recording.arrays[array]
-    for time, counts in zip(recording.times, recorded.counts, strict=True):
-        yield _make_frame(float(time), counts, recorded.full_scale, recorded.texels.columns)
+    for number, time in enumerate(recording.times.tolist()):
+        yield recorded.make_frame(number, time)
 
 
 def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) -> Iterator[Frame]:

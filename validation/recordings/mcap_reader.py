@@ -21,11 +21,19 @@ from meshes import atomic_file
 from validation.errors import MissingExtraError
 from validation.recordings import ros_messages
 from validation.recordings.labels import decode_labels
-from validation.recordings.mcap_writer import FORCE_TOPIC, GAP_TOPIC, SETUP_TOPIC, TEMPERATURE_TOPIC, name_topics
+from validation.recordings.mcap_writer import (
+    FORCE_TOPIC,
+    GAP_TOPIC,
+    SETUP_TOPIC,
+    TANGENTIAL_LABEL,
+    TEMPERATURE_TOPIC,
+    name_topics,
+)
 from validation.recordings.recording import (
     FloatArray,
     Recording,
     RecordingError,
+    SimulatedForces,
     convert_to_utc,
     count_seconds,
     hash_contents,
@@ -135,6 +143,8 @@ class _Collector:
         gaps: One line for each gap in the stream of frames.
         temperatures: Time and temperatures of all channels [degC] of each reading.
         forces: Time and value [N] of each reading of the force sensor.
+        values: Other values of simulated frames, by topic and number of the frame.
+        labels: Label of these values, by topic.
     """
 
     path: Path
@@ -144,6 +154,8 @@ class _Collector:
     gaps: list[str] = field(default_factory=list)
     temperatures: list[tuple[int, FloatArray]] = field(default_factory=list)
     forces: list[tuple[int, float]] = field(default_factory=list)
+    values: dict[str, dict[int, FloatArray]] = field(default_factory=lambda: defaultdict(dict))
+    labels: dict[str, str] = field(default_factory=dict)
 
     def add(self, topic: str, message: Message) -> None:
         """Decode one message and store its content by topic; raise `RecordingError` if a frame before it is missing."""
@@ -154,7 +166,7 @@ class _Collector:
         elif topic == TEMPERATURE_TOPIC:
             self.temperatures.append((message.log_time, ros_messages.decode_numbers(message.data)))
         elif topic == FORCE_TOPIC:
-            self.forces.append((message.log_time, ros_messages.decode_force(message.data)))
+            self.forces.append((message.log_time, float(ros_messages.decode_wrench(message.data)[2])))
         elif topic.endswith("/frame"):
             frames = self.frames[topic]
             if message.sequence != len(frames):
@@ -162,6 +174,11 @@ class _Collector:
                     f"{self.path}: damaged: frame {message.sequence} of {topic} follows frame {len(frames) - 1}"
                 )
             frames.append((message.log_time, ros_messages.decode_frame(message.data)))
+        elif topic.endswith("/wrench"):
+            self.values[topic][message.sequence] = ros_messages.decode_wrench(message.data)
+        elif topic.endswith(("/pressures", "/tangential")):
+            self.values[topic][message.sequence] = ros_messages.decode_numbers(message.data)
+            self.labels[topic] = ros_messages.decode_label(message.data)
 
     def make_recording(self) -> Recording:
         """Make a recording from all messages of the file."""
@@ -187,8 +204,9 @@ class _Collector:
                     counts=np.array([frame.counts for _, frame in frames[:count]], dtype=np.int32).reshape(
                         count, array.texels.count
                     ),
+                    simulated=self._collect_simulated(name, [frame for _, frame in frames[:count]], array.texels.count),
                 )
-                for array, frames in zip(labels.arrays, series, strict=True)
+                for name, array, frames in zip(name_topics(len(series)), labels.arrays, series, strict=True)
             ),
             temperatures=np.array([degrees for _, degrees in self.temperatures] or np.empty((0, 0))),
             temperature_times=count_seconds(self.temperatures, start),
@@ -200,6 +218,40 @@ class _Collector:
             forces=np.array([force for _, force in self.forces]),
             force_times=count_seconds(self.forces, start),
         )
+
+    def _collect_simulated(
+        self, name: str, frames: list[ros_messages.FrameMessage], texels: int
+    ) -> SimulatedForces | None:
+        """Collect the forces of the frames of one array of n texels; None if no frame has any.
+
+        Args:
+            name: First part of the array's topics.
+            frames: The frames.
+            texels: Number of texels n.
+        """
+        given = {number: frame.texel_forces for number, frame in enumerate(frames) if frame.texel_forces.size}
+        if not given and not any(topic.startswith(f"/{name}/") for topic in self.values):
+            return None
+        self.values[f"/{name}/frame"] = given
+        wrench = self._stack(f"/{name}/wrench", len(frames), 6)
+        return SimulatedForces(
+            texel_forces=self._stack(f"/{name}/frame", len(frames), texels),
+            pressures=self._stack(f"/{name}/pressures", len(frames), texels),
+            net_force=wrench[:, :3],
+            net_torque=wrench[:, 3:],
+            tangential=self._stack(f"/{name}/tangential", len(frames), 2 * texels).reshape(-1, texels, 2),
+            tangential_source=self.labels.get(f"/{name}/tangential", "").removeprefix(TANGENTIAL_LABEL),
+        )
+
+    def _stack(self, topic: str, frames: int, size: int) -> FloatArray:
+        """Stack the values of a topic, shape (frames, size); NaN for frames without values."""
+        stacked = np.full((frames, size), np.nan)
+        for number, value in self.values.get(topic, {}).items():
+            if value.shape != (size,):
+                raise RecordingError(f"{self.path}: damaged: {topic} has {value.size} values, not {size}")
+            if number < frames:
+                stacked[number] = value
+        return stacked
 
 
 def _read_messages(path: Path) -> Iterator[tuple[str, Message]]:

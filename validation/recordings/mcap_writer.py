@@ -27,11 +27,15 @@ from validation.recordings.recording import RecordedArray, Setup
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
+    from fastmodel.signal.frame import Frame
+
 #: Topics of the messages in a recording other than frames and images: labels, bytes as received, gaps in the stream of
 #: frames, temperatures, readings of the force sensor.
 SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
 TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
 
+#: First part of the label of tangential forces; their source follows, see `Frame.tangential_source`.
+TANGENTIAL_LABEL = "tangential force x, y [N]: "
 #: Time between two chunks, and time between two calls of fsync, which forces the file to the disk [s].
 _FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
 #: Largest count that a frame message can hold, because its counts are 16 bit numbers [-].
@@ -91,6 +95,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._file = _File(self.path)
         self._writer = _open_writer(self._file)
         self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
         monotonic, now = time.monotonic_ns(), time.time_ns()
         labels = Labels(
             setup=setup, arrays=tuple(arrays), serial=serial, start=now if start is None else start, monotonic=monotonic
@@ -153,6 +158,33 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._add(f"/{name}/frame", clocks.time, ros_messages.encode_frame(clocks.time, name, frame), sequence)
         self.frames += array == 0
 
+    def add_simulated_frame(self, array: int, clocks: Clocks, frame: Frame) -> None:
+        """Write one frame of one simulated array, with all forces and pressures that the frame has.
+
+        Net force and torque are written as a wrench message; pressures and tangential forces as arrays of numbers,
+        whose first dimension has a label with their unit and source.
+
+        Args:
+            array: Index of the array among the arrays of the recording.
+            clocks: Time of the frame on each clock.
+            frame: The frame.
+
+        Raises:
+            StorageError: If an earlier write failed.
+            ValueError: If a count does not fit 16 bits.
+        """
+        name, number, time_ns = self._names[array], self._sequence[array], clocks.time
+        self.add_frame(array, clocks, frame.counts, texel_forces=frame.texel_forces)
+        if frame.pressures is not None:
+            data = ros_messages.encode_numbers(frame.pressures, "pressure [Pa]")
+            self._add(f"/{name}/pressures", time_ns, data, number, kind=ros_messages.NUMBERS)
+        if frame.net_force is not None and frame.net_torque is not None:
+            data = ros_messages.encode_wrench(time_ns, name, frame.net_force, frame.net_torque)
+            self._add(f"/{name}/wrench", time_ns, data, number, kind=ros_messages.WRENCH)
+        if frame.tangential is not None:
+            data = ros_messages.encode_numbers(frame.tangential, f"{TANGENTIAL_LABEL}{frame.tangential_source}")
+            self._add(f"/{name}/tangential", time_ns, data, number, kind=ros_messages.NUMBERS)
+
     def add_raw(self, time_ns: int, data: bytes) -> None:
         """Write bytes that were received from a port at `time_ns`, UTC since 1970 [ns], without parsing them."""
         self._add(RAW_TOPIC, time_ns, ros_messages.encode_bytes(data))
@@ -167,7 +199,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
 
     def add_force(self, time_ns: int, newtons: float) -> None:
         """Write a reading of a force sensor [N] that was taken at `time_ns`, UTC since 1970 [ns]."""
-        self._add(FORCE_TOPIC, time_ns, ros_messages.encode_force(time_ns, "force_sensor", newtons))
+        self._add(FORCE_TOPIC, time_ns, ros_messages.encode_wrench(time_ns, "force_sensor", (0.0, 0.0, newtons)))
 
     def close(self) -> None:
         """Write index and footer, and close the file; a second call does nothing.
@@ -202,22 +234,32 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         for name in self._names:
             topics |= {f"/{name}/image": ros_messages.IMAGE, f"/{name}/frame": ros_messages.FRAME}
         self._writer.start(profile="ros2", library="softcover")
-        schemas = {
+        self._schemas = {
             kind: self._writer.register_schema(kind, "ros2msg", ros_messages.define_type(kind))
             for kind in dict.fromkeys(topics.values())
         }
         self._channels = {
-            topic: self._writer.register_channel(topic, "cdr", schemas[kind]) for topic, kind in topics.items()
+            topic: self._writer.register_channel(topic, "cdr", self._schemas[kind]) for topic, kind in topics.items()
         }
         text = encode_labels(labels)
         self._writer.add_metadata("softcover", {"labels": text})
         self._add(SETUP_TOPIC, labels.start, ros_messages.encode_text(text))
         self._writer.flush()
 
-    def _add(self, topic: str, time_ns: int, data: bytes, sequence: int = 0) -> None:
-        """Write an encoded message to a topic; `sequence` is the number of the message in its topic."""
+    def _add(self, topic: str, time_ns: int, data: bytes, sequence: int = 0, *, kind: str = "") -> None:
+        """Write an encoded message to a topic.
+
+        Args:
+            topic: The topic.
+            time_ns: Time of the message, UTC since 1970 [ns].
+            data: The message.
+            sequence: Number of the message in its topic.
+            kind: Type of the message, for a topic that the head of the file does not announce.
+        """
         with self._lock:
             self._check_failure()
+            if topic not in self._channels:
+                self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
             self._writer.add_message(self._channels[topic], time_ns, data, publish_time=time_ns, sequence=sequence)
 
     def _repeat(self, seconds: float, task: Callable[[], None]) -> None:

@@ -11,10 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from fastmodel.signal.electronics import grey_levels
+from fastmodel.signal.frame import Frame
 from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
@@ -66,6 +69,36 @@ class Setup:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedForces:
+    """The forces of every frame of a simulated array; NaN where the file does not hold a value.
+
+    `fastmodel.Frame` describes the values and their signs.
+
+    Attributes:
+        texel_forces: Force on each texel, shape (frames, n) [N].
+        pressures: Mean pressure on each texel, shape (frames, n) [Pa].
+        net_force: Force of all contacts on the array, shape (frames, 3) [N].
+        net_torque: Torque of all contacts about the origin of the array's frame, shape (frames, 3) [N m].
+        tangential: Tangential force on each texel, shape (frames, n, 2) [N].
+        tangential_source: How the tangential forces were found; empty if there are none.
+    """
+
+    texel_forces: FloatArray
+    pressures: FloatArray
+    net_force: FloatArray
+    net_torque: FloatArray
+    tangential: FloatArray
+    tangential_source: str = ""
+
+    def select(self, number: int) -> dict[str, Any]:
+        """Return the values of one frame by the names that `Frame` gives them, without those that are not there."""
+        names = ("texel_forces", "net_force", "net_torque", "tangential")
+        values = {name: getattr(self, name)[number].copy() for name in names}
+        given = {name: value for name, value in values.items() if not np.isnan(value).any()}
+        return given | {"tangential_source": self.tangential_source}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedArray:
     """One texel array of a recording and its frames.
 
@@ -77,6 +110,7 @@ class RecordedArray:
         unit: Name of the unit of the counts in the file.
         centre: Position x, y, z of the array in the frame of the sensor's drawing [m].
         rotation: Rotation of the array about the axes x, y and z of the sensor's drawing [rad].
+        simulated: Forces of the frames of a simulated array; None for a real sensor.
     """
 
     texels: TexelArray
@@ -86,6 +120,19 @@ class RecordedArray:
     unit: str = "counts"
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    simulated: SimulatedForces | None = None
+
+    def make_frame(self, number: int, time: float) -> Frame:
+        """Make the frame of a number, with grey levels whose white is `full_scale`, and forces if there are any.
+
+        Args:
+            number: Index of the frame.
+            time: Time of the frame [s].
+        """
+        counts = self.counts[number].astype(np.int64)
+        image = grey_levels(counts, self.full_scale).reshape(self.texels.rows, self.texels.columns)
+        forces = {} if self.simulated is None else self.simulated.select(number)
+        return Frame(time=time, counts=counts, image=image, texel_area=float(np.prod(self.texels.texel_size)), **forces)
 
     def has_layout_of(self, array: TexelArray) -> bool:
         """Return whether rows, columns, texel centres (within 1 um) and active texels equal those of `array`."""

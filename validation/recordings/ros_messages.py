@@ -137,32 +137,61 @@ def encode_bytes(data: bytes) -> bytes:
     return _encode(BYTES, layout=_make_layout(), data=np.frombuffer(data, dtype=np.uint8))
 
 
-def encode_numbers(values: npt.ArrayLike) -> bytes:
-    """Encode n numbers, shape (n,), as a message that holds an array of floating-point numbers."""
-    return _encode(NUMBERS, layout=_make_layout(), data=np.array(values, dtype=np.float64).ravel())
+def encode_numbers(values: npt.ArrayLike, label: str = "") -> bytes:
+    """Encode numbers of any shape as a message that holds an array of floating-point numbers.
+
+    Args:
+        values: The numbers.
+        label: Meaning of the numbers, which is written as the label of their first dimension; without a label, the
+            message does not state the dimensions.
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    sizes = [1, *numbers.shape][bool(numbers.ndim) :] if label else []
+    dimensions = [
+        _make(
+            "std_msgs/msg/MultiArrayDimension",
+            label="" if axis else label,
+            size=size,
+            stride=int(np.prod(sizes[axis:])),
+        )
+        for axis, size in enumerate(sizes)
+    ]
+    layout = _make("std_msgs/msg/MultiArrayLayout", dim=dimensions, data_offset=0)
+    return _encode(NUMBERS, layout=layout, data=numbers.ravel())
 
 
 def decode_numbers(data: bytes) -> npt.NDArray[np.float64]:
-    """Decode a message that `encode_numbers` encoded; return the numbers, shape (n,)."""
+    """Decode a message that `encode_numbers` encoded; return the n numbers, shape (n,)."""
     return np.array(_decode(data, NUMBERS).data, dtype=np.float64)
 
 
-def encode_force(time: int, name: str, newtons: float) -> bytes:
-    """Encode a force along the normal of the array as the z component of a wrench message.
+def decode_label(data: bytes) -> str:
+    """Return the label of a message that `encode_numbers` encoded; empty if it has none."""
+    dimensions = _decode(data, NUMBERS).layout.dim
+    return str(dimensions[0].label) if dimensions else ""
+
+
+def encode_wrench(time: int, name: str, force: npt.ArrayLike, torque: npt.ArrayLike = (0.0, 0.0, 0.0)) -> bytes:
+    """Encode a force and a torque as a wrench message.
 
     Args:
-        time: Time of the reading, UTC since 1970 [ns].
+        time: Time of the values, UTC since 1970 [ns].
         name: Name of the coordinate frame in the header of the message.
-        newtons: The force [N].
+        force: The force, shape (3,) [N].
+        torque: The torque about the origin of the coordinate frame, shape (3,) [N m].
     """
-    force, torque = (_make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=z) for z in (newtons, 0.0))
-    wrench = _make("geometry_msgs/msg/Wrench", force=force, torque=torque)
+    vectors = [
+        _make("geometry_msgs/msg/Vector3", **dict(zip("xyz", map(float, np.asarray(each)), strict=True)))
+        for each in (force, torque)
+    ]
+    wrench = _make("geometry_msgs/msg/Wrench", force=vectors[0], torque=vectors[1])
     return _encode(WRENCH, header=_make_header(time, name), wrench=wrench)
 
 
-def decode_force(data: bytes) -> float:
-    """Decode a wrench message; return the z component of its force [N]."""
-    return float(_decode(data, WRENCH).wrench.force.z)
+def decode_wrench(data: bytes) -> npt.NDArray[np.float64]:
+    """Decode a wrench message; return force and torque, shape (6,) [N, N m]."""
+    wrench = _decode(data, WRENCH).wrench
+    return np.array([getattr(vector, axis) for vector in (wrench.force, wrench.torque) for axis in "xyz"])
 
 
 def encode_text(text: str) -> bytes:

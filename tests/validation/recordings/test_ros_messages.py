@@ -38,4 +38,9 @@ def test_texts_come_back(text, time):
 @given(st.lists(FLOATS), FLOATS, TIMES)
 def test_numbers_come_back(values, force, time):
     assert ros_messages.decode_numbers(ros_messages.encode_numbers(values)).tolist() == values
-    assert ros_messages.decode_force(ros_messages.encode_force(time, "sensor", force)) == force
+    wrench = ros_messages.encode_wrench(time, "sensor", (1.0, force, 2.0), (force, 3.0, 4.0))
+    assert ros_messages.decode_wrench(wrench).tolist() == [1.0, force, 2.0, force, 3.0, 4.0]
+    labelled = ros_messages.encode_numbers(values, "numbers [m]")
+    assert ros_messages.decode_numbers(labelled).tolist() == values
+    assert ros_messages.decode_label(labelled) == "numbers [m]"
+    assert ros_messages.decode_label(ros_messages.encode_numbers(values)) == ""

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from validation.cli.live_image import LiveImage
@@ -22,11 +23,11 @@ from validation.cli.options import (
     check_range,
     read_setup,
 )
-from validation.cli.output import print_json, say
+from validation.cli.output import describe_vector, print_json, say
 from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from validation.recordings.recording import Recording
+    from validation.recordings.recording import Recording, SimulatedForces
 
 _Speed = Annotated[float, Parameter(help="Speed of the replay, 1 for real time; 0 shows no frames.")]
 _Csv = Annotated[Path | None, Parameter(name="--csv", help="Also write the frames of the array as CSV.")]
@@ -136,11 +137,25 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
                 "active": int(array.texels.active.sum()),
                 "full_scale": array.full_scale,
                 "largest": int(array.counts.max(initial=0)),
+                "simulated": None if array.simulated is None else _list_forces(array.simulated),
             }
             for array in recording.arrays
         ],
         "force_readings": len(recording.forces),
     }
+
+
+def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
+    """Return the largest forces and pressure of a simulated array as JSON values; None for those not recorded."""
+    largest = {
+        "largest_net_force_n": np.linalg.norm(forces.net_force, axis=1),
+        "largest_net_torque_nm": np.linalg.norm(forces.net_torque, axis=1),
+        "largest_shear_n": np.linalg.norm(forces.net_force[:, :2], axis=1),
+        "largest_pressure_pa": forces.pressures,
+    }
+    found = {name: values[~np.isnan(values)].max(initial=-np.inf) for name, values in largest.items()}
+    listed = {name: None if np.isinf(value) else float(value) for name, value in found.items()}
+    return {**listed, "tangential_source": forces.tangential_source or None}
 
 
 def _say_facts(recording: Recording) -> None:
@@ -150,14 +165,31 @@ def _say_facts(recording: Recording) -> None:
     say(f"{recording.path}: {len(recording.times)} frames in {recording.seconds:.1f} s, arrays {arrays}")
     say(f"indenter {setup.indenter or 'not known'}{load}; {setup.note or 'no note'}")
     end = "closed properly" if recording.complete else "cut off: all but the last half second is there"
+    for number, array in enumerate(recording.arrays):
+        if array.simulated is not None:
+            say(f"array {number}, simulated: {_describe_forces(_list_forces(array.simulated))}")
     say(f"{len(recording.gaps)} gaps; {end}")
+
+
+def _describe_forces(forces: dict[str, Any]) -> str:
+    """Describe the result of `_list_forces` in a line."""
+    if forces["largest_net_force_n"] is None:
+        return "texel forces only, as in files of earlier versions"
+    return (
+        f"net force up to {forces['largest_net_force_n']:.3g} N, across the normal up to "
+        f"{forces['largest_shear_n']:.3g} N, pressure up to {1e-3 * forces['largest_pressure_pa']:.3g} kPa; tangential "
+        f"forces: {forces['tangential_source']}"
+    )
 
 
 def _play(recording: Recording, array: int, speed: float) -> None:
     recorded = recording.arrays[array]
     start = time.monotonic()
     with LiveImage(columns=recorded.texels.columns, full_scale=recorded.full_scale) as live:
-        for now, counts in zip(recording.times, recorded.counts, strict=True):
+        for number, now in enumerate(recording.times):
             time.sleep(max(0.0, now / speed - (time.monotonic() - start)))
             if live.is_due:
-                live.show(counts, f"{now:6.1f} of {recording.seconds:.1f} s")
+                force = (
+                    "" if recorded.simulated is None else f", {describe_vector(recorded.simulated.net_force[number])}"
+                )
+                live.show(recorded.counts[number], f"{now:6.1f} of {recording.seconds:.1f} s{force}")

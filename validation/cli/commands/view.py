@@ -22,7 +22,7 @@ from validation.cli.options import (
     check_range,
     collect,
 )
-from validation.cli.output import print_json, say
+from validation.cli.output import describe_vector, print_json, say
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -161,8 +161,9 @@ def _open_display(scene: Scene, place: str) -> LiveImage | Window:
 
 
 def _describe_state(scene: Scene) -> str:
-    x, y = scene.position
-    return f"{scene.sensor.frame().time:6.1f} s, {scene.sensor.carried():.2f} N at ({1e3 * x:.1f}, {1e3 * y:.1f}) mm"
+    (x, y), frame = scene.position, scene.sensor.frame()
+    force = "" if frame.net_force is None else f", {describe_vector(frame.net_force)}"
+    return f"{frame.time:6.1f} s, {scene.sensor.carried():.2f} N at ({1e3 * x:.1f}, {1e3 * y:.1f}) mm{force}"
 
 
 def _list_last_frame(scene: Scene, indenter: str, load: float) -> dict[str, Any]:
@@ -174,7 +175,12 @@ def _list_last_frame(scene: Scene, indenter: str, load: float) -> dict[str, Any]
         "at": list(scene.position),
         "carried": scene.sensor.carried(),
         "outside": scene.sensor.outside(),
+        "net_force": frame.net_force,
+        "net_torque": frame.net_torque,
         "texel_forces": array.image(scene.texel_forces),
+        "pressures": None if frame.pressures is None else array.image(frame.pressures),
+        "tangential": None if frame.tangential is None else frame.tangential.reshape(array.rows, array.columns, 2),
+        "tangential_source": frame.tangential_source,
         "counts": array.image(frame.counts),
         "image": frame.image,
     }

@@ -1,0 +1,101 @@
+"""Net force and torque on an array, and the tangential force on every texel, from MuJoCo's contacts.
+
+The net force is the sum over all contacts of all boxes or plates of the array, at sides and back too.  With one box per
+texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points say nothing
+about single texels: the net shear on the front is shared among texels in proportion to their pressure, and the part of
+the pressure that acts on the margin takes its share with it.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from fastmodel.compiled import compile_kernel
+from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, read_contacts, sum_wrench
+from fastmodel.contact.interface import Reading
+from fastmodel.pose import rotate
+from fastmodel.signal.point_spread import find_tangents
+from meshes import TexelArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Values of `Reading.tangential_source` and `Frame.tangential_source`.
+BY_GEOM = "contacts of each texel"
+SHARED = "net shear, shared in proportion to pressure"
+#: Factors that turn a unit quaternion into its inverse [-].
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+class NetForceReader:
+    """Reader of net force, net torque and tangential forces of one array of n texels."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        geoms: IntArray,
+        *,
+        axes: FloatArray,
+        middle: FloatArray,
+        neighbours: BoolArray | None = None,
+    ) -> None:
+        """Tabulate the geoms of the array.
+
+        Args:
+            model: The compiled model.
+            array: The array.
+            geoms: Ids of its m geoms, boxes or plates, shape (m,).
+            axes: Axes of the first geom in the frame of the array, as columns, shape (3, 3) [-].
+            middle: Centre of the first geom in the frame of the array, shape (3,) [m].
+            neighbours: For one box per texel, the neighbours of each, see `press_boxes`, shape (n, 4); None for plates.
+        """
+        self._model, self._array, self._first = model, array, int(geoms[0])
+        self._turn, self._middle = axes.T.copy(), middle
+        self._by_geom = neighbours is not None
+        self._neighbours = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
+        self._part_of = np.full(model.ngeom + 1, -1)
+        self._part_of[geoms] = np.arange(len(geoms))
+        # outward normals of the geoms, from the frame of their body to that of the first geom, to that of the array
+        outward = np.array([rotate(turn, np.array([[0.0, 0.0, 1.0]]))[0] for turn in model.geom_quat[geoms]])
+        self._normals = rotate(model.geom_quat[geoms[0]] * _CONJUGATE, outward) @ self._turn
+        # masked texels measure nothing
+        self._tangents = np.where(array.active[:, None], np.stack(find_tangents(array)), 0.0)
+        self._no_shear = np.zeros((array.count, 2))
+        self._sum_wrench = compile_kernel(sum_wrench)
+
+    def compile_kernels(self, data: mujoco.MjData) -> None:
+        """Compile the kernel; see `ContactReader.compile_kernels`."""
+        for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
+            self._sum_wrench(contacts, data.geom_xmat, self._part_of, self._neighbours, (np.eye(3), np.zeros(3)))
+
+    def add(self, reading: Reading, data: mujoco.MjData | None) -> Reading:
+        """Return a reading with net force, net torque and tangential forces; see `ContactReader.add_net_force`."""
+        if data is None:
+            forces = -reading.contact_forces[:, None] * self._array.normals
+            torque = np.cross(self._array.centres, forces).sum(axis=0)
+            return self._fill(reading, np.append(forces.sum(axis=0), torque), self._no_shear)
+        if not data.ncon:
+            return self._fill(reading, np.zeros(6), self._no_shear)
+        axes = data.geom_xmat[self._first].reshape(3, 3).dot(self._turn)
+        origin = data.geom_xpos[self._first] - axes.dot(self._middle)
+        contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
+        wrench, fronts = self._sum_wrench(contacts, data.geom_xmat, self._part_of, self._neighbours, (axes, origin))
+        on_texels = fronts if self._by_geom else self._share(fronts, reading.contact_forces)
+        return self._fill(reading, wrench, np.einsum("kni,ni->nk", self._tangents, on_texels))
+
+    def _share(self, fronts: FloatArray, contact_forces: FloatArray) -> FloatArray:
+        """Share the net shear on all plates among texels in proportion to pressure, shape (n, 3) [N].
+
+        Args:
+            fronts: Force on the front of each of m plates, in the frame of the array, shape (m, 3) [N].
+            contact_forces: Force that presses on each texel, shape (n,) [N].
+        """
+        along = np.einsum("mi,mi->m", fronts, self._normals)
+        shear = fronts.sum(axis=0) - along @ self._normals
+        whole = max(-float(along.sum()), float(contact_forces.sum()))
+        return np.outer(contact_forces / whole if whole > 0 else np.zeros(len(contact_forces)), shear)
+
+    def _fill(self, reading: Reading, wrench: FloatArray, tangential: FloatArray) -> Reading:
+        """Return a reading with the values."""
+        source = BY_GEOM if self._by_geom else SHARED
+        return reading._replace(wrench=wrench, tangential=tangential, tangential_source=source)

@@ -1,0 +1,163 @@
+"""Net force and torque of an array equal the sums of MuJoCo's own contact forces, for every contact method."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import Butterworth, Parameters
+from fastmodel.contact.net_force import BY_GEOM, SHARED
+from meshes import TexelArray
+from tests.support.bent_array import bent_array
+
+POSITION, QUATERNION = (0.01, 0.02, 0.03), (1.0, 0.05, -0.04, 0.6)
+FLAT = fastmodel.load("wts-0614-34")
+METHODS = ("cover", "foundation", "area", "boxes")
+
+
+def drop_bodies(parameters: Parameters, method: str, cone: mujoco.mjtCone):
+    """A tilted array on a tilted hand, onto which a box and a ball fall that turn, roll and slide off its edge."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.cone = cone
+    turn = [1, 0.08, 0.1, 0.05]
+    hand = spec.worldbody.add_body(name="hand", pos=[0.1, 0.2, 0.3], quat=turn)
+    sensor = fastmodel.attach(
+        spec, hand, parameters, name="pad", position=POSITION, quaternion=QUATERNION, contact=method, every=1
+    )
+    hand.add_site(name="origin", pos=POSITION, quat=QUATERNION)
+    box, ball = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
+    for kind, size, beside in ((box, [6e-3, 5e-3, 4e-3], -6e-3), (ball, [4e-3, 0, 0], 9e-3)):
+        body = spec.worldbody.add_body(pos=[0.114, 0.216 + beside, 0.345])
+        body.add_freejoint()
+        body.add_geom(type=kind, size=size, density=30000, condim=6, friction=[0.7, 0.02, 0.01])
+    model = spec.compile()
+    return sensor, model, mujoco.MjData(model)
+
+
+def sum_contacts(model, data):
+    """Force on the geoms of the array, and torque about its origin, in its frame, by `mj_contactForce`."""
+    site = model.site("origin").id
+    axes, origin = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+    total, local = np.zeros(6), np.zeros(6)
+    for k in range(data.ncon):
+        contact = data.contact[k]
+        mujoco.mj_contactForce(model, data, k, local)
+        for geom, sign in ((contact.geom1, -1), (contact.geom2, 1)):
+            if model.geom(geom).name.startswith("pad/"):
+                force = sign * contact.frame.reshape(3, 3).T @ local[:3]
+                torque = sign * contact.frame.reshape(3, 3).T @ local[3:]
+                total += np.append(axes.T @ force, axes.T @ (torque + np.cross(contact.pos - origin, force)))
+    return total
+
+
+@pytest.mark.filterwarnings("ignore::fastmodel.OptionWarning", "ignore::fastmodel.RangeWarning")
+@pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtCone.mjCONE_PYRAMIDAL])
+@pytest.mark.parametrize("bent", [False, True], ids=["flat", "bent"])
+@pytest.mark.parametrize("method", METHODS)
+def test_net_force_and_torque_are_the_sums_of_mujocos_contact_forces(method, bent, cone):
+    parameters = dataclasses.replace(FLAT, array=bent_array(), tables={}) if bent else FLAT
+    parameters = dataclasses.replace(parameters, electronics=dataclasses.replace(parameters.electronics, rate_hz=500.0))
+    sensor, model, data = drop_bodies(parameters, method, cone)
+    sensor.bind(model)
+    touched, largest = 0, np.zeros(6)
+    for _ in range(160):
+        mujoco.mj_step(model, data)
+        expected = sum_contacts(model, data)
+        made = sensor.step(data)
+        touched += bool(expected.any())
+        largest = np.maximum(largest, np.abs(expected))
+        if made:
+            frame = sensor.frame()
+            np.testing.assert_allclose(np.append(frame.net_force, frame.net_torque), expected, rtol=0, atol=1e-9)
+    assert touched > 15
+    assert (largest > [0.1, 0.1, 0.5, 1e-4, 1e-4, 1e-5]).all()
+
+
+def slide_box(method, *, filtered=None, push=0.6, array=None):
+    """A box of 1 N on the middle of an array, pushed along -x and half as strongly along y against friction."""
+    electronics = dataclasses.replace(FLAT.electronics, rate_hz=500.0)  # a frame in every step
+    parameters = dataclasses.replace(FLAT, filter=filtered, electronics=electronics)
+    if array is not None:
+        parameters = dataclasses.replace(parameters, array=array, tables={})
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    sensor = fastmodel.attach(spec, "world", parameters, contact=method, every=1)
+    body = spec.worldbody.add_body(name="box", pos=[0, 0, 4e-3])
+    body.add_freejoint()
+    half = [6e-3, 8e-3, 4e-3]
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, mass=1.0 / 9.81, friction=[2, 0.005, 0.0001])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    data.xfrc_applied[model.body("box").id, :2] = -push, push / 2
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    return sensor, sum_front(model, data)
+
+
+def sum_front(model, data):
+    local, total = np.zeros(6), np.zeros(3)
+    for k in range(data.ncon):
+        mujoco.mj_contactForce(model, data, k, local)
+        sign = 1 if model.geom(data.contact[k].geom2).name.startswith("sensor/") else -1
+        total += sign * data.contact[k].frame.reshape(3, 3).T @ local[:3]
+    return total
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_tangential_forces_add_up_to_the_friction(method):
+    sensor, expected = slide_box(method)
+    frame = sensor.frame()
+    assert expected == pytest.approx([-0.6, 0.3, -1.0], abs=0.02)
+    np.testing.assert_allclose(frame.net_force, expected, atol=1e-9)
+    np.testing.assert_allclose(frame.tangential.sum(axis=0), expected[:2], atol=1e-6)
+    loaded = sensor.contact_forces() > 0
+    assert not frame.tangential[~loaded].any()
+    if method in {"cover", "foundation"}:
+        assert frame.tangential_source == SHARED
+        shares = sensor.contact_forces() / sensor.contact_forces().sum()
+        np.testing.assert_allclose(frame.tangential, np.outer(shares, expected[:2]), atol=1e-6)
+    else:
+        assert frame.tangential_source == BY_GEOM
+        assert np.count_nonzero(frame.tangential[:, 0] < 0) >= 4
+
+
+def test_shear_on_the_margin_and_on_masked_texels_is_on_no_texel():
+    """The array is as wide as the box is long: texels at its ends are masked, and the rest of it is on the margin."""
+    active = np.ones(4, dtype=bool)
+    active[0] = False
+    sensor, expected = slide_box("cover", array=TexelArray.grid(2, 2, FLAT.array.pitch, active=active))
+    frame = sensor.frame()
+    np.testing.assert_allclose(frame.net_force, expected, atol=1e-9)
+    shares = sensor.contact_forces() / sensor.carried()
+    assert shares.sum() < 0.9
+    shares[0] = 0
+    np.testing.assert_allclose(frame.tangential, np.outer(shares, expected[:2]), atol=1e-3)
+
+
+def test_net_force_is_filtered_as_the_texel_forces_are():
+    sensor, _ = slide_box("boxes", filtered=Butterworth(cutoff_hz=5.0, order=2))
+    frame = sensor.frame()
+    assert -frame.net_force[2] == pytest.approx(frame.texel_forces.sum() + sensor.outside(), abs=1e-12)
+    # forces that act all the time are those at which the sensor starts
+    sensor.reset(np.full(84, 0.01))
+    frame = sensor.frame()
+    assert frame.net_force == pytest.approx([0, 0, -0.84])
+    np.testing.assert_allclose(frame.net_torque, 0, atol=1e-12)
+    assert not frame.tangential.any()
+
+
+def test_pressures_are_forces_over_the_sensitive_area():
+    sensor, _ = slide_box("cover")
+    frame = sensor.frame()
+    np.testing.assert_allclose(frame.pressures, frame.texel_forces / 3.4e-3**2)
+    narrow = TexelArray.grid(4, 4, FLAT.array.pitch, texel_size=(3e-3, 2e-3))
+    sensor, _ = slide_box("boxes", array=narrow)
+    np.testing.assert_allclose(sensor.frame().pressures, sensor.frame().texel_forces / 6e-6)
+    assert sensor.frame().pressures.max() > 1e3
