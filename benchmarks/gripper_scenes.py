@@ -1,0 +1,351 @@
+"""Scenes for `grippers.py`: a Panda and a Fetch gripper with two arrays, a post, and something to grasp.
+
+The models of the grippers come from the packages robosuite and gymnasium-robotics.  Nothing of robosuite is imported
+but its files.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+import fastmodel
+from fastmodel import Parameters
+from fem_reference import point_spread
+from meshes import Cover, Layer, Material, TexelArray
+from validation.derivation.cover_kernels import cover_cells
+
+FloatArray = npt.NDArray[np.float64]
+
+TIMESTEP = 2e-3
+ROWS, COLUMNS = 12, 10
+RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+COVER = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),))
+#: Height of the gripper's frame above the floor at the start [m].
+HEIGHT = 0.3
+#: Half the length of objects between the fingers, half their size across, height of their centre [m]; their mass [kg].
+HALF, ACROSS, CENTRE, MASS = 15e-3, 10e-3, 25e-3, 0.15
+#: Largest force with which a drive opens [N].
+OPENING = 12.0
+#: Free distance between each finger and the object at the start [m].
+CLEARANCE = 4e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finger:
+    """A finger of a gripper.
+
+    Attributes:
+        body: Body that carries the array.
+        joint: Joint that moves the finger.
+        actuator: Actuator of that joint.
+        opens: Sign of the joint's motion that opens the gripper [-].
+        replaces: Geom that the array takes the place of.
+        position: Centre of the array in the frame of the body [m].
+        axes: Axes x, y, z of the array in the frame of the body, as columns.
+    """
+
+    body: str
+    joint: str
+    actuator: str
+    opens: float
+    replaces: str
+    position: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gripper:
+    """A gripper.
+
+    Attributes:
+        package: Package that the model comes from.
+        file: File of the model in the package.
+        body: Root body of the gripper in this file.
+        turn: Orientation in which the fingers point down, a quaternion.
+        pitch: Pitch of the texels that fits the pads [m].
+        slipping: Force of each drive under which objects slip [N].  Friction holds the Panda's fingers up to 1 N.
+        fingers: The two fingers.
+    """
+
+    package: str
+    file: str
+    body: str
+    turn: tuple[float, float, float, float]
+    pitch: float
+    slipping: float
+    fingers: tuple[Finger, Finger]
+
+
+#: Array on a face whose normal is -y or +y, rows along z (Panda) or x (Fetch).
+_RIGHT = math.sqrt(0.5)
+PANDA = Gripper(
+    package="robosuite",
+    file="models/assets/grippers/panda_gripper.xml",
+    body="right_gripper",
+    turn=(0.0, 1.0, 0.0, 0.0),
+    pitch=1.7e-3,
+    slipping=-0.5,
+    fingers=(
+        Finger(
+            body="finger_joint1_tip",
+            joint="finger_joint1",
+            actuator="gripper_finger_joint1",
+            opens=1.0,
+            replaces="finger1_pad_collision",
+            position=(0.0, -10.5e-3, -15e-3),
+            axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+        ),
+        Finger(
+            body="finger_joint2_tip",
+            joint="finger_joint2",
+            actuator="gripper_finger_joint2",
+            opens=-1.0,
+            replaces="finger2_pad_collision",
+            position=(0.0, 10.5e-3, -15e-3),
+            axes=((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
+        ),
+    ),
+)
+FETCH = Gripper(
+    package="gymnasium_robotics",
+    file="envs/assets/fetch/pick_and_place.xml",
+    body="robot0:gripper_link",
+    turn=(_RIGHT, 0.0, _RIGHT, 0.0),
+    pitch=2.2e-3,
+    slipping=0.65,
+    fingers=(
+        Finger(
+            body="robot0:r_gripper_finger_link",
+            joint="robot0:r_gripper_finger_joint",
+            actuator="robot0:r_gripper_finger_joint",
+            opens=1.0,
+            replaces="robot0:r_gripper_finger_link",
+            position=(0.02, -15e-3, 0.0),
+            axes=((0, 1, 0), (0, 0, -1), (-1, 0, 0)),
+        ),
+        Finger(
+            body="robot0:l_gripper_finger_link",
+            joint="robot0:l_gripper_finger_joint",
+            actuator="robot0:l_gripper_finger_joint",
+            opens=1.0,
+            replaces="robot0:l_gripper_finger_link",
+            position=(0.02, 15e-3, 0.0),
+            axes=((0, 1, 0), (0, 0, 1), (1, 0, 0)),
+        ),
+    ),
+)
+GRIPPERS = {"panda": PANDA, "fetch": FETCH}
+OBJECTS = ("box", "sphere", "cylinder", "capsule", "mug", "flex")
+
+
+def find_package(name: str) -> Path | None:
+    """Folder of an installed package, without importing it."""
+    found = importlib.util.find_spec(name)
+    return Path(found.submodule_search_locations[0]) if found and found.submodule_search_locations else None
+
+
+def parameters(pitch: float) -> Parameters:
+    """An array of 120 texels under 2 mm of rubber, without noise and filter, so that frames show the contact."""
+    array = TexelArray.grid(ROWS, COLUMNS, (pitch, pitch), name="pad")
+    electronics = fastmodel.Electronics(rate_hz=1 / TIMESTEP, sensitivity=2665.7, offset=0.0, output_max=4095)
+    spread = point_spread(COVER)
+    return Parameters(
+        array=array,
+        spread=fastmodel.Gaussian.from_sigma(0.7),
+        electronics=electronics,
+        cells=cover_cells(COVER, array, spread),
+    )
+
+
+class Scene:
+    """A gripper above a table with an object, and its two sensors."""
+
+    def __init__(self, gripper: Gripper, thing: str, *, sensors: bool = True, method: str = "cover") -> None:
+        """Build and bind the scene; `sensors=False` leaves the arrays in place but reads none."""
+        settings = parameters(gripper.pitch)
+        self._middle = self._find_middle(gripper, settings, method)
+        spec = start_spec(thing, self._middle)
+        self.sensors = mount(spec, gripper, settings, method)
+        self.gripper, self.thing = gripper, thing
+        add_object(spec, thing, self._middle)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            for sensor in self.sensors:
+                sensor.bind(self.model)
+        self.warned = sorted({str(each.message) for each in caught})
+        self.read = sensors
+        self._joints = [self.data.joint(finger.joint) for finger in gripper.fingers]
+        self._actuators = [self.model.actuator(finger.actuator) for finger in gripper.fingers]
+        self._open()
+
+    @staticmethod
+    def _find_middle(gripper: Gripper, settings: Parameters, method: str) -> FloatArray:
+        """Find the middle between the two arrays."""
+        spec = mujoco.MjSpec()
+        mount(spec, gripper, settings, method)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        return np.mean([data.geom(f"{finger.joint}/plate").xpos for finger in gripper.fingers], axis=0)
+
+    def _open(self) -> None:
+        """Open the fingers until they are clear of the object."""
+        mujoco.mj_forward(self.model, self.data)
+        for finger, joint in zip(self.gripper.fingers, self._joints, strict=True):
+            plate = self.data.geom(f"{finger.joint}/plate")
+            inside = plate.xpos + plate.xmat.reshape(3, 3)[:, 2] * self.model.geom(f"{finger.joint}/plate").size[2]
+            joint.qpos[0] += finger.opens * (HALF_OF.get(self.thing, HALF) + CLEARANCE - abs(inside - self._middle)[1])
+        mujoco.mj_forward(self.model, self.data)
+        self._start = [float(joint.qpos[0]) for joint in self._joints]
+        self.data.ctrl[:] = 0
+        self.drive(0.0, 0.0, 0.0)
+
+    def drive(self, travel: float, force: float, lift: float) -> None:
+        """Command the fingers and the carriage.
+
+        The position actuators of the fingers act as drives with a limit of force.
+
+        Args:
+            travel: Distance by which each finger shall close [m].
+            force: Largest force with which a drive closes; negative if it opens all the same [N].
+            lift: Height of the carriage above the start [m].
+        """
+        for finger, joint, start, actuator in zip(
+            self.gripper.fingers, self._joints, self._start, self._actuators, strict=True
+        ):
+            stiffness, position = float(actuator.gainprm[0]), float(joint.qpos[0])
+            missing = finger.opens * (position - start) + travel
+            closing = min(max(missing, -OPENING / stiffness), force / stiffness)
+            self.data.ctrl[actuator.id] = position - finger.opens * closing
+        self.data.ctrl[self.model.actuator("lift").id] = lift
+
+    def step(self) -> None:
+        """One step of the physics and of the sensors."""
+        mujoco.mj_step(self.model, self.data)
+        if self.read:
+            for sensor in self.sensors:
+                sensor.step(self.data)
+
+
+def start_spec(thing: str, middle: FloatArray) -> mujoco.MjSpec:
+    """Start a spec; a soft cube is part of it, because a flex can be described as text only.
+
+    The soft cube of 30 mm needs the integrator `discrete`, which alone integrates its elasticity implicitly.
+    """
+    spec = mujoco.MjSpec()
+    if thing == "flex":
+        edge, count = 2 * HALF, 5
+        spacing = " ".join([str(edge / (count - 1))] * 3)
+        spec = mujoco.MjSpec.from_string(f"""<mujoco>
+          <option integrator="discrete"/>
+          <worldbody>
+            <flexcomp name="thing" type="grid" dim="3" count="{count} {count} {count}" spacing="{spacing}"
+              pos="{middle[0]} {middle[1]} {middle[2] + 1e-3}" mass="{MASS}" radius="5e-4" dof="trilinear">
+              <contact selfcollide="none" condim="4" friction="1 0.01 0.0001"/>
+              <elasticity young="1e5" poisson="0.3" damping="2e-3"/>
+            </flexcomp>
+          </worldbody>
+        </mujoco>""")
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = TIMESTEP
+    return spec
+
+
+def mount(spec: mujoco.MjSpec, gripper: Gripper, settings: Parameters, method: str) -> list[fastmodel.Sensor]:
+    """Hang a gripper, fingers down, on a carriage that moves up and down, with an array on each finger."""
+    first = len(spec.bodies)
+    carriage = spec.worldbody.add_body(name="carriage", pos=[0, 0, HEIGHT])
+    carriage.add_joint(name="lift", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], armature=5.0)
+    carriage.mass, carriage.explicitinertial, carriage.inertia = 1.0, True, [1e-2] * 3
+    lift = spec.add_actuator(name="lift", target="lift", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    lift.set_to_position(kp=3e4, kv=2e3)
+    package = find_package(gripper.package)
+    if package is None:
+        raise SystemExit(f"{gripper.package} is not installed")
+    source = mujoco.MjSpec.from_file(str(package / gripper.file))
+    carriage.add_frame(quat=gripper.turn).attach_body(source.body(gripper.body), "", "")
+    for body in spec.bodies[first:]:
+        body.gravcomp = 1.0
+    return [attach_array(spec, finger, settings, method) for finger in gripper.fingers]
+
+
+def attach_array(spec: mujoco.MjSpec, finger: Finger, settings: Parameters, method: str) -> fastmodel.Sensor:
+    """Attach the array of a finger in place of its pad."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.array(finger.axes, dtype=float).ravel())
+    return fastmodel.attach(
+        spec,
+        finger.body,
+        settings,
+        name=finger.joint,
+        position=finger.position,
+        quaternion=quaternion,
+        contact=method,
+        replaces=finger.replaces,
+    )
+
+
+#: Half length between the fingers of objects that differ from `HALF` [m].
+HALF_OF = {"mug": 20e-3}
+#: Half the height of each object [m].
+HALF_HEIGHTS = {"box": CENTRE, "sphere": HALF, "cylinder": CENTRE, "capsule": 25e-3, "mug": CENTRE, "flex": HALF}
+
+
+def add_object(spec: mujoco.MjSpec, thing: str, middle: FloatArray) -> None:
+    """Add a post, narrow enough for fingers beside it, and an object that stands on it between the arrays."""
+    kinds = mujoco.mjtGeom
+    spec.worldbody.add_geom(
+        name="post",
+        type=kinds.mjGEOM_BOX,
+        size=[8e-3, 8e-3, 10e-3],
+        pos=[*middle[:2], middle[2] - HALF_HEIGHTS[thing] - 0.01],
+    )
+    if thing == "flex":  # part of the text that the scene starts from, see `start_spec`
+        return
+    body = spec.worldbody.add_body(name="thing", pos=middle)
+    body.add_freejoint(name="thing")
+    common = {"condim": 4, "friction": [1.0, 0.01, 1e-4], "rgba": [0.8, 0.5, 0.2, 1]}
+    match thing:
+        case "box":
+            body.add_geom(type=kinds.mjGEOM_BOX, size=[ACROSS, HALF, CENTRE], mass=MASS, **common)
+        case "sphere":
+            body.add_geom(type=kinds.mjGEOM_SPHERE, size=[HALF, 0, 0], mass=MASS, **common)
+        case "cylinder":
+            body.add_geom(type=kinds.mjGEOM_CYLINDER, size=[HALF, CENTRE, 0], mass=MASS, **common)
+        case "capsule":
+            body.add_geom(type=kinds.mjGEOM_CAPSULE, size=[HALF, 10e-3, 0], mass=MASS, **common)
+        case "mug":
+            add_mug(spec, body, radius=HALF_OF[thing], common=common)
+
+
+def add_mug(spec: mujoco.MjSpec, body: mujoco.MjsBody, *, radius: float, common: dict[str, object]) -> None:
+    """Add the wall, bottom and handle of a mug, as meshes that are convex each and a concave body together."""
+    sectors, wall, half = 24, 3e-3, CENTRE
+    parts = []
+    for k in range(sectors):
+        angles = 2 * np.pi * (k + np.array([-0.5, 0.5])) / sectors
+        outer, inner = radius, radius - wall
+        ring = [(r * np.cos(a), r * np.sin(a)) for r in (inner, outer) for a in angles]
+        parts.append(np.array([(x, y, z) for x, y in ring for z in (-half, half)]))
+    for number, vertices in enumerate(parts):
+        spec.add_mesh(name=f"wall{number}", uservert=vertices.ravel())
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"wall{number}", mass=MASS / sectors, **common)
+    bottom = [radius - wall, 1.5e-3, 0]
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=bottom, pos=[0, 0, 1.5e-3 - half], mass=0.02, **common)
+    for z in (-12e-3, 12e-3):
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=[6e-3, 3e-3, 2e-3], pos=[radius + 6e-3, 0, z], mass=5e-3, **common
+        )
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=[2e-3, 3e-3, 14e-3], pos=[radius + 11e-3, 0, 0], mass=5e-3, **common
+    )
