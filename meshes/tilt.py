@@ -67,6 +67,8 @@ class TiltedIndenter(Indenter):
     @cached_property
     def lowest_point(self) -> tuple[float, float, float]:
         """Position of the first point to touch, relative to the lowest point of the upright indenter's axis [m]."""
+        if self.indenter.is_flat:
+            return self._find_lowest_corner()
         middle, half = np.zeros(2), np.array(self.footprint)
         best = (0.0, 0.0, float(self._height(np.zeros(1), np.zeros(1))[0]))
         for _ in range(_SEARCHES):
@@ -79,6 +81,24 @@ class TiltedIndenter(Indenter):
                 best = (float(x.ravel()[index]), float(y.ravel()[index]), float(z.ravel()[index]))
             middle, half = np.array(best[:2]), _ZOOM * 2 * half / (_SAMPLES - 1)
         return best
+
+    def _find_lowest_corner(self) -> tuple[float, float, float]:
+        """Find the lowest point of a tilted face, or the middle of its lowest points, from corners of its solids."""
+        down = -self._rotation[2, :2]
+        points = []
+        for solid in self.indenter.primitives():
+            middle = np.array(solid.position)
+            if solid.kind == "cylinder":
+                points.append(middle[:2] + solid.size[0] * down / np.hypot(*down))
+                continue
+            corners = np.array(solid.vertices or np.indices((2, 2, 2)).reshape(3, -1).T * 2 - 1.0)
+            corners = middle + (corners if solid.vertices else corners * solid.size)
+            points += list(corners[corners[:, 2] <= corners[:, 2].min() + _CONVERGED * max(self.footprint), :2])
+        places = np.array(points)
+        depth = places @ down
+        x, y = places[depth >= depth.max() - _CONVERGED * max(self.footprint)].mean(axis=0)
+        lowest = self._rotation @ [x, y, 0.0]
+        return float(lowest[0]), float(lowest[1]), float(lowest[2])
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Return the convex solids of the upright indenter, rotated and raised so that the lowest point is at z = 0."""

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from meshes import Box, Cone, Cylinder, Nut, Roller, RoundedTip, Sphere, tilt_indenter
+from meshes import Box, Cone, Cylinder, Nut, Prism, Roller, RoundedTip, Sphere, tilt_indenter
 from meshes.indenters.sphere import spherical_gap
 from meshes.tilt import MOST_TILT, TiltedIndenter
 
 ANGLE = st.floats(-MOST_TILT, MOST_TILT)
 
 
-@settings(max_examples=8)
+@settings(max_examples=20)
 @given(about_x=ANGLE, about_y=ANGLE, seed=st.integers(0, 1000))
+@example(about_x=0.15625, about_y=0.0015, seed=0)
 def test_the_face_of_a_box_is_the_rotated_plane(about_x, about_y, seed):
     shape = tilt_indenter(Box(size=(6e-3, 4e-3, 5e-3)), (about_x, about_y))
     turn = rotate(about_x, about_y)
@@ -24,6 +25,23 @@ def test_the_face_of_a_box_is_the_rotated_plane(about_x, about_y, seed):
     lowest = -np.abs(turn[2, :2]) @ [3e-3, 2e-3]
     assert shape.gap(x, y) == pytest.approx(z - lowest, abs=1e-9)
     assert np.isinf(shape.gap(*(turn @ [3.01e-3, 0.0, 0.0])[:2, None])).all()
+
+
+@settings(max_examples=20)
+@given(about_x=ANGLE, about_y=ANGLE)
+def test_a_tilted_face_touches_at_height_zero_and_nowhere_below(about_x, about_y):
+    for base in (
+        Nut(across=13e-3, bore=8e-3),
+        Cylinder(radius=3e-3),
+        Prism(points=((0, 0), (8e-3, 1e-3), (2e-3, 6e-3))),
+    ):
+        shape = tilt_indenter(base, (about_x, about_y))
+        if not isinstance(shape, TiltedIndenter):
+            continue
+        half = max(base.footprint)
+        x, y = np.random.default_rng(0).uniform(-half, half, (2, 20_000))
+        x, y = np.append(x, shape.lowest_point[0] * 0.9999), np.append(y, shape.lowest_point[1] * 0.9999)
+        assert 0 <= np.min(shape.gap(x, y)) < 0.02 * half * np.hypot(about_x, about_y) + 1e-12
 
 
 def rotate(about_x, about_y):
