@@ -155,21 +155,24 @@ def _refine(
         progress: Called with a line of text before each step.
     """
     finest = _count_refinements(path) if accuracy is not None else 0
-    results: list[Indentation] = []
+    best: list[Indentation] = []
+    least = np.inf
     for refinement in range(finest + 1):
         try:
             solve = partial(_press_on_grids, place=place, progress=progress, refinement=refinement)
             results = solve_as_far(path, solve)
         except IncompletePathError:
-            if not results:
+            if not best:
                 raise
             break  # the results of the coarser grids are complete
         reached = max(max(each.error_estimate.values()) for each in results)
         if accuracy is None or reached <= accuracy:
             return results
+        if reached < least:  # the estimate need not fall from grid to grid
+            best, least = results, reached
         if progress is not None and refinement < finest:
             progress(f"estimated error {100 * reached:.3g} %, {100 * accuracy:.3g} % wanted: a finer grid is added")
-    return [_state_missed_accuracy(each, accuracy or 0.0) for each in results]
+    return [_state_missed_accuracy(each, accuracy or 0.0) for each in best]
 
 
 def _press_on_grids(
@@ -223,7 +226,7 @@ def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
     ]
     if not missed:
         return result
-    sentence = f"{100 * accuracy:.3g} % wanted, but the finest feasible grids reach {', '.join(missed)}"
+    sentence = f"{100 * accuracy:.3g} % wanted, but the feasible grids reach {', '.join(missed)}"
     return replace(result, warnings=(*result.warnings, sentence))
 
 
