@@ -53,7 +53,7 @@ _STEPPERS = {"_step_mujoco_simulation": "frame_skip", "_mujoco_step": "n_substep
 _TOLERANCE = 1e-6
 
 
-class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
+class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
     """Wrapper of an environment that adds the latest tactile image of one or several sensors to every observation.
 
     The observation is a dict.  If the observation of the wrapped environment is a dict, its entries are kept; otherwise
@@ -65,10 +65,14 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
     `counts`, shape (m, n) [-], and `images`, shape (m, rows, columns) [-].  Entries from `made` on are zero.  If a step
     makes more than m frames, the latest m are kept.
 
+    Attributes:
+        sensors: The sensors of this environment, by name.
+
     Args:
         env: The environment.
-        sensors: A sensor, observed as `tactile`, or several sensors by name.  They are bound to the environment's
-            model, and bound again if `reset` compiles another model.
+        sensors: A sensor, observed as `tactile`, or several sensors by name.  Twins of them are bound to the
+            environment's model, so that several environments may be made from one sensor, and bound again if `reset`
+            compiles another model.
         simulation: Function from the environment to its model and data; by default `env.unwrapped.model` and `.data`.
         listen: Function that makes the environment call a callback after every physics step; the wrapper calls this
             function once.  By default a `MujocoEnv` and a `MujocoRobotEnv` are made to call back, and any other
@@ -92,10 +96,14 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         listen: Listen | None = None,
         frames: int | None = None,
     ) -> None:
-        super().__init__(env)
-        self._sensors = {"tactile": sensors} if isinstance(sensors, Sensor) else dict(sensors)
+        gymnasium.utils.RecordConstructorArgs.__init__(  # for `env.spec`
+            self, sensors=sensors, simulation=simulation, listen=listen, frames=frames, _disable_deepcopy=True
+        )
+        gymnasium.Wrapper.__init__(self, env)
+        given = {"tactile": sensors} if isinstance(sensors, Sensor) else dict(sensors)
+        self.sensors = {name: sensor.twin() for name, sensor in given.items()}
         self._simulation = simulation or _find_simulation
-        self._frames: dict[str, list[Frame]] = {name: [] for name in self._sensors}
+        self._frames: dict[str, list[Frame]] = {name: [] for name in self.sensors}
         self._seeds: np.random.SeedSequence | None = None
         self._stepping = False
         self._time = math.nan
@@ -104,7 +112,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         self.observation_space = self._extend_space(env.observation_space)
         self._stepper = None if listen else next((name for name in _STEPPERS if hasattr(env.unwrapped, name)), None)
         self._steps_once = listen is None and self._stepper is None
-        self._room = {name: self._count_frames(sensor, frames) for name, sensor in self._sensors.items()}
+        self._room = {name: self._count_frames(sensor, frames) for name, sensor in self.sensors.items()}
         if listen is not None:
             listen(env, self._step_sensors)
 
@@ -121,7 +129,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         if seed is not None or self._seeds is None:
             known = self.env.unwrapped.np_random_seed if seed is None else seed
             self._seeds = np.random.SeedSequence(known if known is not None and known >= 0 else None)
-        for sensor, child in zip(self._sensors.values(), self._seeds.spawn(len(self._sensors)), strict=True):
+        for sensor, child in zip(self.sensors.values(), self._seeds.spawn(len(self.sensors)), strict=True):
             sensor.reset(seed=child)
         self._time = self._simulation(self.env)[1].time
         return self._observe(observation), {**info, "frames": self._take_frames()}
@@ -150,7 +158,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         """Bind the sensors to the environment's model unless they are bound to it already."""
         model, _ = self._simulation(self.env)
         if model is not self._model:
-            for sensor in self._sensors.values():
+            for sensor in self.sensors.values():
                 sensor.bind(model)
             self._model = model
 
@@ -159,7 +167,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         if not self._stepping:
             return
         self._time = data.time
-        for name, sensor in self._sensors.items():
+        for name, sensor in self.sensors.items():
             if sensor.step(data):
                 self._frames[name].append(sensor.frame())
 
@@ -191,7 +199,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
     def _take_frames(self) -> dict[str, dict[str, Any]]:
         """Return the frames since the previous call as arrays, by sensor, and discard the stored frames."""
         stacked = {
-            name: _stack_frames(frames, self._sensors[name].frame(), self._room[name])
+            name: _stack_frames(frames, self.sensors[name].frame(), self._room[name])
             for name, frames in self._frames.items()
         }
         for frames in self._frames.values():
@@ -202,18 +210,18 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any]):
         """Add the latest image of each sensor to an observation of the environment."""
         own = dict(observation) if isinstance(self.env.observation_space, spaces.Dict) else {"observation": observation}
         # Frames are read-only, but users may write to an observation.
-        return own | {name: sensor.frame().image.copy() for name, sensor in self._sensors.items()}
+        return own | {name: sensor.frame().image.copy() for name, sensor in self.sensors.items()}
 
     def _extend_space(self, space: spaces.Space[Any]) -> spaces.Dict:
         """Add one image per sensor to the observation space of the environment."""
         own = dict(space.spaces) if isinstance(space, spaces.Dict) else {"observation": space}
-        if not self._sensors:
+        if not self.sensors:
             raise FastModelError("there is no sensor to observe; give one, or several by name")
-        if taken := sorted(own.keys() & self._sensors.keys()):
+        if taken := sorted(own.keys() & self.sensors.keys()):
             raise FastModelError(f"the environment observes {taken[0]!r} already; give the sensor another name")
         images = {
             name: spaces.Box(0, 255, shape=sensor.frame().image.shape, dtype=np.uint8)
-            for name, sensor in self._sensors.items()
+            for name, sensor in self.sensors.items()
         }
         return spaces.Dict(own | images)
 

@@ -247,6 +247,36 @@ def test_wrappers_of_gymnasium_take_the_observations():
     assert FlattenObservation(wrapped()).reset()[0].shape == (1 + 84,)
 
 
+@pytest.mark.filterwarnings("ignore:.*:UserWarning")
+def test_a_registered_environment_is_made_again_with_its_sensors():
+    spec, sensor = pushed_ball()
+    model = spec.compile()
+    gymnasium.register("softcover-test/Ball-v0", entry_point=lambda: BallEnv(model), max_episode_steps=100)
+    try:
+        env = TactileObservation(gymnasium.make("softcover-test/Ball-v0"), {"skin": sensor})
+        check_env(env, skip_render_check=True)
+        again = env.spec.make()
+        assert again.observation_space == env.observation_space
+        env.reset(seed=3)
+        again.reset(seed=3)
+        assert np.array_equal(*[[each.step(np.array([-0.5]))[0]["skin"] for _ in range(50)] for each in (env, again)])
+    finally:
+        gymnasium.registry.pop("softcover-test/Ball-v0")
+
+
+def test_several_environments_may_be_made_from_one_sensor():
+    spec, sensor = pushed_ball()
+    envs = [TactileObservation(BallEnv(spec.compile()), sensor) for _ in range(2)]
+    images = []
+    for env in envs:
+        env.reset(seed=3)
+    for _ in range(200):
+        images = [env.step(np.array([-0.5]))[0]["tactile"] for env in envs]
+    assert images[0].any()
+    assert np.array_equal(*images)
+    assert envs[0].sensors["tactile"].carried() == pytest.approx(0.2 * 9.81 + 0.5, rel=1e-2)
+
+
 def run(env, steps, push=-0.5):
     return [env.step(np.array([push]))[0]["tactile"] for _ in range(steps)]
 
