@@ -212,10 +212,10 @@ def add_indenter(
     Returns:
         The added body.
     """
-    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=make_z_rotation(yaw))
+    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=make_z_rotation(yaw).tolist())
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.mass, body.explicitinertial = load / STANDARD_GRAVITY, True
-    body.inertia = [body.mass * GYRATION_RADIUS**2] * 3
+    body.inertia[:] = body.mass * GYRATION_RADIUS**2
     add_geoms(spec, body, indenter, name=name)
     return body
 
@@ -262,7 +262,7 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
     spec = mujoco.MjSpec()
     recommend_options(spec)
     spec.option.timestep = TIMESTEP
-    spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
+    spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = SOLVER_TOLERANCE
     method.attach(spec.worldbody, parameters.array, Pose.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
     for number, placement in enumerate(placements):
@@ -272,10 +272,10 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
             spec, placement.indenter, placement.load, at=placement.at, height=height, yaw=placement.yaw, name=name
         )
         if not placement.guided:
-            body.ipos = [*placement.centre, 0.0]
+            body.ipos[:] = [*placement.centre, 0.0]
             for axis in ((1, 0, 0), (0, 1, 0)):
                 body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
-            body.inertia = [body.mass * max(placement.indenter.footprint) ** 2] * 3
+            body.inertia[:] = body.mass * max(placement.indenter.footprint) ** 2
     for geom in spec.geoms:
         # No friction: with friction, the edge of an indenter can hook on the side of a box texel and pull it upwards.
         geom.condim = 1

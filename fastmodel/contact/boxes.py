@@ -68,7 +68,7 @@ class BoxTexels:
         for index, active in enumerate(array.active):
             geom = body.add_geom(name=geom_name(name, index), pos=places[index], quat=turns[index], **box)
             if not active:
-                geom.rgba = _MASKED_COLOUR
+                geom.rgba[:] = _MASKED_COLOUR
 
     def bind(
         self,

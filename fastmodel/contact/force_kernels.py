@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from fastmodel.compiled import called_by_kernels
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -23,12 +24,14 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 #: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
 FRONT = 0.1
 
+#: Ids and numbers as MuJoCo stores them.
+_Ids = npt.NDArray[np.int32]
 #: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
 #: first entry in the constraint forces, -1 for none, shape (k,); number of force components, shape (k,); axes of the
 #: contact frame as rows, normal first, shape (k, 9) [-]; friction coefficients, shape (k, 5) [-]; position in the
 #: world, shape (k, 3) [m]; distance of the surfaces, negative for penetration, shape (k,) [m].  For all contacts:
 #: constraint forces, shape (rows,) [N]; and whether friction cones are pyramidal.
-Contacts = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
+Contacts = tuple[_Ids, _Ids, _Ids, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
 
 
 def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:

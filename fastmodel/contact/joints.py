@@ -43,7 +43,7 @@ class Joints:
             joints = self._find_between(body)
             kinds = self._model.jnt_type[joints]
             hinges = joints[kinds == mujoco.mjtJoint.mjJNT_HINGE]
-            free = bool(np.isin(kinds, (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL)).any())
+            free = bool(np.isin(kinds, [int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)]).any())
             self._turning[body] = free, hinges
         always, hinges = self._turning[body]
         return always or bool((np.abs(data.xaxis[hinges] @ normal) < _UPRIGHT).any())

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -80,13 +81,15 @@ class Plate:
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
         # with a higher priority, MuJoCo uses the softness of the plate alone and not that of the touching geom
-        soft = {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
+        soft: dict[str, Any] = (
+            {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
+        )
         for panel, geom in zip(*self.divide(array, name), strict=True):
             middle = panel.origin - 0.5 * self.height * panel.axes[:, 2]
             body.add_geom(
                 name=geom,
                 pos=pose.position + rotate(pose.quaternion, middle[None])[0],
-                quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]),
+                quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]).tolist(),
                 **describe_box((*panel.half, self.height / 2), self.contype, self.conaffinity),
                 **soft,
             )

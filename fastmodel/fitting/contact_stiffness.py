@@ -207,7 +207,7 @@ def _simulate_depth(mass: float, constant: float, impedance: float, timestep: fl
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
-    spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
+    spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = 1e-12
     plate = Plate(solref=(constant, 1.0), solimp=(impedance, impedance, 1e-3, 0.5, 2.0))
     plate.attach(spec.worldbody, TexelArray.grid(4, 4, 10e-3), Pose.of((0, 0, 0), (1, 0, 0, 0)), "fit")

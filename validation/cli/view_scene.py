@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -58,9 +59,12 @@ class Scene:
         spec = mujoco.MjSpec()
         fastmodel.recommend_options(spec)
         spec.option.timestep = TIMESTEP
-        spec.option.gravity = [0, 0, -STANDARD_GRAVITY]
-        spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
-        sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT}
+        spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
+        spec.visual.headlight.ambient[:] = [0.4, 0.4, 0.4]
+        sky: dict[str, Any] = {
+            "type": mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        }
         spec.add_texture(name="sky", **sky, rgb1=[0.9, 0.93, 0.96], rgb2=[0.6, 0.65, 0.7], width=64, height=64)
         self.sensor = fastmodel.attach(spec, "world", parameters, contact=method)
         self._radius = RADIUS_FRACTION * float((np.ptp(array.centres[:, :2], axis=0) + array.texel_size).min())
