@@ -53,6 +53,7 @@ class RunningSensor:
         self.every, self._timestep = every, float(model.opt.timestep)
         self._options = list_options(model)
         self._tolerance, self._rate = CLOCK_TOLERANCE * self._timestep, parameters.electronics.rate_hz
+        self._filters = parameters.filter is not None
         self.data: mujoco.MjData | None = None
         self._validity = parameters.validity
         spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
@@ -88,7 +89,8 @@ class RunningSensor:
             reading = self._reader.read(data)
             if not math.isfinite(reading.carried):
                 raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
-            reading = self._reader.add_net_force(reading, data)
+            if self._filters or self._count_due(now) > self._frames:  # without a filter, only frames need it
+                reading = self._reader.add_net_force(reading, data)
             self.chain.take(reading)
             self.reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):
@@ -96,12 +98,16 @@ class RunningSensor:
                 warnings.warn(message, RangeWarning, stacklevel=3)
                 self._validity = None  # warn once
         self._steps += 1
-        due = int((self._sampled_at - self._start) * self._rate + CLOCK_TOLERANCE)
+        due = self._count_due(self._sampled_at)
         if due <= self._frames:
             return False
         self._frames = due
         self.frame = self.chain.frame(self._sampled_at)
         return True
+
+    def _count_due(self, time: float) -> int:
+        """Return the number of frames that are due until a time [s]."""
+        return int((time - self._start) * self._rate + CLOCK_TOLERANCE)
 
     def get_state(self) -> State:
         """Return the state of the sensor, see `Sensor.get_state`."""

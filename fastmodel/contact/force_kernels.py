@@ -109,7 +109,6 @@ def press_boxes(
     """
     geom, address, _, frame, _, _, _, _, _ = contacts
     force, pressed, total, beside = np.zeros(3), np.zeros(geom.shape), np.zeros(len(neighbours)), 0.0
-    facing = np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (texel_of[geom[k, 0]] < 0 and texel_of[geom[k, 1]] < 0):
             continue
@@ -119,46 +118,41 @@ def press_boxes(
             if texel < 0:
                 continue
             box, own = geom_xmat[geom[k, side]], 0.0
-            facing[:] = 0.0
             for i in range(3):
                 for axis in range(3):
-                    # The columns of the box's orientation are its axes; the third is its outward normal.
-                    facing[axis] += sign * frame[k, i] * box[3 * i + axis]
+                    # The third column of the box's orientation is its outward normal.
                     own += sign * force[axis] * frame[k, 3 * axis + i] * box[3 * i + 2]
-            axis = 0 if abs(facing[0]) > abs(facing[1]) else 1
-            inside = facing[2] > -abs(facing[axis]) and neighbours[texel, 2 * axis + (1 if facing[axis] > 0 else 0)]
-            if facing[2] < FRONT and not inside:
-                beside += own
-            else:
+            if _is_front(frame[k], sign, box, neighbours[texel]):
                 pressed[k, side] = own
                 total[texel] += own
+            else:
+                beside += own
     return pressed, total, beside
 
 
-def sum_wrench(
-    contacts: Contacts,
-    geom_xmat: FloatArray,
-    part_of: IntArray,
-    neighbours: BoolArray,
-    pose: tuple[FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray]:
+#: An array of m boxes or plates.  Index of the box or plate of every geom, -1 for geoms that are not of the array,
+#: shape (geoms + 1,); outward normal of each box or plate in the frame of the array, shape (m, 3) [-]; whether each box
+#: has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); axes of the array in the world, as columns, shape (3, 3)
+#: [-]; and its origin in the world, shape (3,) [m].
+Parts = tuple[IntArray, FloatArray, BoolArray, FloatArray, FloatArray]
+
+
+def sum_wrench(contacts: Contacts, geom_xmat: FloatArray, parts: Parts) -> tuple[FloatArray, FloatArray]:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
     Args:
         contacts: The contacts.
         geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
-        part_of: Index of the box or plate of every geom, -1 for geoms that are not of the array, shape (geoms + 1,).
-        neighbours: Whether each box has a neighbour at its sides -x, +x, -y, +y, as for `press_boxes`, shape (m, 4).
-        pose: Axes of the array in the world, as columns, shape (3, 3) [-], and its origin in the world, shape (3,) [m].
+        parts: The boxes or plates of the array.
 
     Returns:
         Force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the part of the force
         that acts on the front of each box or plate, in the frame of the array, shape (m, 3) [N].
     """
-    geom, address, _, frame, _, pos, _, _, _ = contacts
-    axes, origin = pose
-    wrench, fronts = np.zeros(6), np.zeros((len(neighbours), 3))
-    local, facing, force, torque, lever = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    geom, address, dim, frame, _, pos, _, _, _ = contacts
+    part_of, _, neighbours, axes, origin = parts
+    wrench, fronts = np.zeros((2, 3)), np.zeros((len(neighbours), 3))  # in the frame of the world, until the end
+    local, force, lever = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
             continue
@@ -167,24 +161,85 @@ def sum_wrench(
             part = part_of[geom[k, side]]
             if part < 0:
                 continue
-            box = geom_xmat[geom[k, side]]
-            facing[:], force[:], torque[:], lever[:] = 0.0, 0.0, 0.0, 0.0
-            for j in range(3):
+            for i in range(3):
+                lever[i] = pos[k, i] - origin[i]
+                force[i] = sign * (local[0] * frame[k, i] + local[1] * frame[k, 3 + i] + local[2] * frame[k, 6 + i])
+            for i in range(3):
+                one, two = (i + 1) % 3, (i + 2) % 3
+                wrench[0, i] += force[i]
+                wrench[1, i] += lever[one] * force[two] - lever[two] * force[one]
+                for axis in range(dim[k] - 3):
+                    wrench[1, i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
+            if _is_front(frame[k], -sign, geom_xmat[geom[k, side]], neighbours[part]):
                 for i in range(3):
-                    facing[j] -= sign * frame[k, i] * box[3 * i + j]
-                    lever[j] += (pos[k, i] - origin[i]) * axes[i, j]
-                    for axis in range(3):
-                        force[j] += sign * local[axis] * frame[k, 3 * axis + i] * axes[i, j]
-                        torque[j] += sign * local[3 + axis] * frame[k, 3 * axis + i] * axes[i, j]
+                    fronts[part, i] += force[i]
+    return _turn(wrench, axes).ravel(), _turn(fronts, axes)
+
+
+@called_by_kernels
+def _is_front(frame: FloatArray, sign: float, box: FloatArray, neighbours: BoolArray) -> bool:
+    """Return whether a contact is with the front of a box, or with a side at which the box has a neighbour.
+
+    Args:
+        frame: Axes of the contact as rows, normal first, shape (9,) [-].
+        sign: 1 if the normal points away from the box, -1 if it points into it [-].
+        box: Axes of the box as columns, its outward normal last, shape (9,) [-].
+        neighbours: Whether the box has a neighbour at its sides -x, +x, -y, +y, shape (4,).
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(3):
+        x += sign * frame[i] * box[3 * i]
+        y += sign * frame[i] * box[3 * i + 1]
+        z += sign * frame[i] * box[3 * i + 2]
+    if z >= FRONT:
+        return True
+    if abs(x) > abs(y):
+        return z > -abs(x) and neighbours[1 if x > 0 else 0]
+    return z > -abs(y) and neighbours[3 if y > 0 else 2]
+
+
+@called_by_kernels
+def _turn(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """Return k vectors, shape (k, 3), in a frame whose axes are the columns of `axes`, shape (k, 3)."""
+    turned = np.zeros(vectors.shape)
+    for k in range(len(vectors)):
+        for i in range(3):
             for j in range(3):
-                one, two = (j + 1) % 3, (j + 2) % 3
-                wrench[j] += force[j]
-                wrench[3 + j] += torque[j] + lever[one] * force[two] - lever[two] * force[one]
-            axis = 0 if abs(facing[0]) > abs(facing[1]) else 1
-            inside = facing[2] > -abs(facing[axis]) and neighbours[part, 2 * axis + (1 if facing[axis] > 0 else 0)]
-            if facing[2] >= FRONT or inside:
-                fronts[part] += force
-    return wrench, fronts
+                turned[k, j] += vectors[k, i] * axes[i, j]
+    return turned
+
+
+def share_shear(
+    fronts: FloatArray, normals: FloatArray, contact_forces: FloatArray, tangents: FloatArray
+) -> FloatArray:
+    """Kernel: share the net shear on m plates among n texels in proportion to pressure.
+
+    The shear is the part of the forces along the plates.  Pressure on the margin takes its share of the shear with it.
+
+    Args:
+        fronts: Force on the front of each plate, in the frame of the array, shape (m, 3) [N].
+        normals: Outward normal of each plate in the frame of the array, shape (m, 3) [-].
+        contact_forces: Force that presses on each texel, shape (n,) [N].
+        tangents: Two tangents of each texel in the frame of the array, shape (n, 2, 3) [-].
+
+    Returns:
+        Force on each texel along its tangents, shape (n, 2) [N].
+    """
+    shear, pressing, shared = np.zeros(3), 0.0, np.zeros(tangents.shape[:2])
+    for part in range(len(fronts)):
+        along = 0.0
+        for i in range(3):
+            along += fronts[part, i] * normals[part, i]
+        pressing -= along
+        for i in range(3):
+            shear[i] += fronts[part, i] - along * normals[part, i]
+    pressing = max(pressing, contact_forces.sum())
+    for texel in range(len(contact_forces)):
+        if contact_forces[texel] > 0:
+            for axis in range(2):
+                for i in range(3):
+                    shared[texel, axis] += contact_forces[texel] / pressing * tangents[texel, axis, i] * shear[i]
+    return shared
 
 
 def sum_forces(

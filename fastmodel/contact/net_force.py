@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, read_contacts, sum_wrench
+from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, read_contacts, share_shear, sum_wrench
 from fastmodel.contact.interface import Reading
 from fastmodel.pose import rotate
 from fastmodel.signal.point_spread import find_tangents
@@ -59,14 +59,16 @@ class NetForceReader:
         outward = np.array([rotate(turn, np.array([[0.0, 0.0, 1.0]]))[0] for turn in model.geom_quat[geoms]])
         self._normals = rotate(model.geom_quat[geoms[0]] * _CONJUGATE, outward) @ self._turn
         # masked texels measure nothing
-        self._tangents = np.where(array.active[:, None], np.stack(find_tangents(array)), 0.0)
+        self._tangents = np.where(array.active[:, None, None], np.stack(find_tangents(array), axis=1), 0.0)
         self._no_shear = np.zeros((array.count, 2))
-        self._sum_wrench = compile_kernel(sum_wrench)
+        self._sum_wrench, self._share_shear = compile_kernel(sum_wrench), compile_kernel(share_shear)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernel; see `ContactReader.compile_kernels`."""
+        parts = (self._part_of, self._normals, self._neighbours, np.eye(3), np.zeros(3))
         for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
-            self._sum_wrench(contacts, data.geom_xmat, self._part_of, self._neighbours, (np.eye(3), np.zeros(3)))
+            self._sum_wrench(contacts, data.geom_xmat, parts)
+        self._share_shear(self._normals, self._normals, np.zeros(self._array.count), self._tangents)
 
     def add(self, reading: Reading, data: mujoco.MjData | None) -> Reading:
         """Return a reading with net force, net torque and tangential forces; see `ContactReader.add_net_force`."""
@@ -79,21 +81,13 @@ class NetForceReader:
         axes = data.geom_xmat[self._first].reshape(3, 3).dot(self._turn)
         origin = data.geom_xpos[self._first] - axes.dot(self._middle)
         contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
-        wrench, fronts = self._sum_wrench(contacts, data.geom_xmat, self._part_of, self._neighbours, (axes, origin))
-        on_texels = fronts if self._by_geom else self._share(fronts, reading.contact_forces)
-        return self._fill(reading, wrench, np.einsum("kni,ni->nk", self._tangents, on_texels))
-
-    def _share(self, fronts: FloatArray, contact_forces: FloatArray) -> FloatArray:
-        """Share the net shear on all plates among texels in proportion to pressure, shape (n, 3) [N].
-
-        Args:
-            fronts: Force on the front of each of m plates, in the frame of the array, shape (m, 3) [N].
-            contact_forces: Force that presses on each texel, shape (n,) [N].
-        """
-        along = np.einsum("mi,mi->m", fronts, self._normals)
-        shear = fronts.sum(axis=0) - along @ self._normals
-        whole = max(-float(along.sum()), float(contact_forces.sum()))
-        return np.outer(contact_forces / whole if whole > 0 else np.zeros(len(contact_forces)), shear)
+        parts = (self._part_of, self._normals, self._neighbours, axes, origin)
+        wrench, fronts = self._sum_wrench(contacts, data.geom_xmat, parts)
+        if self._by_geom:
+            tangential = np.einsum("nki,ni->nk", self._tangents, fronts)
+        else:
+            tangential = self._share_shear(fronts, self._normals, reading.contact_forces, self._tangents)
+        return self._fill(reading, wrench, tangential)
 
     def _fill(self, reading: Reading, wrench: FloatArray, tangential: FloatArray) -> Reading:
         """Return a reading with the values."""

@@ -57,12 +57,13 @@ class SignalChain:
         """Pass one more sample through the filter.
 
         Args:
-            reading: The contact forces of the sample.
+            reading: The contact forces of the sample; if it has no net force, the latest one is kept.
         """
         signals = np.empty(self._count + 1)
         signals[:-1], signals[-1] = _pressing(reading), reading.carried
         self._state = self._functions.take_signals(self._state, signals)
-        self._vectors = self._low_pass.step(self._vectors, _join_vectors(reading))
+        if reading.wrench is not None:
+            self._vectors = self._low_pass.step(self._vectors, _join_vectors(reading))
 
     def frame(self, time: float, *, noisy: bool = True) -> Frame:
         """Make a frame from the latest filtered sample.
