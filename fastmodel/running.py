@@ -120,7 +120,16 @@ class RunningSensor:
         }
 
     def set_state(self, state: State) -> None:
-        """Restore a state of the sensor, see `Sensor.set_state`."""
+        """Restore a state of the sensor, or leave it as it is and raise an error; see `Sensor.set_state`."""
+        before = self.get_state()
+        try:
+            self._restore(state)
+        except (ValueError, TypeError, KeyError) as error:
+            self._restore(before)
+            raise error if isinstance(error, StateError) else StateError(f"state: {error}") from error
+
+    def _restore(self, state: State) -> None:
+        """Restore a state of the sensor."""
         clock = take_array(state, "clock", np.zeros(5)).tolist()
         for name, own in (("reading/contact_forces", self.reading.contact_forces), ("frame/counts", self.frame.counts)):
             take_array(state, name, own)

@@ -20,7 +20,9 @@ PARAMETERS = dataclasses.replace(
     ),
 )
 METHODS = ("boxes", "cover")
-BODY_OF_SPEC = {"one": (0, 0, 0), "two": (0.1, 0, 0)}
+#: All of MuJoCo's state that the next step depends on.
+EVERYTHING = mujoco.mjtState.mjSTATE_INTEGRATION
+PLACES = {"one": (0, 0, 0), "two": (0.1, 0, 0)}
 
 
 def scene(method, array=PARAMETERS, names=("one",)):
@@ -29,7 +31,7 @@ def scene(method, array=PARAMETERS, names=("one",)):
     fastmodel.recommend_options(spec)
     spec.option.timestep = 1e-3
     sensors = [
-        fastmodel.attach(spec, "world", array, name=name, position=BODY_OF_SPEC[name], contact=method) for name in names
+        fastmodel.attach(spec, "world", array, name=name, position=PLACES[name], contact=method) for name in names
     ]
     for kind, size, place in (
         (mujoco.mjtGeom.mjGEOM_BOX, [5e-3, 4e-3, 3e-3], [0, 0, 3.5e-3]),
@@ -96,13 +98,13 @@ def test_after_going_back_the_next_frames_are_the_same(method, array, after, tmp
     """While sliding (150 ms) and at rest (600 ms); through a file."""
     model, data, sensors = scene(method, array)
     run(model, data, sensors, after)
-    physics = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
-    mujoco.mj_getState(model, data, physics, mujoco.mjtState.mjSTATE_INTEGRATION)
+    physics = np.empty(mujoco.mj_stateSize(model, EVERYTHING))
+    mujoco.mj_getState(model, data, physics, EVERYTHING)
     np.savez(tmp_path / "state.npz", **sensors[0].get_state())
     before = sensors[0].frame()
     first = run(model, data, sensors, 300)
     assert sum(frame.counts.any() for frame in first) > 10
-    mujoco.mj_setState(model, data, physics, mujoco.mjtState.mjSTATE_INTEGRATION)
+    mujoco.mj_setState(model, data, physics, EVERYTHING)
     with np.load(tmp_path / "state.npz") as stored:
         sensors[0].set_state(dict(stored))
     np.testing.assert_array_equal(sensors[0].frame().counts, before.counts)
@@ -145,17 +147,31 @@ def test_an_unbound_sensor_is_copied_unbound():
     assert not twin.bind(spec.compile()).frame().counts.any()
 
 
+#: Physics steps that give more than 1000 frames at 271 Hz.
+MANY = 3700
+
+
 def continue_elsewhere(stored):
-    return run(*pickle.loads(stored), 1000)  # noqa: S301
+    return run(*pickle.loads(stored), MANY, pushed=2.0)  # noqa: S301
 
 
 @pytest.mark.slow
-def test_in_another_process_the_next_thousand_frames_are_the_same():
-    original = scene("cover")
+@pytest.mark.parametrize("method", METHODS)
+def test_the_next_thousand_frames_are_the_same_also_in_another_process(method):
+    original = scene(method)
+    model, data, (sensor,) = original
     run(*original, 200)
+    twin, stored = copy.deepcopy(original), pickle.dumps(original)
+    physics, state = np.empty(mujoco.mj_stateSize(model, EVERYTHING)), sensor.get_state()
+    mujoco.mj_getState(model, data, physics, EVERYTHING)
+    frames = run(*original, MANY, pushed=2.0)
+    assert len(frames) > 1000
+    mujoco.mj_setState(model, data, physics, EVERYTHING)
+    sensor.set_state(state)
+    assert_equal(run(*original, MANY, pushed=2.0), frames)
+    assert_equal(run(*twin, MANY, pushed=2.0), frames)
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        elsewhere = pool.apply(continue_elsewhere, (pickle.dumps(original),))
-    assert_equal(elsewhere, run(*original, 1000))
+        assert_equal(pool.apply(continue_elsewhere, (stored,)), frames)
 
 
 def noise_of(sensor, model, steps=40):
@@ -209,7 +225,14 @@ def test_bad_seeds_and_states_are_refused():
         if name.startswith(("chain", "clock", "contact/last", "contact/reach")):
             with pytest.raises(StateError, match=name.split("/")[-1]):
                 sensor.set_state({key: array for key, array in state.items() if key != name})
-    with pytest.raises(StateError, match="this sensor has"):
-        sensor.set_state(state | {"chain/play": np.zeros(3)})
-    with pytest.raises(StateError, match="not one of"):
-        sensor.set_state(state | {"reading/type": np.array("SensorWithAnotherName")})
+    for change, message in (
+        ({"chain/play": np.zeros(3)}, "this sensor has"),
+        ({"reading/type": np.array("SensorWithAnotherName")}, "not one of"),
+        ({"contact/last": np.zeros(4)}, "state"),
+        ({"contact/reach": np.array("far")}, "state"),
+        ({"chain/noise": np.array(["a"] * 6)}, "state"),
+    ):
+        with pytest.raises(StateError, match=message):
+            sensor.set_state(state | change)
+    for name, array in sensor.get_state().items():
+        np.testing.assert_array_equal(array, state[name])
