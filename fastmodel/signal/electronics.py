@@ -53,7 +53,7 @@ class Electronics:
             characteristic [1/N^k]; None for the linear one.
         gains: Factor on the counts of each of n texels, applied before the threshold, shape (n,) [-]; None for factors
             of one.
-        seed: Seed from which the noise of a sensor starts when it is bound; sensors with other names get other noise [-].
+        seed: Seed from which the noise starts when a sensor is bound; sensors with other names get other noise [-].
         hysteresis_share: Share of the force that passes through a play operator, 0..1; 0 for no hysteresis [-].
         hysteresis_width: Half width of the play operator.  Unloading and loading curves differ by twice this width
             times the share [N].
