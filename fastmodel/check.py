@@ -179,8 +179,9 @@ def check_surroundings(
         spacing: Distance of the points at which the top of the array is examined [m].
     """
     data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)
-    mujoco.mj_kinematics(model, data)
+    mujoco.mj_fwdPosition(model, data)
     yield from _check_flush_geoms(model, data, geoms, name, inset=inset, spacing=spacing)
+    yield from _check_own_links(model, data, geoms, name)
     colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)
     others = colliding & (model.geom_bodyid != model.geom_bodyid[geoms[0]])
     if others.any() and not (colliding & (obstacles == "")).any() and not model.nflex:
@@ -201,8 +202,7 @@ def _check_flush_geoms(
 ) -> Iterator[str]:
     """Find geoms that move with the array and reach the top of it; see `check_surroundings`."""
     points, normals = sample_top(model, data, geoms, inset=inset, spacing=spacing)
-    weld = model.body_weldid[model.geom_bodyid]
-    rigid = _find_colliding(model) & (weld == weld[geoms[0]])
+    rigid = _find_colliding(model) & np.isin(model.body_weldid[model.geom_bodyid], _find_welded(model, int(geoms[0])))
     rigid[geoms] = False
     for geom in rigid.nonzero()[0].tolist():
         low, high = find_span(model, data, geom, points, normals)
@@ -215,6 +215,42 @@ def _check_flush_geoms(
                 f"{_advise_on_flush_geom(model, geom, int(geoms[0]))}move the array outwards by "
                 f"{1e3 * (top + _CLEARANCE):.2f} mm"
             )
+
+
+def _check_own_links(model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str) -> Iterator[str]:
+    """Find other links of the robot that press on the array in the model's initial pose; see `check_surroundings`."""
+    pairs, tree = data.contact.geom, model.body_treeid[model.geom_bodyid]
+    own = np.isin(pairs, geoms)
+    touching = (own[:, 0] != own[:, 1]) & (data.contact.dist < -_FLUSH) & (pairs >= 0).all(axis=1)
+    others = np.where(own[:, 0], pairs[:, 1], pairs[:, 0])[touching]
+    chosen = np.isin(np.arange(model.ngeom), others) & (tree == tree[geoms[0]]) & (tree >= 0)
+    if chosen.any():
+        bodies = [model.body(body).name for body in np.unique(model.geom_bodyid[chosen])]
+        exclude = (
+            f"spec.add_exclude(bodyname1={model.body(model.geom_bodyid[geoms[0]]).name!r}, bodyname2={bodies[0]!r})"
+        )
+        yield (
+            f"{_list_geoms(model, chosen)} presses on array {name!r} in the initial pose of the model; move the array, "
+            f"or exclude the contact: {exclude}"
+        )
+
+
+def _find_welded(model: mujoco.MjModel, geom: int) -> list[int]:
+    """Find the bodies that move with a geom: no joint lies between, or a <weld> constraint joins them.
+
+    Bodies without a joint between form a group; the first body stands for each group.
+    """
+    found, before = {int(model.body_weldid[model.geom_bodyid[geom]])}, 0
+    welds = model.eq_type == mujoco.mjtEq.mjEQ_WELD
+    bodies = np.column_stack([model.eq_obj1id, model.eq_obj2id])[welds]
+    of_sites = model.eq_objtype[welds] == mujoco.mjtObj.mjOBJ_SITE
+    bodies[of_sites] = model.site_bodyid[bodies[of_sites]]
+    while len(found) > before:
+        before = len(found)
+        for pair in model.body_weldid[bodies].tolist():
+            if found & set(pair):
+                found |= set(pair)
+    return sorted(found)
 
 
 def _describe_height(height: float) -> str:

@@ -82,6 +82,39 @@ def test_a_replaced_pad_is_silent_and_the_array_carries_all():
     assert sensor.check(spec.compile()) == ()
 
 
+@pytest.mark.parametrize("kind", [mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE])
+def test_a_pad_on_a_body_that_is_welded_to_the_finger_is_told(kind):
+    spec, sensor = scene()
+    holder = spec.worldbody.add_body(name="holder", pos=[0, 0, -0.003])
+    holder.add_freejoint()
+    holder.add_geom(name="cap", type=KINDS.mjGEOM_BOX, size=[3e-3, 0.01, 3e-3], mass=0.01)
+    spec.worldbody.add_site(name="elsewhere")
+    for body in ("finger", "holder"):
+        spec.body(body).add_site(name=body)
+    spec.add_exclude(bodyname1="finger", bodyname2="holder")
+    before = sensor.check(spec.compile())
+    spec.add_equality(type=mujoco.mjtEq.mjEQ_WELD, objtype=kind, name1="holder", name2="finger")
+    after = sensor.check(spec.compile())
+    assert not any("flush" in each for each in before)
+    (said,) = (each for each in after if "flush" in each)
+    assert "geom 'cap' of body 'holder' lies flush" in said
+    assert "set its contype and conaffinity to 0" in said
+
+
+def test_links_of_the_robot_that_press_on_the_array_are_told():
+    spec, sensor = scene()
+    link = spec.body("finger").add_body(name="knuckle").add_body(name="link")
+    for body in (link.parent, link):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
+        body.add_geom(type=KINDS.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, 4e-3], mass=0.1)
+    spec.body("ball").pos = [0, 0, 4e-3]  # objects may begin in contact
+    (said,) = sensor.check(spec.compile())
+    assert "of body 'link' presses on array 'sensor' in the initial pose" in said
+    assert "spec.add_exclude(bodyname1='finger', bodyname2='link')" in said
+    spec.add_exclude(bodyname1="finger", bodyname2="link")
+    assert sensor.check(spec.compile()) == ()
+
+
 @pytest.mark.parametrize("contact", ["boxes", fastmodel.Foundation(modulus=1e9)])
 @pytest.mark.parametrize(
     ("kind", "size", "place", "found"),

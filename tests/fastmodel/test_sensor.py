@@ -271,13 +271,22 @@ def test_a_changed_timestep_is_refused_by_step_and_followed_by_reset(stepped):
     assert all(a.time == b.time and np.array_equal(a.texel_forces, b.texel_forces) for a, b in same)
 
 
-def test_a_reset_warns_of_options_that_have_changed():
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("cone", mujoco.mjtCone.mjCONE_PYRAMIDAL, "recommend_options"),
+        ("solver", mujoco.mjtSolver.mjSOL_CG, "recommend_options"),
+        ("disableflags", mujoco.mjtDisableBit.mjDSBL_CONTACT, "measures nothing"),
+        ("enableflags", mujoco.mjtEnableBit.mjENBL_OVERRIDE, "o_solref"),
+    ],
+)
+def test_a_reset_warns_of_options_that_have_changed(option, value, message):
     sensor, model, _ = ball_on_array()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sensor.reset()
-    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
-    with pytest.warns(OptionWarning, match="recommend_options"):
+    setattr(model.opt, option, value)
+    with pytest.warns(OptionWarning, match=message):
         sensor.reset()
     model.opt.timestep = 5e-2
     with pytest.raises(FilterError, match="half the sampling rate of 20"):
