@@ -25,7 +25,7 @@ def scene(*, pad=None, finger="finger", array=SMALL, ball=True, **settings):
     fastmodel.recommend_options(spec)
     spec.option.timestep = 1e-3
     body = spec.worldbody.add_body(name="finger")
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.add_joint(name="hold", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.add_geom(name="bone", type=KINDS.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, -0.02], mass=0.1)
     if pad is not None:
         body.add_geom(name="pad", type=KINDS.mjGEOM_BOX, size=[3e-3, 0.01, 3e-3], pos=[0, 0, -3e-3 - pad])
@@ -252,6 +252,24 @@ def test_objects_that_fall_asleep_lose_their_force_and_this_is_told():
     forces, said = run_asleep(ball=never, finger=never)
     assert forces[-1] == pytest.approx(0.981, rel=1e-3)
     assert said == ()
+
+
+def test_an_array_on_a_tree_that_never_sleeps_keeps_objects_awake():
+    spec, sensor = scene()
+    spec.body("ball").pos = [0, 0, 5e-3]
+    spec.joint("hold").stiffness, spec.joint("hold").damping = [1e4, 0, 0], [20, 0, 0]
+    spec.option.enableflags = ENABLE.mjENBL_SLEEP
+    (said,) = sensor.check(spec.compile())
+    assert "fades to 0" in said
+    spec.add_actuator(target="hold", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    assert sensor.check(model) == ()
+    sensor.bind(model)
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(0.981, rel=0.02)
 
 
 @pytest.mark.parametrize(
