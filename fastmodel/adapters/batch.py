@@ -11,6 +11,7 @@ sending small.
 from __future__ import annotations
 
 import multiprocessing
+import pickle
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -103,6 +104,7 @@ class Batch:
             The frames that the sensors made in these steps, `[world][sensor][frame]`.
 
         Raises:
+            FastModelError: If there are several processes, and the function cannot be imported.
             LifeCycleError: If the physics of a world was stepped without its sensors before.
             StateError: If a contact force is not finite.
         """
@@ -114,6 +116,9 @@ class Batch:
         Args:
             function: Function of the index of the world, its state and its sensors, called in the process of the
                 world.
+
+        Raises:
+            FastModelError: If there are several processes, and the function cannot be imported.
         """
         return self._call("visit", function)
 
@@ -155,6 +160,12 @@ class Batch:
         """Call a method of `_Worlds` in all processes, and join the results, one for each world."""
         if self._own is not None:
             return list(getattr(self._own, method)(*arguments))
+        try:
+            pickle.dumps(arguments)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise FastModelError(
+                f"several processes take only functions that can be imported, no lambdas and no local ones: {error}"
+            ) from error
         started = [worker.submit(_call_worlds, method, *arguments) for worker in self._workers]
         return [result for each in started for result in each.result()]
 

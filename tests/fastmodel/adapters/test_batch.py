@@ -114,6 +114,8 @@ def test_an_error_in_another_process_arrives():
     with Batch(model, sensors, 2, processes=2) as batch:
         with pytest.raises(ValueError, match="world 0 stops"):
             batch.step(1, stop)
+        with pytest.raises(FastModelError, match="no lambdas"):
+            batch.visit(lambda number, data, sensors: number)
         assert len(batch.step(10)) == 2
 
 
