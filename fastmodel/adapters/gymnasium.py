@@ -62,7 +62,8 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
 
     `info["frames"]` contains, by sensor, the number `made` of frames that the step made, and the values of these
     frames, oldest first, in arrays with room for m frames: simulation `times` of their samples, shape (m,) [s],
-    `counts`, shape (m, n) [-], and `images`, shape (m, rows, columns) [-].  Entries from `made` on are zero.  If a step
+    `counts`, shape (m, n) [-], `images`, shape (m, rows, columns) [-], and `net_forces` [N] and `net_torques` [N m] on
+    the array in its frame (see `Frame`), shape (m, 3).  Entries from `made` on are zero.  If a step
     makes more than m frames, the latest m are kept.
 
     Attributes:
@@ -239,9 +240,13 @@ def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, 
         "times": np.zeros(room),
         "counts": np.zeros((room, *like.counts.shape), dtype=np.int64),
         "images": np.zeros((room, *like.image.shape), dtype=np.uint8),
+        "net_forces": np.zeros((room, 3)),
+        "net_torques": np.zeros((room, 3)),
     }
     for index, frame in enumerate(kept):
         arrays["times"][index], arrays["counts"][index], arrays["images"][index] = frame.time, frame.counts, frame.image
+        if frame.net_force is not None and frame.net_torque is not None:
+            arrays["net_forces"][index], arrays["net_torques"][index] = frame.net_force, frame.net_torque
     return {"made": len(frames), **arrays}
 
 

@@ -131,28 +131,31 @@ def press_boxes(
 
 
 #: An array of m boxes or plates.  Index of the box or plate of every geom, -1 for geoms that are not of the array,
-#: shape (geoms + 1,); outward normal of each box or plate in the frame of the array, shape (m, 3) [-]; whether each box
-#: has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); axes of the array in the world, as columns, shape (3, 3)
-#: [-]; and its origin in the world, shape (3,) [m].
-Parts = tuple[IntArray, FloatArray, BoolArray, FloatArray, FloatArray]
+#: shape (geoms + 1,); whether each box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); id of the first box
+#: or plate; its axes in the frame of the array, as columns, shape (3, 3) [-]; and its centre there, shape (3,) [m].
+Parts = tuple[IntArray, BoolArray, int, FloatArray, FloatArray]
 
 
-def sum_wrench(contacts: Contacts, geom_xmat: FloatArray, parts: Parts) -> tuple[FloatArray, FloatArray]:
+def sum_wrench(
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
+) -> tuple[FloatArray, FloatArray]:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
     Args:
         contacts: The contacts.
         geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
         parts: The boxes or plates of the array.
 
     Returns:
         Force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the part of the force
-        that acts on the front of each box or plate, in the frame of the array, shape (m, 3) [N].
+        that acts on the front of each box or plate, along the axes of the box or plate, shape (m, 3) [N].
     """
     geom, address, dim, frame, _, pos, _, _, _ = contacts
-    part_of, _, neighbours, axes, origin = parts
-    wrench, fronts = np.zeros((2, 3)), np.zeros((len(neighbours), 3))  # in the frame of the world, until the end
-    local, force, lever = np.zeros(6), np.zeros(3), np.zeros(3)
+    part_of, neighbours, first, turn, middle = parts
+    fronts, local = np.zeros((len(neighbours), 3)), np.zeros(6)
+    # force in the world, and torque about the centre of the first box or plate
+    net, moment, centre = np.zeros(3), np.zeros(3), geom_xpos[first]
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
             continue
@@ -161,19 +164,48 @@ def sum_wrench(contacts: Contacts, geom_xmat: FloatArray, parts: Parts) -> tuple
             part = part_of[geom[k, side]]
             if part < 0:
                 continue
-            for i in range(3):
-                lever[i] = pos[k, i] - origin[i]
-                force[i] = sign * (local[0] * frame[k, i] + local[1] * frame[k, 3 + i] + local[2] * frame[k, 6 + i])
-            for i in range(3):
-                one, two = (i + 1) % 3, (i + 2) % 3
-                wrench[0, i] += force[i]
-                wrench[1, i] += lever[one] * force[two] - lever[two] * force[one]
-                for axis in range(dim[k] - 3):
-                    wrench[1, i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
-            if _is_front(frame[k], -sign, geom_xmat[geom[k, side]], neighbours[part]):
+            x = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
+            y = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
+            z = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
+            net[0] += x
+            net[1] += y
+            net[2] += z
+            moment[0] += (pos[k, 1] - centre[1]) * z - (pos[k, 2] - centre[2]) * y
+            moment[1] += (pos[k, 2] - centre[2]) * x - (pos[k, 0] - centre[0]) * z
+            moment[2] += (pos[k, 0] - centre[0]) * y - (pos[k, 1] - centre[1]) * x
+            for axis in range(dim[k] - 3):
                 for i in range(3):
-                    fronts[part, i] += force[i]
-    return _turn(wrench, axes).ravel(), _turn(fronts, axes)
+                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
+            box = geom_xmat[geom[k, side]]
+            if _is_front(frame[k], -sign, box, neighbours[part]):
+                for i in range(3):
+                    fronts[part, i] += x * box[i] + y * box[3 + i] + z * box[6 + i]
+    return _move_wrench(net, moment, geom_xmat[first], turn, middle), fronts
+
+
+@called_by_kernels
+def _move_wrench(
+    net: FloatArray, moment: FloatArray, box: FloatArray, turn: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Return a force and the torque about the centre of a box in the frame of the array, about its origin, shape (6,).
+
+    Args:
+        net: The force, in the world, shape (3,) [N].
+        moment: The torque, in the world, shape (3,) [N m].
+        box: Axes of the box in the world, as columns, shape (9,) [-].
+        turn: Axes of the box in the frame of the array, as columns, shape (3, 3) [-].
+        middle: Centre of the box in the frame of the array, shape (3,) [m].
+    """
+    wrench = np.zeros(6)
+    for i in range(3):
+        for j in range(3):
+            for axis in range(3):
+                wrench[j] += net[i] * box[3 * i + axis] * turn[j, axis]
+                wrench[3 + j] += moment[i] * box[3 * i + axis] * turn[j, axis]
+    wrench[3] += middle[1] * wrench[2] - middle[2] * wrench[1]
+    wrench[4] += middle[2] * wrench[0] - middle[0] * wrench[2]
+    wrench[5] += middle[0] * wrench[1] - middle[1] * wrench[0]
+    return wrench
 
 
 @called_by_kernels
@@ -198,47 +230,33 @@ def _is_front(frame: FloatArray, sign: float, box: FloatArray, neighbours: BoolA
     return z > -abs(y) and neighbours[3 if y > 0 else 2]
 
 
-@called_by_kernels
-def _turn(vectors: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return k vectors, shape (k, 3), in a frame whose axes are the columns of `axes`, shape (k, 3)."""
-    turned = np.zeros(vectors.shape)
-    for k in range(len(vectors)):
-        for i in range(3):
-            for j in range(3):
-                turned[k, j] += vectors[k, i] * axes[i, j]
-    return turned
-
-
-def share_shear(
-    fronts: FloatArray, normals: FloatArray, contact_forces: FloatArray, tangents: FloatArray
-) -> FloatArray:
+def share_shear(fronts: FloatArray, axes: FloatArray, contact_forces: FloatArray, tangents: FloatArray) -> FloatArray:
     """Kernel: share the net shear on m plates among n texels in proportion to pressure.
 
     The shear is the part of the forces along the plates.  Pressure on the margin takes its share of the shear with it.
 
     Args:
-        fronts: Force on the front of each plate, in the frame of the array, shape (m, 3) [N].
-        normals: Outward normal of each plate in the frame of the array, shape (m, 3) [-].
+        fronts: Force on the front of each plate along its axes, shape (m, 3) [N].
+        axes: Axes of each plate in the frame of the array, as columns, shape (m, 3, 3) [-].
         contact_forces: Force that presses on each texel, shape (n,) [N].
         tangents: Two tangents of each texel in the frame of the array, shape (n, 2, 3) [-].
 
     Returns:
         Force on each texel along its tangents, shape (n, 2) [N].
     """
-    shear, pressing, shared = np.zeros(3), 0.0, np.zeros(tangents.shape[:2])
+    shear, pressing, pressed, shared = np.zeros(3), 0.0, 0.0, np.zeros(tangents.shape[:2])
     for part in range(len(fronts)):
-        along = 0.0
+        pressing -= fronts[part, 2]
         for i in range(3):
-            along += fronts[part, i] * normals[part, i]
-        pressing -= along
-        for i in range(3):
-            shear[i] += fronts[part, i] - along * normals[part, i]
-    pressing = max(pressing, contact_forces.sum())
+            shear[i] += fronts[part, 0] * axes[part, i, 0] + fronts[part, 1] * axes[part, i, 1]
+    for texel in range(len(contact_forces)):
+        pressed += contact_forces[texel]
     for texel in range(len(contact_forces)):
         if contact_forces[texel] > 0:
+            share = contact_forces[texel] / max(pressing, pressed)
             for axis in range(2):
                 for i in range(3):
-                    shared[texel, axis] += contact_forces[texel] / pressing * tangents[texel, axis, i] * shear[i]
+                    shared[texel, axis] += share * tangents[texel, axis, i] * shear[i]
     return shared
 
 

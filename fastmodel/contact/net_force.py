@@ -22,8 +22,6 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 #: Values of `Reading.tangential_source` and `Frame.tangential_source`.
 BY_GEOM = "contacts of each texel"
 SHARED = "net shear, shared in proportion to pressure"
-#: Factors that turn a unit quaternion into its inverse [-].
-_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 class NetForceReader:
@@ -49,26 +47,25 @@ class NetForceReader:
             middle: Centre of the first geom in the frame of the array, shape (3,) [m].
             neighbours: For one box per texel, the neighbours of each, see `press_boxes`, shape (n, 4); None for plates.
         """
-        self._model, self._array, self._first = model, array, int(geoms[0])
-        self._turn, self._middle = axes.T.copy(), middle
-        self._by_geom = neighbours is not None
-        self._neighbours = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
-        self._part_of = np.full(model.ngeom + 1, -1)
-        self._part_of[geoms] = np.arange(len(geoms))
-        # outward normals of the geoms, from the frame of their body to that of the first geom, to that of the array
-        outward = np.array([rotate(turn, np.array([[0.0, 0.0, 1.0]]))[0] for turn in model.geom_quat[geoms]])
-        self._normals = rotate(model.geom_quat[geoms[0]] * _CONJUGATE, outward) @ self._turn
+        self._model, self._array, self._by_geom = model, array, neighbours is not None
+        part_of = np.full(model.ngeom + 1, -1)
+        part_of[geoms] = np.arange(len(geoms))
+        sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
+        self._parts = (part_of, sides, int(geoms[0]), np.ascontiguousarray(axes), middle)
+        # axes of the geoms, from the frame of their body to that of the first geom, to that of the array
+        first, *_ = turns = np.array([rotate(turn, np.eye(3)) for turn in model.geom_quat[geoms]])
+        self._axes = np.ascontiguousarray(np.swapaxes(turns @ first.T @ axes.T, 1, 2))
         # masked texels measure nothing
-        self._tangents = np.where(array.active[:, None, None], np.stack(find_tangents(array), axis=1), 0.0)
+        self._active = array.active[:, None].astype(np.float64)
+        self._tangents = np.stack(find_tangents(array), axis=1) * self._active[:, None]
         self._no_shear = np.zeros((array.count, 2))
         self._sum_wrench, self._share_shear = compile_kernel(sum_wrench), compile_kernel(share_shear)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernel; see `ContactReader.compile_kernels`."""
-        parts = (self._part_of, self._normals, self._neighbours, np.eye(3), np.zeros(3))
         for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
-            self._sum_wrench(contacts, data.geom_xmat, parts)
-        self._share_shear(self._normals, self._normals, np.zeros(self._array.count), self._tangents)
+            _, fronts = self._sum_wrench(contacts, data.geom_xmat, data.geom_xpos, self._parts)
+        self._share_shear(fronts, self._axes, np.zeros(self._array.count), self._tangents)
 
     def add(self, reading: Reading, data: mujoco.MjData | None) -> Reading:
         """Return a reading with net force, net torque and tangential forces; see `ContactReader.add_net_force`."""
@@ -78,16 +75,13 @@ class NetForceReader:
             return self._fill(reading, np.append(forces.sum(axis=0), torque), self._no_shear)
         if not data.ncon:
             return self._fill(reading, np.zeros(6), self._no_shear)
-        axes = data.geom_xmat[self._first].reshape(3, 3).dot(self._turn)
-        origin = data.geom_xpos[self._first] - axes.dot(self._middle)
         contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
-        parts = (self._part_of, self._normals, self._neighbours, axes, origin)
-        wrench, fronts = self._sum_wrench(contacts, data.geom_xmat, parts)
+        wrench, fronts = self._sum_wrench(contacts, data.geom_xmat, data.geom_xpos, self._parts)
         if self._by_geom:
-            tangential = np.einsum("nki,ni->nk", self._tangents, fronts)
-        else:
-            tangential = self._share_shear(fronts, self._normals, reading.contact_forces, self._tangents)
-        return self._fill(reading, wrench, tangential)
+            # the axes of a box are the tangents of its texel
+            return self._fill(reading, wrench, fronts[:, :2] * self._active)
+        shared = self._share_shear(fronts, self._axes, reading.contact_forces, self._tangents)
+        return self._fill(reading, wrench, shared)
 
     def _fill(self, reading: Reading, wrench: FloatArray, tangential: FloatArray) -> Reading:
         """Return a reading with the values."""

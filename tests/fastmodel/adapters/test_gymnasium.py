@@ -128,6 +128,12 @@ def test_frames_are_those_of_the_bare_simulation_at_the_sensors_own_rate(physics
     assert np.array_equal(counts, [frame.counts for frame in expected])
     assert np.array_equal(images, [frame.image for frame in expected])
     assert observation["tactile"].max() > 50
+    new = info["frames"]["tactile"]
+    for made, frame in zip(range(new["made"]), expected[len(expected) - new["made"] :], strict=True):
+        np.testing.assert_array_equal(new["net_forces"][made], frame.net_force)
+        np.testing.assert_array_equal(new["net_torques"][made], frame.net_torque)
+    assert new["net_forces"].shape == new["net_torques"].shape == (len(new["times"]), 3)
+    assert (new["net_forces"][: new["made"], 2] < -0.1).all()
 
 
 def test_a_fast_environment_observes_each_image_until_the_next_frame():

@@ -25,6 +25,8 @@ def test_view_without_a_terminal_prints_the_last_image(softcover):
     assert "sphere:radius=5mm on wts-0614-34, 4.903 N" in out
     assert "fast model, mN" in out
     assert "4.90 N at (" in out
+    assert "net force (" in out
+    assert ", -4.90) N" in out
     assert "\x1b" not in out
 
 
@@ -35,6 +37,10 @@ def test_view_prints_the_last_frame_as_json(softcover):
     assert np.shape(result["image"]) == np.shape(result["counts"]) == np.shape(result["texel_forces"]) == (14, 6)
     assert result["carried"] == pytest.approx(WEIGHT, rel=0.01)
     assert np.sum(result["texel_forces"]) + result["outside"] == pytest.approx(result["carried"], rel=0.01)
+    assert result["net_force"] == pytest.approx([0, 0, -result["carried"]], abs=1e-6)
+    np.testing.assert_allclose(result["pressures"], np.array(result["texel_forces"]) / 3.4e-3**2)
+    assert np.shape(result["tangential"]) == (14, 6, 2)
+    assert "shared" in result["tangential_source"]
     peak = np.unravel_index(np.argmax(result["texel_forces"]), (14, 6))
     assert peak[0] in {6, 7}
     assert peak[1] in {2, 3}
