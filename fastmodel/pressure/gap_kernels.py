@@ -13,13 +13,26 @@ import numpy as np
 
 from fastmodel.compiled import called_by_kernels
 from fastmodel.pressure.gap import CAPSULE, CYLINDER, ELLIPSOID, POLYTOPE
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Row, column, coverage, x, y and gap of m cells of the contact grid, each of shape (m,); see `GapSamples`.
 Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+#: The arrays of p solids, see `BodyShape.arrays`; the distance by which solids with sharp edges are enlarged [m]; axes
+#: (p, 3, 3) [-] and origins (p, 3) of the solids in the array's frame [m].
+Body = tuple[tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray], float, FloatArray, FloatArray]
+#: Windows of the p solids and the window around them all, see `_find_windows`; lowest corner and edges of a cell of the
+#: contact grid, (2,) [m].
+View = tuple[IntArray, IntArray, FloatArray, FloatArray]
+#: Vertical lines at x[first:last] and y: x, y [m], first, last.
+Line = tuple[FloatArray, float, int, int]
 
 #: Number of points along each edge of a cell at which the gap is evaluated [-].
 POINTS = 4
+#: Height up to which cells are sampled at first, over the smallest gap, divided by the reach [-].  More is sampled if
+#: the smallest mean gap of a cell requires it.
+_AMPLE = 1.2
+#: A height above everything [m].
+_EVERYTHING = 1e9
 #: Value below which a component of a unit vector counts as zero [-].  A face of a solid then counts as parallel to the
 #: array's normal, and the axis of a cylinder as parallel to the array's normal or plane.
 _PARALLEL = 1e-9
@@ -51,29 +64,122 @@ def sample_body(
     Returns:
         The kept cells.
     """
-    kinds, sizes, planes, first_plane, centres, halves = shape
     size, low, cell = grid
-    windows, around = _find_windows(rotation, position, centres, halves, size, low, cell)
-    rows, columns = max(around[3] - around[1], 0) * POINTS, max(around[2] - around[0], 0) * POINTS
-    heights, x = np.empty((rows, columns)), np.empty(columns)
-    bottom, top = np.empty(columns), np.empty(columns)
-    for j in range(columns):
-        x[j] = low[0] + cell[0] * (around[0] + (j + 0.5) / POINTS)
-        for i in range(rows):
-            heights[i, j] = np.inf
-    for p in range(len(kinds)):
-        faces = _transform_faces(planes[first_plane[p] : first_plane[p + 1]], rotation[p], position[p])
-        first, last = (windows[p, 0] - around[0]) * POINTS, (windows[p, 2] - around[0]) * POINTS
+    windows, around = _find_windows(rotation, position, shape[4], shape[5], size, low, cell)
+    body, view = (shape, edge, rotation, position), (windows, around, low, cell)
+    top = np.inf
+    while True:
+        centres, near, top = _sample_centres(body, view, reach, back, top)
+        spans = _find_spans(centres, near, view, top)
+        heights = _sample_spans(body, view, near, spans, back)
+        cells, lowest = _average_over_cells(heights, around, low, cell, reach)
+        if lowest + reach <= top or top >= _EVERYTHING:
+            return cells
+        top = min(lowest + reach, _EVERYTHING)
+
+
+@called_by_kernels
+def _sample_centres(
+    body: Body, view: View, reach: float, back: float, top: float
+) -> tuple[FloatArray, BoolArray, float]:
+    """Sample the gap under each of p solids at the centres of cells of its window, and of one more on each side.
+
+    Args:
+        body: The solids and their poses.
+        view: Their windows.
+        reach: Gap above the smallest gap up to which cells are kept [m].
+        back: Height below which parts of the body lie behind the array [m].
+        top: Height up to which the gap is sampled; if infinite, it is chosen from the smallest gap at a centre [m].
+
+    Returns:
+        Gaps, infinite beside a solid, shape (p, rows + 2, columns + 2) [m]; which solids may lie below the height,
+        shape (p,), gaps under others are not set; and the height [m].
+    """
+    (shape, _, rotation, position), (windows, around, low, cell) = body, view
+    rows, columns = max(around[3] - around[1], 0) + 2, max(around[2] - around[0], 0) + 2
+    heights, x = np.empty((len(windows), rows, columns)), low[0] + cell[0] * (around[0] - 0.5 + np.arange(columns))
+    bottom, upper, lowest = np.empty(columns), np.empty(columns), np.inf
+    near, floors = np.zeros(len(windows), dtype=np.bool_), position[:, 2].copy()
+    for p in range(len(windows)):
+        for i in range(3):
+            if rotation[p, 2, i] != 0.0:  # as in `_find_windows`
+                floors[p] += rotation[p, 2, i] * shape[4][p, i] - abs(rotation[p, 2, i]) * shape[5][p, i]
+    for p in np.argsort(floors):
+        first, last = windows[p, 0] - around[0], windows[p, 2] - around[0] + 2
+        near[p] = last > first + 2 and floors[p] <= (top if top < np.inf else lowest + _AMPLE * reach)
+        if not near[p]:
+            continue
+        faces = _transform_faces(shape[2][shape[3][p] : shape[3][p + 1]], rotation[p], position[p])
+        for i in range(windows[p, 1] - around[1], windows[p, 3] - around[1] + 2):
+            y = low[1] + cell[1] * (around[1] - 0.5 + i)
+            _cross_solid(body, p, faces, (x, y, first, last), bottom, upper)
+            for j in range(first, last):
+                heights[p, i, j] = bottom[j] if back < bottom[j] <= upper[j] else np.inf
+                lowest = min(lowest, heights[p, i, j])
+    return heights, near, lowest + _AMPLE * reach if top == np.inf else top
+
+
+@called_by_kernels
+def _find_spans(centres: FloatArray, near: BoolArray, view: View, top: float) -> IntArray:
+    """Find, in each row of cells, the columns between which the gap may be below a height.
+
+    The gap h below a convex solid is a convex function.  Its values at the centre c of a cell and at the centres of the
+    eight neighbours, of which M is the largest, bound it within the cell: h >= 1.5 h(c) - 0.5 M.  Cells with a centre,
+    or a neighbour's centre, that is not below the solid count as below the height.
+
+    Args:
+        centres: Gaps at the centres, see `_sample_centres` [m].
+        near: Which solids may lie below the height, shape (p,).
+        view: Windows of the solids.
+        top: The height [m].
+
+    Returns:
+        First and one past the last column of the window `around`, for each of its rows, shape (rows, 2).
+    """
+    (windows, around, _, _), spans = view, np.zeros((centres.shape[1] - 2, 2), dtype=np.int64)
+    spans[:, 0] = centres.shape[2]
+    for p in near.nonzero()[0]:
+        for i in range(windows[p, 1] - around[1], windows[p, 3] - around[1]):
+            for j in range(windows[p, 0] - around[0], windows[p, 2] - around[0]):
+                most = -np.inf
+                for k in range(9):
+                    most = max(most, centres[p, i + k // 3, j + k % 3])
+                if most == np.inf or 1.5 * centres[p, i + 1, j + 1] - 0.5 * most <= top:
+                    spans[i, 0], spans[i, 1] = min(spans[i, 0], j), max(spans[i, 1], j + 1)
+    return spans
+
+
+@called_by_kernels
+def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, back: float) -> FloatArray:
+    """Sample the gap at `POINTS` x `POINTS` points of the cells between two columns of each row of cells.
+
+    Args:
+        body: The solids and their poses.
+        view: Their windows.
+        near: Which solids are sampled, shape (p,); others lie so high that they touch nothing.
+        spans: First and one past the last column of each row of cells, shape (rows, 2).
+        back: Height below which parts of the body lie behind the array [m].
+
+    Returns:
+        Gap at each point, infinite elsewhere and beside the body, shape (rows * POINTS, columns * POINTS) [m].
+    """
+    (shape, _, rotation, position), (windows, around, low, cell) = body, view
+    columns = max(around[2] - around[0], 0) * POINTS
+    heights, bottom, top = np.full((len(spans) * POINTS, columns), np.inf), np.empty(columns), np.empty(columns)
+    x = low[0] + cell[0] * (around[0] + (np.arange(columns) + 0.5) / POINTS)
+    for p in range(len(near)):
+        faces = _transform_faces(shape[2][shape[3][p] : shape[3][p + 1]], rotation[p], position[p])
         for i in range((windows[p, 1] - around[1]) * POINTS, (windows[p, 3] - around[1]) * POINTS):
+            first = max(windows[p, 0] - around[0], spans[i // POINTS, 0]) * POINTS
+            last = min(windows[p, 2] - around[0], spans[i // POINTS, 1]) * POINTS
+            if first >= last or not near[p]:
+                continue
             y = low[1] + cell[1] * (around[1] + (i + 0.5) / POINTS)
-            if kinds[p] == POLYTOPE:
-                _cross_faces(faces, x, y, first, last, bottom, top)
-            else:
-                _cross_round(kinds[p], sizes[p], edge, rotation[p], position[p], x, y, first, last, bottom, top)
+            _cross_solid(body, p, faces, (x, y, first, last), bottom, top)
             for j in range(first, last):
                 height = bottom[j] if back < bottom[j] <= top[j] else np.inf
                 heights[i, j] = min(heights[i, j], height)
-    return _average_over_cells(heights, around, low, cell, reach)
+    return heights
 
 
 @called_by_kernels
@@ -133,6 +239,19 @@ def _transform_faces(planes: FloatArray, rotation: FloatArray, position: FloatAr
         faces[f, 0] = 0.0 if abs(nz) <= _PARALLEL else math.copysign(1.0, nz)
         faces[f, 1], faces[f, 2], faces[f, 3] = offset / slope, -nx / slope, -ny / slope
     return faces
+
+
+@called_by_kernels
+def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: FloatArray, top: FloatArray) -> None:
+    """Intersect vertical lines at x[first:last] and y with solid p; write the heights to `bottom`, `top` [m].
+
+    Where a line misses the solid, `bottom` exceeds `top`.  `faces` are the faces of a polytope, see `_transform_faces`.
+    """
+    (shape, edge, rotation, position), (x, y, first, last) = body, line
+    if shape[0][p] == POLYTOPE:
+        _cross_faces(faces, x, y, first, last, bottom, top)
+    else:
+        _cross_round(shape[0][p], shape[1][p], edge, rotation[p], position[p], x, y, first, last, bottom, top)
 
 
 @called_by_kernels
@@ -234,7 +353,7 @@ def _cross_cylinder(
 @called_by_kernels
 def _average_over_cells(
     heights: FloatArray, around: IntArray, low: FloatArray, cell: FloatArray, reach: float
-) -> Cells:
+) -> tuple[Cells, float]:
     """Compute coverage, centroid and mean gap of the cells that have sampled points under the body.
 
     Args:
@@ -243,6 +362,9 @@ def _average_over_cells(
         low: Lowest corner of the contact grid, shape (2,) [m].
         cell: Edge lengths of a cell, shape (2,) [m].
         reach: Gap above the smallest mean gap up to which cells are kept [m].
+
+    Returns:
+        The kept cells, and the smallest mean gap of a cell, infinite if there is no cell [m].
     """
     rows, columns = heights.shape[0] // POINTS, heights.shape[1] // POINTS
     row, column = np.empty(rows * columns, dtype=np.int64), np.empty(rows * columns, dtype=np.int64)
@@ -272,4 +394,5 @@ def _average_over_cells(
             for field in range(4):
                 found[field, kept] = found[field, k]
             kept += 1
-    return row[:kept], column[:kept], found[0, :kept], found[1, :kept], found[2, :kept], found[3, :kept]
+    cells = (row[:kept], column[:kept], found[0, :kept], found[1, :kept], found[2, :kept], found[3, :kept])
+    return cells, lowest

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fastmodel.pressure.gap_kernels import sample_body
-from fastmodel.pressure.gap_sampling import sample_gap
+from fastmodel.pressure.gap_sampling import BodyShape, sample_gap
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.posed_bodies import GRID, pose_body
 
@@ -57,6 +59,35 @@ def test_bodies_beside_the_cells_have_no_samples():
     found = sample_gap(GRID, bodies, [1e-3, 1e-3])
     assert found.bodies_found == [1]
     assert sample_gap(GRID, bodies[:1], [1e-3]).bodies_found == []
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.1])
+def test_a_smaller_reach_keeps_the_cells_with_the_smallest_gaps(tilt):
+    """Cells far above the contact are not sampled; those that are kept are as if all had been."""
+    turned = np.array([[np.cos(tilt), 0, -np.sin(tilt)], [0, 1, 0], [np.sin(tilt), 0, np.cos(tilt)]])
+    for indenter in (Sphere(radius=8e-3), Box(size=(12e-3, 6e-3, 5e-3))):
+        body = pose_body(indenter)
+        body = replace(body, rotation=turned @ body.rotation, position=body.position @ turned.T)
+        every, reach = sample_gap(GRID, [body], [np.inf]), 2e-4
+        kept = every.gap <= every.gap.min() + reach
+        assert 5 < kept.sum() < every.count or not tilt
+        for field in FIELDS:
+            np.testing.assert_array_equal(
+                getattr(sample_gap(GRID, [body], [reach]), field), getattr(every, field)[kept]
+            )
+
+
+def test_parts_far_above_the_contact_do_not_lift_the_cells_at_its_edge():
+    foot, roof = pose_body(Box(size=(7e-3, 5e-3, 5e-3)), yaw=0.5), pose_body(Box(size=(16e-3, 16e-3, 5e-3)))
+    both = replace(
+        foot,
+        shape=BodyShape(solids=(*foot.shape.solids, *roof.shape.solids)),
+        rotation=np.concatenate([foot.rotation, roof.rotation]),
+        position=np.concatenate([foot.position, roof.position + np.array([0, 0, 20e-3])]),
+    )
+    expected, found = (sample_gap(GRID, [body], [1e-3]) for body in (foot, both))
+    for field in FIELDS:
+        np.testing.assert_array_equal(getattr(found, field), getattr(expected, field))
 
 
 @settings(max_examples=15, deadline=None)
