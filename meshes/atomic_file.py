@@ -35,6 +35,13 @@ def replace(path: Path, parts: Iterable[bytes]) -> None:
     Raises:
         OSError: If the file cannot be written.
     """
+    try:
+        _replace(path, parts)
+    except OSError as error:  # name the file that the user knows, also when the disk is full
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def _replace(path: Path, parts: Iterable[bytes]) -> None:
     with contextlib.ExitStack() as cleanup:
         handle, temporary = _create(path.parent)
         cleanup.callback(_remove, temporary)

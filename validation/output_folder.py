@@ -1,9 +1,16 @@
-"""Writes output folders and text files completely or not at all, so that a killed run leaves no partial result."""
+"""Writes output folders and text files completely or not at all, so that a killed run leaves no partial result.
+
+Each output folder holds a manifest: the names and hashes of the files that this program wrote there.  A later run
+replaces the folder only if it holds these files and no others, so files that a user added or changed are never lost.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import glob
+import hashlib
+import json
+import re
 import shutil
 import tempfile
 import time
@@ -11,12 +18,35 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from meshes import atomic_file
+from meshes.bounded_file import read_bytes
 from validation.errors import InputError
 
-#: Name of an empty file that marks each folder that this program wrote.  Only a marked folder may be replaced.
-_MARKER = ".softcover-output"
+#: Name of the manifest in each folder that this program wrote: a JSON object, sha256 by path relative to the folder.
+_MANIFEST = ".softcover-output"
+#: Largest size of a manifest that is read [bytes].
+_MOST_MANIFEST_BYTES = 2**24
 #: Age above which a temporary output folder counts as left by a killed run, because no run lasts a day [s].
 _STALE_AGE = 24 * 3600.0
+#: Largest number of characters of a file name that `make_file_name` makes [-].
+_LONGEST_NAME = 64
+#: Names of devices, which Windows does not accept as names of files.
+_DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+
+def make_file_name(name: str, *, suffix: str) -> str:
+    """Make a file name from the name of a sensor, which may be any text.
+
+    Letters A to Z, digits, `_`, `-` and `.` are kept, any other run of characters becomes one `-`.  The name neither
+    begins nor ends with `-` or `.`, so that it never names another folder or a hidden file.
+
+    Args:
+        name: The text.
+        suffix: Ending of the file name, such as `.xml`.
+    """
+    kept = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)[:_LONGEST_NAME].strip("-.")
+    if not kept or _DEVICE.fullmatch(kept):
+        kept = f"sensor-{kept}".rstrip("-")
+    return kept + suffix
 
 
 @contextlib.contextmanager
@@ -26,14 +56,15 @@ def new_folder(target: Path) -> Iterator[Path]:
     The temporary folder is made at the start, so that an unwritable location is reported before a long computation.
 
     Args:
-        target: The output folder; if it holds an earlier output of this program, that output is replaced.
+        target: The output folder; if it holds an earlier output of this program and nothing else, that is replaced.
 
     Yields:
         The temporary folder, to which the caller writes.
 
     Raises:
-        InputError: If `target` is a file or holds files that this program did not write.
-        OSError: If the parent folder of `target` cannot be written.
+        InputError: If `target` is a file or a link, or holds files that this program did not write or that were
+            changed since.
+        OSError: If the parent folder of `target` cannot be written, or a file in the `with` block.
     """
     target = target.absolute()
     _check_replaceable(target)
@@ -42,10 +73,17 @@ def new_folder(target: Path) -> Iterator[Path]:
         cleanup.callback(shutil.rmtree, work, ignore_errors=True)
         fresh = work / target.name
         fresh.mkdir()
-        (fresh / _MARKER).touch()
-        yield fresh
-        for path in (*fresh.rglob("*"), fresh):
-            atomic_file.flush(path)
+        (fresh / _MANIFEST).touch()
+        try:
+            yield fresh
+            _write_manifest(fresh)
+            for path in (*fresh.rglob("*"), fresh):
+                atomic_file.flush(path)
+        except OSError as error:
+            if error.filename is None and error.errno is not None:  # a full disk, for example
+                raise OSError(error.errno, error.strerror, str(target)) from None
+            raise
+        _check_replaceable(target)  # the computation may have taken hours
         if target.exists():
             target.rename(work / "before")
         fresh.rename(target)
@@ -65,7 +103,7 @@ def _make_work_folder(target: Path) -> Path:
 def _remove_leftovers(target: Path) -> None:
     """Remove temporary output folders beside `target` that are older than `_STALE_AGE`; others may still be in use."""
     for folder in target.parent.glob(f".{glob.escape(target.name)}-*"):
-        is_ours = (folder / target.name / _MARKER).is_file() or (folder / "before" / _MARKER).is_file()
+        is_ours = (folder / target.name / _MANIFEST).is_file() or (folder / "before" / _MANIFEST).is_file()
         if is_ours and time.time() - folder.stat().st_mtime > _STALE_AGE:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -77,17 +115,50 @@ def write_text(path: Path, text: str) -> None:
         OSError: If the file or its folder cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        atomic_file.replace(path, [text.encode()])
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None
+    atomic_file.replace(path, [text.encode()])
     atomic_file.sweep(path.parent)
 
 
+def _write_manifest(folder: Path) -> None:
+    """Write the manifest of a folder: the sha256 of every file in it."""
+    hashes = {path.relative_to(folder).as_posix(): _hash(path) for path in _list_files(folder)}
+    (folder / _MANIFEST).write_text(json.dumps(hashes, indent=1, sort_keys=True), encoding="utf-8")
+
+
+def _list_files(folder: Path) -> list[Path]:
+    """List the files and links below a folder, and its empty folders, without the manifest."""
+    found = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir() or not any(path.iterdir()))
+    return [path for path in found if path != folder / _MANIFEST]
+
+
+def _hash(path: Path) -> str:
+    """Return the sha256 of a file; empty for a link, a folder or a special file."""
+    if path.is_symlink() or not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _check_replaceable(target: Path) -> None:
-    """Raise `InputError` if `target` is a file or a folder with files that this program did not write."""
-    if target.is_dir():
-        if any(target.iterdir()) and not (target / _MARKER).is_file():
-            raise InputError(f"--out: {target} holds files that softcover did not write; name a new or an empty folder")
-    elif target.exists():
-        raise InputError(f"--out: {target} is a file; name a folder")
+    """Raise `InputError` if `target` is no folder, or holds files that are not as its manifest describes them."""
+    if target.is_symlink():
+        raise InputError(f"--out: {target} is a link; name a folder")
+    if not target.is_dir():
+        if target.exists():
+            raise InputError(f"--out: {target} is a file; name a folder")
+        return
+    hashes = _read_manifest(target)
+    for path in _list_files(target):
+        name = path.relative_to(target).as_posix()
+        if not hashes.get(name) or hashes[name] != _hash(path):
+            fault = "was changed after softcover wrote it" if hashes.get(name) else "softcover did not write"
+            raise InputError(f"--out: {target} holds {name}, which {fault}; name a new or an empty folder")
+
+
+def _read_manifest(folder: Path) -> dict[str, str]:
+    """Read the manifest of a folder; empty if there is none, or if an earlier version wrote it."""
+    try:
+        hashes = json.loads(read_bytes(folder / _MANIFEST, most=_MOST_MANIFEST_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return hashes if isinstance(hashes, dict) else {}

@@ -1,10 +1,13 @@
 import os
+import re
 import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from validation.errors import InputError
-from validation.output_folder import new_folder, write_text
+from validation.output_folder import make_file_name, new_folder, write_text
 
 
 def test_folder_appears_only_when_finished(tmp_path):
@@ -40,7 +43,7 @@ def test_earlier_result_is_replaced_whole(tmp_path):
 
 def test_folder_with_other_files_is_never_touched(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match="holds files that softcover did not write"), new_folder(tmp_path):
+    with pytest.raises(InputError, match=r"mine\.txt, which softcover did not write"), new_folder(tmp_path):
         pass
     assert (tmp_path / "mine.txt").read_text() == "mine"
 
@@ -70,3 +73,101 @@ def test_leftovers_of_a_killed_run_are_swept_and_nothing_else(tmp_path):
     with new_folder(tmp_path / "out"):
         pass
     assert sorted(path.name for path in tmp_path.iterdir()) == [".out-foreign", ".out-young", "out"]
+
+
+def write_result(target):
+    with new_folder(target) as folder:
+        (folder / "sub").mkdir()
+        (folder / "sub" / "a").write_text("1")
+
+
+def add_file(out):
+    (out / "thesis.tex").write_text("mine")
+
+
+def add_file_below(out):
+    (out / "sub" / "thesis.tex").write_text("mine")
+
+
+def add_folder(out):
+    (out / "mine").mkdir()
+
+
+def change(out):
+    (out / "sub" / "a").write_text("2")
+
+
+def link(out):
+    (out / "sub" / "a").unlink()
+    (out / "sub" / "a").symlink_to("/etc/hostname")
+
+
+def forget(out):
+    (out / ".softcover-output").write_text("")
+
+
+def spoil(out):
+    (out / ".softcover-output").write_text("[" * 100_000)
+
+
+def grow(out):
+    with (out / ".softcover-output").open("ab") as file:
+        file.truncate(2**40)
+
+
+@pytest.mark.parametrize("meddle", [add_file, add_file_below, add_folder, change, link, forget, spoil, grow])
+def test_a_folder_that_somebody_touched_is_not_replaced(tmp_path, meddle):
+    out = tmp_path / "out"
+    write_result(out)
+    meddle(out)
+    before = sorted(out.rglob("*"))
+    with pytest.raises(InputError, match=r"--out: .*name a new or an empty folder"):
+        write_result(out)
+    assert sorted(out.rglob("*")) == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_files_added_during_the_computation_stay(tmp_path):
+    write_result(tmp_path / "out")
+    with pytest.raises(InputError, match=r"thesis\.tex"), new_folder(tmp_path / "out"):
+        add_file(tmp_path / "out")
+    assert (tmp_path / "out" / "thesis.tex").read_text() == "mine"
+
+
+def test_a_link_is_not_replaced(tmp_path):
+    write_result(tmp_path / "real")
+    (tmp_path / "out").symlink_to("real")
+    with pytest.raises(InputError, match="is a link"):
+        write_result(tmp_path / "out")
+
+
+def test_a_result_is_replaced_after_the_user_removed_parts_of_it(tmp_path):
+    write_result(tmp_path / "out")
+    (tmp_path / "out" / "sub" / "a").unlink()
+    (tmp_path / "out" / "sub").rmdir()
+    write_result(tmp_path / "out")
+    assert (tmp_path / "out" / "sub" / "a").read_text() == "1"
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("wts-0614-34", "wts-0614-34.xml"),
+        ("fingertip (left)", "fingertip-left.xml"),
+        ("../../escaped", "escaped.xml"),
+        ("/etc/passwd", "etc-passwd.xml"),
+        ("a\\b:c\n\x1b[31md\0e", "a-b-c-31md-e.xml"),
+        ("..", "sensor.xml"),
+        ("", "sensor.xml"),
+        ("con", "sensor-con.xml"),
+        ("NUL.tar", "sensor-NUL.tar.xml"),
+        ("\u0444\u0438\u043d\u0433\u0435\u0440", "sensor.xml"),
+    ],
+)
+def test_file_names_are_made_by_a_strict_rule(name, expected):
+    assert make_file_name(name, suffix=".xml") == expected
+
+
+@given(name=st.text())
+def test_no_name_leads_out_of_the_folder(name):
+    assert re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,80}\.xml", make_file_name(name, suffix=".xml"))

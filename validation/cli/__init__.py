@@ -10,6 +10,26 @@ dropped, 2 bad input, 3 a file, a device or a missing package failed, 4 a solver
 
 from __future__ import annotations
 
-from validation.cli.entry import app, main
+import sys
+from collections.abc import Sequence
 
-__all__ = ["app", "main"]
+#: Exit status after Ctrl-C, as in `failures`, which is not imported here so that this module loads fast.
+_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run one command of the command line, then end the process with the command's exit status.
+
+    Args:
+        arguments: The words after `softcover` on the command line; those of the present process if None.
+
+    Raises:
+        SystemExit: Always, with the exit status.
+    """
+    try:
+        # Imported here, so that Ctrl-C while the modules are loaded ends like Ctrl-C later.
+        from validation.cli.entry import main as run
+    except KeyboardInterrupt:
+        sys.stderr.write("softcover: interrupted\n")
+        raise SystemExit(_INTERRUPTED) from None
+    run(arguments)

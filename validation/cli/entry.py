@@ -10,6 +10,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unknow
 
 import validation
 from validation.cli.failures import DONE, INTERRUPTED, explain
+from validation.cli.output import say
 from validation.errors import InputError, nearest
 
 #: Place of each command as `module:name` in the folder `commands`: its function, or its application if the command has
@@ -72,9 +73,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
             raise
         for line in explanation.lines:
-            sys.stderr.write(f"softcover: {line}\n")
+            say(f"softcover: {line}")
         if isinstance(error, CycloptsError):
-            sys.stderr.write(f"softcover: see: softcover {_command(words)}--help\n")
+            say(f"softcover: see: softcover {_command(words)}--help")
         raise SystemExit(explanation.status) from None
     except KeyboardInterrupt:
         sys.stderr.write("softcover: interrupted\n")

@@ -52,14 +52,19 @@ def explain(error: Exception) -> Explanation | None:
             return None if missing is None else Explanation(lines=(str(missing),), status=OUTSIDE_FAILED)
         case ConvergenceError():
             return Explanation(lines=tuple(str(error).splitlines()), status=NOT_CONVERGED)
-        case OSError():
-            where = f"{error.filename}: " if error.filename else ""
-            return Explanation(lines=(f"{where}{error.strerror or error}",), status=OUTSIDE_FAILED)
+        case OSError() | MemoryError():
+            return Explanation(lines=(_describe_outside(error),), status=OUTSIDE_FAILED)
         case CycloptsError():
             return Explanation(lines=(" ".join(str(error).split()),), status=BAD_INPUT)
         case ValueError():  # all packages of softcover raise subclasses of ValueError for bad input
             return Explanation(lines=tuple(str(error).splitlines()), status=BAD_INPUT)
     return None
+
+
+def _describe_outside(error: OSError | MemoryError) -> str:
+    if isinstance(error, MemoryError):
+        return "not enough memory for this input"
+    return f"{error.filename}: {error.strerror or error}" if error.filename else str(error.strerror or error)
 
 
 def _find_missing_extra(error: BaseException | None) -> MissingExtraError | None:

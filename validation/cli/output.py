@@ -13,14 +13,33 @@ if TYPE_CHECKING:
     from meshes.array_types import FloatArray
 
 
+#: Largest number of characters of a text from a file that is printed [-]; the rest is left out.
+_LONGEST = 2000
+
+
+def escape(text: str) -> str:
+    r"""Replace characters of a text that could steer a terminal, such as escape sequences, by `\x1b` and the like.
+
+    Names and notes come from files that strangers wrote.  All characters that are not printable are replaced, also
+    those that change the direction of writing; a text of more than 2000 characters is cut.
+    """
+    cut = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({len(text)} characters)"
+    return cut if cut.isprintable() else "".join(map(_escape_character, cut))
+
+
+def _escape_character(character: str) -> str:
+    return character if character.isprintable() else character.encode("unicode_escape").decode()
+
+
 def say(message: str) -> None:
-    """Write a message for the user to standard error."""
-    sys.stderr.write(f"{message}\n")
+    """Write a message for the user to standard error, on one line."""
+    sys.stderr.write(f"{escape(message)}\n")
 
 
-def show(line: str) -> None:
-    """Write one line of the result to standard output."""
-    sys.stdout.write(f"{line}\n")
+def show(text: str) -> None:
+    """Write one or more lines of the result to standard output."""
+    for line in text.split("\n"):
+        sys.stdout.write(f"{escape(line)}\n")
 
 
 def print_json(result: Mapping[str, Any]) -> None:
@@ -62,14 +81,16 @@ def print_table(
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=title and Text(title), caption=caption and Text(caption), show_header=headings is not None)
+    table = Table(
+        title=title and Text(escape(title)), caption=caption and Text(escape(caption)), show_header=headings is not None
+    )
     for index, heading in enumerate(headings or ("", "")):
         table.add_column(
-            Text(heading), justify="left" if index < left else "right", no_wrap=index == 0, overflow="fold"
+            Text(escape(heading)), justify="left" if index < left else "right", no_wrap=index == 0, overflow="fold"
         )
     for row in rows:
         # Strings are converted to `Text`, because rich would parse plain strings in a table for markup.
-        table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+        table.add_row(*(Text(escape(cell)) if isinstance(cell, str) else cell for cell in row))
     Console(highlight=False).print(table)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from validation.cli.output import describe_cover, print_rows
+from validation.cli.output import describe_cover, escape, print_rows
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -20,9 +20,9 @@ def print_comparison(comparison: Comparison) -> None:
 
     console = Console(highlight=False)
     case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
-    console.print(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}", markup=False)
+    console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}"), markup=False)
     if isinstance(sensor, SensorDescription):
-        console.print(f"cover: {describe_cover(sensor.cover)}\n", markup=False)
+        console.print(escape(f"cover: {describe_cover(sensor.cover)}") + "\n", markup=False)
     images = []
     if comparison.fem is not None and "fem" in comparison.models:
         images.append(("finite elements", comparison.fem.texel_forces))

@@ -11,6 +11,8 @@ import threading
 import time
 from typing import TYPE_CHECKING, Self
 
+from validation.cli.output import escape
+
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
@@ -43,7 +45,12 @@ class Progress(contextlib.ExitStack):
             from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar
 
-            columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+            columns = (
+                SpinnerColumn(),
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                MofNCompleteColumn(),
+            )
             bar = Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
             self._bar = self.enter_context(bar)
         else:
@@ -68,6 +75,7 @@ class Progress(contextlib.ExitStack):
         self._show(name, done, total)
 
     def _show(self, text: str, done: int, total: int | None) -> None:
+        text = escape(text)
         self._stage = text or self._stage
         if self._bar is not None:
             if self._task is None:

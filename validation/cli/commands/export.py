@@ -51,7 +51,7 @@ def export(
     """
     from validation.campaign.comparison import METHODS
     from validation.cli.sensors import find_parameters, read_sensor
-    from validation.output_folder import new_folder
+    from validation.output_folder import make_file_name, new_folder
 
     faults: list[str] = []
     collect(faults, lambda: check_choice("--format", "format", format, FORMATS))
@@ -63,7 +63,7 @@ def export(
         raise InputError(*faults)
     if format == "gazebo":
         _check_gazebo(found)
-    model = f"{found.array.name}.xml"
+    model = make_file_name(found.array.name, suffix=".xml")
     with new_folder(out) as folder:
         with Progress() as progress:
             parameters = find_parameters(found, progress)

@@ -22,7 +22,7 @@ from validation.cli.options import (
     check_range,
     collect,
 )
-from validation.cli.output import describe_vector, print_json, say
+from validation.cli.output import describe_vector, escape, print_json, say
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -192,6 +192,6 @@ def _print_last_frame(scene: Scene, title: str) -> None:
     from validation.cli.heat_map import draw_force_images
 
     console = Console(highlight=False)
-    console.print(title, markup=False)
+    console.print(escape(title), markup=False)
     console.print(draw_force_images(scene.sensor.parameters.array, [("fast model", scene.texel_forces)]))
     console.print(_describe_state(scene).strip(), markup=False)

@@ -1,0 +1,64 @@
+"""Ends of the command line from outside: Ctrl-C before the first line of a command, and a full disk."""
+
+import errno
+import os
+import subprocess
+import sys
+
+import pytest
+
+from meshes import atomic_file
+
+#: Sends the signal of Ctrl-C when Python looks for a module of the given name.
+INTERRUPTED = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+from validation.cli import main
+main(["materials"])
+"""
+
+
+@pytest.mark.parametrize(
+    "module", ["cyclopts", "validation.cli.entry", "validation.cli.commands.materials", "rich.table"]
+)
+def test_ctrl_c_while_modules_are_loaded_is_status_130(module):
+    code = INTERRUPTED.format(module=module)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)  # noqa: S603 -- ours
+    assert done.returncode == 130
+    assert done.stderr == "softcover: interrupted\n"
+
+
+def full(*_arguments, **_options):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("words", [["init", "sensor.toml"], ["export", "wts-0614-34", "--out", "out"]])
+def test_a_full_disk_is_named_with_the_file(softcover, monkeypatch, words):
+    monkeypatch.setattr(atomic_file, "_write", full)
+    status, _, err = softcover(*words)
+    assert status == 3
+    assert words[-1] in err
+    assert "No space left on device" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_full_disk_is_named_when_a_library_writes(softcover, monkeypatch, tmp_path):
+    """Errors of open files do not hold a path: the output folder is named."""
+    monkeypatch.setattr("validation.output_folder._write_manifest", full)
+    status, _, err = softcover("export", "wts-0614-34", "--out", "out")
+    assert (status, err) == (3, f"softcover: {tmp_path / 'out'}: No space left on device\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_want_of_memory_is_told_in_a_line(softcover, monkeypatch):
+    def claim(**_):
+        raise MemoryError
+
+    monkeypatch.setattr("fem_reference.result_store.entries", claim)
+    assert softcover("store", "list") == (3, "", "softcover: not enough memory for this input\n")
