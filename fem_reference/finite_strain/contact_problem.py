@@ -36,6 +36,8 @@ from meshes.array_types import FloatArray, IntArray
 
 _LOG = logging.getLogger(__name__)
 
+#: Depth over cover thickness at which a loading path ends: the cover under the indenter cannot vanish [-].
+_DEEPEST = 0.98
 #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
 OVERLAP = 2.5e-4
 #: Largest residual at a target, and in the steps between targets.  Residual forces are divided by the largest nodal
@@ -185,6 +187,10 @@ class ContactProblem:
             self.contact.stiffen(float(here.contact.pressure.max()))
             load = aim if control == "load" else None
             reached = self._solve(state, depth, load, here.iterations, tolerance=_STEP_TOLERANCE, near=here)
+            if self.load_scale == 1 and reached.depth >= _DEEPEST:
+                raise ConvergenceError(
+                    "the indenter would touch the base: its tip passes between the nodes of the mesh"
+                )
             self.contact.record_slip(reached.contact)
             if progress is not None:
                 progress(self._describe(reached))

@@ -64,6 +64,7 @@ class LoadingPath:
         baseline_friction: Coefficient of friction of the baseline that the solution is compared with, 0 or inf [-].
         load_scale: Factor on the targets and on the heights of the indenter [-].
         fields: Whether displacement and stress in the cover are part of the solution.
+        meshed_for: Target for which the element sizes under a curved indenter are chosen; None for the last one.
     """
 
     cover: Cover
@@ -74,6 +75,7 @@ class LoadingPath:
     baseline_friction: float = 0.0
     load_scale: float = 1.0
     fields: bool = False
+    meshed_for: float | None = None
 
     @property
     def units(self) -> Units:

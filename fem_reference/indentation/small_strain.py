@@ -109,12 +109,13 @@ def solve_path(
 
 
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
-    """Solve the contact at the last target of a loading path on the coarsest grid, to choose element sizes from it.
+    """Solve the contact at the target that a path is meshed for, on the coarsest grid, to choose element sizes from it.
 
     Returns:
         Centres of the m cells in contact, in the frame of the indenter, shape (m, 2) [m].
     """
-    patch = _solve_contact(replace(path, targets=path.targets[-1:]), place, progress, 0)
+    target = path.targets[-1] if path.meshed_for is None else path.meshed_for
+    patch = _solve_contact(replace(path, targets=(target,)), place, progress, 0)
     return np.column_stack([patch.x, patch.y])
 
 

@@ -13,11 +13,9 @@ from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.result import Indentation
 from fem_reference.materials.stability import describe_instability
 
-#: Load or depth that is solved again on all grids, over the largest one that the failed solution reached [-].
-_WITHIN = 0.97
-#: Largest number of attempts to solve the reached part of a path on all grids, for each of which the path is shortened;
-#: one in three dimensions, where an attempt takes long [-].
-_ATTEMPTS, _SOLID_ATTEMPTS = 4, 1
+#: Load or depth that is solved again on all grids, over the largest one that the failed solution reached, in successive
+#: attempts: finer grids may stop earlier under sharp tips.  One attempt in three dimensions, where it takes long [-].
+_WITHIN = (0.97, 0.9, 0.75, 0.5)
 #: Part of the first target that is tried if the failed solution reached nothing [-].
 _PART = 0.2
 
@@ -41,8 +39,11 @@ def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentat
     if isinstance(failure, TooShallowError) or _is_linear(path):
         raise IncompletePathError(_explain(path, failure, []), []) from failure
     first, part = failure, path
-    for _ in range(_ATTEMPTS if path.indenter.axisymmetric else _SOLID_ATTEMPTS):
-        part = _shorten(part, failure)
+    for within in _WITHIN if path.indenter.axisymmetric else _WITHIN[:1]:
+        part = _shorten(part, failure, within)
+        # The first attempt is meshed for what was reached; later ones keep this mesh, because smaller elements stop
+        # earlier under a sharp tip.
+        part = replace(part, meshed_for=part.targets[-1] if part.meshed_for is None else part.meshed_for)
         try:
             reached = solve(part)
         except (ConvergenceError, np.linalg.LinAlgError) as error:
@@ -52,17 +53,17 @@ def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentat
     raise IncompletePathError(_explain(path, first, []), []) from first
 
 
-def _shorten(path: LoadingPath, error: Exception) -> LoadingPath:
-    """Return the part of a path that a failed solution reached, with the largest load or depth reached as last target.
+def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
+    """Return the part of a path up to a share `within` of the load or depth that a failed solution reached [-].
 
     If the error does not say what was reached, only a part of the first target is left.
     """
     value = 0.0
     if isinstance(error, PathConvergenceError):
-        value = _WITHIN * (error.load if path.control == "load" else error.depth)
+        value = within * (error.load if path.control == "load" else error.depth)
     if not 0 < value < path.targets[-1]:
         return replace(path, targets=(_PART * path.targets[0],))
-    kept = tuple(target for target in path.targets if target < _WITHIN * value)
+    kept = tuple(target for target in path.targets if target < _WITHIN[0] * value)
     return replace(path, targets=(*kept, value))
 
 
