@@ -22,6 +22,9 @@ simulation of your own:
         if sensor.step(data):
             show(sensor.frame().image)
 
+`attach` also takes a site, and `replaces=` names geoms whose place the array takes.  `Sensor.check(model)` lists what
+makes the sensor measure less than it could; `bind` warns of it.
+
 Or as a simulated bench test, in which a weight presses on the array until it rests:
 
     result = fastmodel.indent(parameters, meshes.Sphere(radius=5e-3), load=4.9)

@@ -94,6 +94,35 @@ def test_replaced_geoms_keep_their_mass_and_leave_contacts_and_pairs_to_the_arra
     sensor.bind(model)
 
 
+PALM = """
+<mujoco>
+  <option timestep="0.001" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <geom name="pad" type="box" size="0.003 0.0045 0.001" pos="0 0 -0.001"/>
+    <body name="block" pos="0 0 0.002">
+      <joint type="slide"/>
+      <geom name="block" type="box" size="0.002 0.002 0.002" mass="0.1" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <contact><pair geom1="block" geom2="pad"/></contact>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("method", ["boxes", fastmodel.Foundation(modulus=1e9)])
+def test_the_array_carries_what_rested_on_the_replaced_geom_as_a_pair(method):
+    spec = mujoco.MjSpec.from_string(PALM)
+    sensor = fastmodel.attach(spec, "world", PARAMETERS, contact=method, replaces="pad")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(0.981, rel=1e-3)
+    assert sensor.contact_forces().sum() == pytest.approx(0.981, rel=1e-3)
+
+
 def test_a_pair_of_two_replaced_geoms_disappears():
     spec = finger()
     spec.geoms[2].name = "second"
