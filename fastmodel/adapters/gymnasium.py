@@ -128,8 +128,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         observation, info = self.env.reset(seed=seed, options=options)
         self._bind()
         if seed is not None or self._seeds is None:
-            known = self.env.unwrapped.np_random_seed if seed is None else seed
-            self._seeds = np.random.SeedSequence(known if known is not None and known >= 0 else None)
+            self._seeds = np.random.SeedSequence(self._find_seed() if seed is None else seed)
         for sensor, child in zip(self.sensors.values(), self._seeds.spawn(len(self.sensors)), strict=True):
             sensor.reset(seed=child)
         self._time = self._simulation(self.env)[1].time
@@ -154,6 +153,12 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
                 "physics step; check the function listen="
             )
         return self._observe(observation), reward, terminated, truncated, {**info, "frames": self._take_frames()}
+
+    def _find_seed(self) -> int:
+        """Return the seed of the environment's `np_random`, or a number from it if it was set without a seed."""
+        inner = self.env.unwrapped
+        seed = inner.np_random_seed
+        return int(inner.np_random.integers(2**32)) if seed is None or seed < 0 else seed
 
     def _bind(self) -> None:
         """Bind the sensors to the environment's model unless they are bound to it already."""

@@ -89,22 +89,31 @@ class LowPass:
     constant matrix maps the states and the new sample of every signal to the next states and the filtered sample.
     """
 
-    def __init__(self, design: Butterworth | None, rate_hz: float, *, namespace: Any = np) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        design: Butterworth | None,
+        rate_hz: float,
+        *,
+        namespace: Any = np,  # noqa: ANN401 -- modules have no common type
+        dtype: Any = None,  # noqa: ANN401 -- types of several libraries
+    ) -> None:
         """Build the matrix of the filter.
 
         Args:
             design: The low-pass filter; None passes every sample unchanged.
             rate_hz: Sampling rate [Hz].
             namespace: Module of the arrays, for example `numpy` or `jax.numpy`.
+            dtype: Floating-point type of the arrays; by default that of the module, for numpy 64 bits.
 
         Raises:
             FilterError: If the cut-off is not below half the sampling rate.
         """
         sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
-        self._transition = namespace.asarray(_combine(sections))
+        self._transition = namespace.asarray(_combine(sections), dtype=dtype)
         # Every section has unit gain at zero frequency, so its input and output are equal in the steady state.
         b0, b2, a2 = sections[:, 0], sections[:, 2], sections[:, 5]
-        self._steady = namespace.asarray(np.append(np.column_stack([1.0 - b0, b2 - a2]).ravel(), 1.0))
+        steady = np.append(np.column_stack([1.0 - b0, b2 - a2]).ravel(), 1.0)
+        self._steady = namespace.asarray(steady, dtype=dtype)
 
     def settle(self, values: Array) -> Array:
         """Return the steady states under constant input, two for each of s sections and the filtered sample.

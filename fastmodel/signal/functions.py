@@ -70,6 +70,7 @@ class ChainFunctions:
         *,
         spreads: bool = True,
         namespace: Any = np,  # noqa: ANN401 -- modules have no common type
+        dtype: Any = None,  # noqa: ANN401 -- types of several libraries
     ) -> None:
         """Build the matrices of filter and point spread.
 
@@ -79,6 +80,7 @@ class ChainFunctions:
             spreads: Whether the functions apply the point spread; False for forces at the base of the cover, which the
                 contact method `cover` computes.
             namespace: Module of the arrays, for example `numpy` or `jax.numpy`.
+            dtype: Floating-point type of the contact forces; by default 64 bits, with JAX as configured.
 
         Raises:
             FilterError: If the filter's cut-off is not below half the sampling rate.
@@ -88,13 +90,15 @@ class ChainFunctions:
         if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
             _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
         self._active = None if array.active.all() else namespace.asarray(array.active)
-        self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace)
+        self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace, dtype=dtype)
         self._spread = None
         if spreads:
             # a product with the transposed operator, because the texels are the last dimension
             of_numpy = namespace is np
             operator = build_operator(parameters.spread, array) if of_numpy else parameters.spread.operator(array)
-            self._spread = operator.T if of_numpy else namespace.asarray(operator.T.copy())
+            self._spread = operator.T if of_numpy else namespace.asarray(operator.T.copy(), dtype=dtype)
+            if of_numpy and dtype is not None:
+                self._spread = self._spread.astype(dtype)
 
     def settle(self, forces: Array, carried: Array | None = None) -> ChainState:
         """Return the steady state under constant forces, without hysteresis.

@@ -184,6 +184,13 @@ def test_the_seed_of_reset_seeds_the_sensors_and_episodes_without_one_differ():
     unseeded = [noise_of(floating_ball()) for _ in range(2)]
     assert (unseeded[0] != unseeded[1]).any()
     assert (one[:, 0] != one[:, 1]).any()  # two sensors
+    given = []
+    for seed in (4, 4, 5):
+        env = floating_ball()
+        env.unwrapped.np_random = np.random.default_rng(seed)
+        given.append(noise_of(env))
+    assert np.array_equal(given[0], given[1])
+    assert (given[0] != given[2]).any()
 
 
 def test_reset_clears_the_image_and_the_same_seed_repeats_the_run_exactly():
@@ -207,9 +214,12 @@ def short_episodes(length):
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_environments_whose_episodes_end_at_different_steps_run_as_a_vector(vector, mode):
     lengths = (3, 5, 50)
+    # a process must not be forked once JAX, which has threads, was imported by another test
+    settings = {"context": "spawn"} if vector == "AsyncVectorEnv" and "jax" in sys.modules else {}
     envs = getattr(gymnasium.vector, vector)(
         [short_episodes(length) for length in lengths],
         autoreset_mode=gymnasium.vector.AutoresetMode(mode),
+        **settings,
     )
     singles = [short_episodes(None)() for _ in lengths]
     try:

@@ -146,6 +146,16 @@ def test_jax_compiles_the_functions_and_differentiates_them():
     np.testing.assert_allclose(slope, np.broadcast_to(gain * share, slope.shape), rtol=1e-9)
 
 
+def test_with_32_bits_the_results_have_32_bits_and_differ_little(xp):
+    forces, carried, noise = inputs()
+    exact = run(ChainFunctions(parameters(), RATE), np, forces, carried, noise)[-1]
+    small = [each.astype(np.float32) for each in (forces, carried, noise)]
+    rough = run(ChainFunctions(parameters(), RATE, namespace=xp, dtype=xp.float32), xp, *small)[-1]
+    assert rough.texel_forces.dtype == xp.float32
+    np.testing.assert_allclose(np.asarray(rough.texel_forces), exact.texel_forces, atol=1e-5)
+    assert np.abs(np.asarray(rough.counts) - exact.counts).max() <= 1
+
+
 def test_hysteresis_remembers_the_frames_before():
     """Loading and unloading differ by twice the width of the play operator times its share."""
     electronics = dataclasses.replace(
