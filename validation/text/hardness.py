@@ -8,7 +8,9 @@ from meshes import Material
 from meshes.hardness import HardnessModulus, modulus_from_hardness
 from validation.errors import InputError
 
-_HARDNESS = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(?:(shore)?[\s-]*([a-z]*|0+))?\s*", re.IGNORECASE)
+#: Largest accepted number of characters of a hardness [-].
+_LONGEST = 40
+_HARDNESS = re.compile(r"([0-9]+(?:\.[0-9]+)?) *(?:shore)?[ -]*([a-z]*|0+)", re.IGNORECASE)
 _EXAMPLE = "write for example '30 shore-a'"
 
 
@@ -25,12 +27,12 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
     """
     where = f"{place}: " if place else ""
     text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
-    match = _HARDNESS.fullmatch(text)
+    match = _HARDNESS.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     if not match:
-        raise InputError(f"{where}{value!r} is not a hardness; {_EXAMPLE}")
-    if not match[3] and not bare:
+        raise InputError(f"{where}{text[:_LONGEST] or type(value).__name__!r} is not a hardness; {_EXAMPLE}")
+    if not match[2] and not bare:
         raise InputError(f"{where}{value!r} has no scale; {_EXAMPLE}")
-    if (match[3] or "a").lower() != "a":
+    if (match[2] or "a").lower() != "a":
         raise InputError(f"{where}{value!r} is not on the Shore A scale, the only one that is supported; {_EXAMPLE}")
     try:
         return modulus_from_hardness(float(match[1]))

@@ -46,6 +46,8 @@ _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
 }
 SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
 _EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
+#: Largest accepted number of characters of an indenter, which a prism of about a thousand corners needs [-].
+_LONGEST = 20_000
 #: Pattern of a comma before the name of a parameter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
@@ -77,6 +79,8 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
         InputError: With one line per fault: an unknown shape, a parameter that is unknown, missing or given twice, a
             bad quantity, a width outside the accepted range, a file that cannot be read.
     """
+    if len(text) > _LONGEST:
+        raise InputError(f"{place}: has {len(text)} characters; at most {_LONGEST} are accepted")
     shape, _, rest = text.strip().partition(":")
     if shape not in SHAPES:
         example = _EXAMPLES["sphere"]

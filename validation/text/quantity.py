@@ -30,8 +30,14 @@ _EXAMPLES = {
     "time": ("s", "20 ms"),
     "mass": ("kg", "500 g"),
 }
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
-_SEPARATOR = re.compile(r"\s*[x\u00d7,]\s*(?=[-+.\d])")
+#: Largest accepted number of characters of one quantity [-]; with it, every pattern below ends in no time.
+LONGEST = 80
+_NUMBER = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?)")
+#: A unit: names joined by `*`, `/` or a blank, each with a power of one digit at most; nothing else reaches pint, whose
+#: parser would also evaluate numbers and powers of powers.
+_NAME = r"[A-Za-z\u00b0\u00b5\u03bc\u03a9\u2126\u00c5%]{1,40}(?:(?:\*\*|\^)[-+]?[1-9]|[\u00b2\u00b3])?"
+_UNIT = re.compile(rf"(?:1 ?/ ?)?{_NAME}(?:(?: ?[*/\u00b7] ?| ){_NAME}){{0,4}}")
+_SEPARATOR = re.compile(r"[x\u00d7,](?=\s*[-+.0-9])")
 
 
 def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
@@ -52,14 +58,17 @@ def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
     """
     where = f"{place}: " if place else ""
     example = f"write for example '{_EXAMPLES[kind][1]}'"
-    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if isinstance(value, str) and len(value) > LONGEST:
+        raise InputError(f"{where}{value[:LONGEST]!r}... is longer than the {LONGEST} characters accepted; {example}")
+    match = _NUMBER.match(value.strip()) if isinstance(value, str) else None
     if isinstance(value, bool) or not isinstance(value, str | int | float) or (isinstance(value, str) and not match):
-        raise InputError(f"{where}{value!r} is not a {kind}; {example}")
-    if match is None or not match[2]:
+        raise InputError(f"{where}{_shorten(value)} is not a {kind}; {example}")
+    unit = " ".join(match.string[match.end() :].split()) if match else ""
+    if match is None or not unit:
         raise InputError(f"{where}{value!r} has no unit; {example}")
-    factor = _factor(match[2], kind)
+    factor = _factor(unit, kind) if _UNIT.fullmatch(unit) else None
     if factor is None:
-        raise InputError(f"{where}{match[2]!r} in {value!r} is not a unit of {kind}; {example}")
+        raise InputError(f"{where}{unit!r} in {value!r} is not a unit of {kind}; {example}")
     number = float(match[1]) * factor
     if not math.isfinite(number):
         raise InputError(f"{where}{value!r} is too large; {example}")
@@ -82,11 +91,12 @@ def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", j
     Raises:
         InputError: For the faults of `read_quantity`, or if the number of quantities differs from `count`.
     """
-    parts = _SEPARATOR.split(value.strip()) if isinstance(value, str) else [value]
+    short = isinstance(value, str) and len(value) <= count * LONGEST
+    parts = _SEPARATOR.split(str(value)) if short else [value]
     if len(parts) != count:
         where = f"{place}: " if place else ""
         example = joint.join([_EXAMPLES[kind][1].replace(" ", "")] * count)
-        raise InputError(f"{where}{value!r} is not {count} values; write for example '{example}'")
+        raise InputError(f"{where}{_shorten(value)} is not {count} values; write for example '{example}'")
     return tuple(read_quantity(part, kind, place=place) for part in parts)
 
 
@@ -100,7 +110,13 @@ def _registry() -> pint.UnitRegistry[Any]:
         return pint.UnitRegistry()
 
 
-@functools.cache
+def _shorten(value: object) -> str:
+    """Return a value as text for a message, cut if it is long."""
+    text = repr(value) if isinstance(value, str | int | float | bool) else f"a {type(value).__name__}"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+@functools.lru_cache(maxsize=256)
 def _factor(unit: str, kind: Kind) -> float | None:
     """Return the factor from a unit to SI units; None if the unit is unknown or does not measure this kind of quantity.
 

@@ -1,4 +1,5 @@
 import math
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -105,3 +106,64 @@ def test_any_text_is_a_finite_number_or_bad_input(text, unit):
     assert math.isfinite(number)
     assert len(faults) == 1
     assert "write for example" in faults[0]
+
+
+#: Texts that pint would evaluate, or that a careless pattern would need hours to refuse.
+HOSTILE = [
+    "2 mm*9**9**9",
+    "2 mm**9**9**9",
+    "2 mm^99",
+    "2 (mm)",
+    "2 mm*3",
+    "2*3 mm",
+    "2 3 mm",
+    "2 mm*(9**9**9)/(9**9**9)",
+    "2 9**9**9",
+    "0x10 mm",
+    "\u0663 mm",
+    "1 mm/0",
+    "2 __import__('os')",
+    "2 mm;mm",
+    "2" + " " * 60_000 + "mm",
+    "2 " + "m" * 60_000,
+    "2 " + "mm*" * 20_000 + "mm",
+    "2" * 1_000_000,
+    "1e" + "9" * 100_000 + " mm",
+    "x" * 1_000_000,
+    "2mm," * 500_000,
+]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=lambda text: text[:20])
+def test_a_quantity_is_a_number_and_a_unit_and_nothing_else(text):
+    started = time.process_time()
+    for read in (read_quantity, lambda value, kind: read_quantities(value, kind, 2)):
+        with pytest.raises(InputError) as caught:
+            read(text, "length")
+        assert len(str(caught.value)) < 500
+    assert time.process_time() - started < 1.0
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=lambda text: text[:20])
+def test_hostile_quantities_are_refused_on_the_command_line(softcover, text):
+    started = time.process_time()
+    words = (
+        "press",
+        "wts-0614-34",
+        "--indenter",
+        f"sphere:radius={text}",
+        "--load",
+        text,
+        f"--at={text}",
+        "--yaw",
+        text,
+    )
+    status, _, err = softcover(*words, f"--tilt={text}", "--depth", text, "--thickness", text)
+    assert status == 2
+    assert len(err) < 12_000
+    assert time.process_time() - started < 1.0
+
+
+@pytest.mark.parametrize(("text", "expected"), [("2 N/mm^2", 2e6), ("2 N/mm**2", 2e6), ("2 N / mm\u00b2", 2e6)])
+def test_units_have_powers_and_products(text, expected):
+    assert read_quantity(text, "pressure") == pytest.approx(expected)
