@@ -14,7 +14,7 @@ from validation.errors import InputError
 from validation.sensor_file import parse
 
 #: Keys of the table `[electronics]` of a sensor file that a calibrated characteristic replaces.
-_CHARACTERISTIC = ("sensitivity", "offset", "characteristic", "calibrated")
+_CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 
 def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, *, polynomial: bool = False) -> Path:

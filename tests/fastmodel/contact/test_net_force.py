@@ -161,3 +161,28 @@ def test_pressures_are_forces_over_the_sensitive_area():
     sensor, _ = slide_box("boxes", array=narrow)
     np.testing.assert_allclose(sensor.frame().pressures, sensor.frame().texel_forces / 6e-6)
     assert sensor.frame().pressures.max() > 1e3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_push_against_the_side_of_the_array_is_in_the_net_force_alone(method):
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.gravity = [0, 0, 0]
+    electronics = dataclasses.replace(FLAT.electronics, rate_hz=500.0)
+    sensor = fastmodel.attach(spec, "world", dataclasses.replace(FLAT, electronics=electronics), contact=method)
+    edge = 3.4e-3 * (3 if method in {"boxes", "area"} else 4)  # the plate has a margin of one pitch
+    body = spec.worldbody.add_body(name="box", pos=[edge + 5e-3, 0, -1e-3])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 0.5e-3], mass=0.2)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    data.xfrc_applied[model.body("box").id, 0] = -2.0
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    frame = sensor.frame()
+    assert frame.net_force == pytest.approx([-2, 0, 0], abs=0.01)
+    assert frame.net_torque[1] == pytest.approx(2e-3, rel=0.1)  # 2 N, 1 mm below the front
+    assert not frame.tangential.any()
+    assert not frame.texel_forces.any()
