@@ -130,7 +130,7 @@ def changes(record: Record) -> FloatArray:
     return np.array([change(record.images[k - 1], record.images[k]) for k in counts.nonzero()[0] if counts[k - 1]])
 
 
-def figures(records: list[Record], speed: float) -> dict[str, Any]:
+def measure(records: list[Record], speed: float) -> dict[str, Any]:
     """Figures of one run."""
     carried, expected = (np.array([getattr(each, name) for each in records]) for name in ("carried", "expected"))
     change = np.concatenate([changes(each) for each in records])
@@ -159,7 +159,7 @@ def main() -> None:
             continue
         for thing in options.object or OBJECTS:
             scene = Scene(GRIPPERS[name], thing)
-            rows.append({"gripper": name, "object": thing, **figures(*run(scene)), "warnings": scene.warned})
+            rows.append({"gripper": name, "object": thing, **measure(*run(scene)), "warnings": scene.warned})
             print(rows[-1])
     if options.json:
         options.json.write_text(json.dumps(rows, indent=2))

@@ -32,6 +32,10 @@ from meshes.array_types import FloatArray, IntArray
 #: Displacement at the centre of a square on an elastic half space under uniform pressure of unit force, divided by
 #: `CoverCells.top_compliance` and multiplied by the edge length of the square: 4 asinh(1) [-].
 _SQUARE = 4 * float(np.arcsinh(1.0))
+#: Change of the forces that is still missing, over the tolerance, below which the iteration stops [-].  The residual
+#: times the largest stiffness of the cover bounds this change.  The share is below 1 because errors of starts that are
+#: accepted one after the other add up.
+_MISSING = 0.25
 #: Smallest number of cells under a body with which moments are prescribed [-]: three points define a plane.
 _PLANE = 3
 #: Length by which the lever arms of moments are divided, so that the constraints on force and moments are of similar
@@ -136,6 +140,7 @@ class CoverSolver:
         self._grid, self._tolerance, self._steps, self._cells = grid, tolerance, steps, cells
         self._square = _SQUARE * cells.top_compliance / float(np.sqrt(cells.cell[0] * cells.cell[1]))
         self._near = [_find_near_compliance(each) for each in cells.under_loads]
+        self._stiffest = [_find_largest_stiffness(each) for each in cells.under_loads]
         self._place, self._start = compile_kernel(place_cells), compile_kernel(find_start)
         self._minimise = compile_kernel(minimise_energy)
         self._scratch = np.zeros((grid.rows, grid.columns))
@@ -176,11 +181,12 @@ class CoverSolver:
             self._last, (samples.row, samples.column, samples.coverage, samples.body), wanted, self._scratch
         )
         tolerance = self._tolerance * float(wanted.sum())
+        limits = (tolerance, _MISSING * tolerance / self._stiffest[nearest], self._steps)
         columns, target, approach = _join_constraints(samples, loads)
-        found = self._minimise(cover, samples.gap, columns, target, start, tolerance, self._steps)
+        found = self._minimise(cover, samples.gap, columns, target, start, limits)
         if not found[-1] and any(load.tilts for load in loads):
             columns, target, approach = _join_constraints(samples, [load.without_moments() for load in loads])
-            found = self._minimise(cover, samples.gap, columns, target, start, tolerance, self._steps)
+            found = self._minimise(cover, samples.gap, columns, target, start, limits)
         forces, window, motion, steps, converged = found
         self._last = (samples.row, samples.column, forces / samples.coverage)
         return PressureSolution(
@@ -200,6 +206,17 @@ def _find_near_compliance(cells: CoverCells) -> FloatArray:
     near = np.zeros((2, 2))
     near[: len(kernel), : kernel.shape[1]] = kernel
     return near
+
+
+def _find_largest_stiffness(cells: CoverCells) -> float:
+    """Return the force over displacement of cells that are pushed and pulled in turn, like a chessboard [N/m].
+
+    The compliance of a cover decreases with the wave number, so that this is the stiffest of all patterns.
+    """
+    kernel = cells.compliance / (cells.cell[0] * cells.cell[1])
+    signs = np.where(np.arange(max(kernel.shape)) % 2, -2.0, 2.0)
+    signs[0] = 1.0
+    return float(1 / (signs[: len(kernel)] @ kernel @ signs[: kernel.shape[1]]))
 
 
 def _join_constraints(samples: GapSamples, loads: Sequence[Load]) -> tuple[FloatArray, FloatArray, list[int]]:

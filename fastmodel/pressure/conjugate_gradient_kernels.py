@@ -177,26 +177,29 @@ def _compute_residual(
     matrix: FloatArray,
     motion: FloatArray,
     residual: FloatArray,
-) -> tuple[float, float, bool]:
+) -> tuple[float, float, float, bool]:
     """Fit rigid motions of the bodies to the overlap, and subtract them from the overlap.
 
     The overlap of a cell is its displacement plus its gap.  The motions are written to `motion`, shape (k,) [m], and
     the difference to `residual`, shape (m,) [m].
 
     Returns:
-        Sums of squares of residual and of overlap over the active cells [m2], and whether the surfaces overlap on an
-        inactive cell, that is, one without pressure.
+        Sums of squares of residual and of overlap over the active cells [m2], the sum of the absolute residual over
+        active cells and over inactive cells, that is, cells without pressure, on which the surfaces overlap [m]; and
+        whether there are such inactive cells.
     """
     _fit_motion(active, overlap, columns, matrix, motion)
-    energy, size, grows = 0.0, 0.0, False
+    energy, size, total, grows = 0.0, 0.0, 0.0, False
     for i in range(len(active)):
         residual[i] = overlap[i]
         for a in range(len(motion)):
             residual[i] -= columns[i, a] * motion[a]
         energy += active[i] * residual[i] * residual[i]
         size += active[i] * overlap[i] * overlap[i]
-        grows = grows or (active[i] == 0.0 and residual[i] < 0)
-    return energy, size, grows
+        if active[i] != 0.0 or residual[i] < 0:
+            total += abs(residual[i])
+            grows = grows or active[i] == 0.0
+    return energy, size, total, grows
 
 
 @called_by_kernels
@@ -274,12 +277,9 @@ def minimise_energy(
     columns: FloatArray,
     target: FloatArray,
     start: FloatArray,
-    tolerance: float,
-    most: int,
+    limits: tuple[float, float, int],
 ) -> tuple[FloatArray, FloatArray, FloatArray, int, bool]:
     """Kernel: compute the forces on m cells that minimise the energy under k constraints, by conjugate gradients.
-
-    If the constraints cannot be satisfied, the forces in `start` are returned.
 
     Args:
         cover: Compliance of the cover between the cells.
@@ -287,12 +287,13 @@ def minimise_energy(
         columns: Columns of the constraints columns.T @ forces = target, shape (m, k).
         target: Prescribed values of the constraints, shape (k,) [N].
         start: Forces from which the iteration starts, shape (m,) [N].
-        tolerance: Sum of the changes of forces in one step below which the iteration stops [N].
-        most: Largest number of steps.
+        limits: Sum of the changes of forces in one step below which the iteration stops [N]; summed residual below
+            which it stops too [m]; and largest number of steps.
 
     Returns:
-        Cell forces, shape (m,) [N]; these forces on the whole cells of the window, shape (rows, columns) [N]; Lagrange
-        multipliers of the constraints, shape (k,) [m]; number of steps; and whether the iteration converged.
+        Cell forces, those in `start` if the constraints cannot be satisfied, shape (m,) [N]; these forces on the whole
+        cells of the window, shape (rows, columns) [N]; Lagrange multipliers of the constraints, shape (k,) [m]; number
+        of steps; and whether the iteration converged.
     """
     count, k = columns.shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
@@ -302,10 +303,9 @@ def minimise_energy(
     matrix, shifts, motion = np.zeros((k, k)), np.zeros(k), np.zeros(k)
     previous, conjugate, other, step, converged = 1.0, 0.0, True, 0, False
     while not converged:
-        # restore the balance of force and moments, which the previous step may have changed
         error, corrected = _balance(forces, columns, target, matrix, shifts)
-        converged = _compare(forces, before, active) < tolerance and step > 0
-        if converged or step == most:
+        converged = _compare(forces, before, active) < limits[0] and step > 0
+        if converged or step == limits[2]:
             break
         if not error <= _UNBALANCED:  # also true if the error is nan
             forces[:] = start
@@ -314,13 +314,16 @@ def minimise_energy(
         if other or corrected:
             _displace(cover, forces, room, overlap)
             _add_scaled(1.0, gap, overlap)
-        energy, size, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
+        energy, size, total, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
+        if total <= limits[1] or (energy <= _ROUNDING * size and not grows):
+            converged = True
+            break
         # the conjugate search direction, restarted from the residual after cells were added to the active set
         for i in range(count):
             direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
         _displace(cover, direction, room, image)
         curvature, slope = _measure_curvature(active, columns, (residual, direction, image), matrix, shifts)
-        converged = not curvature > 0 or (energy <= _ROUNDING * size and not grows)
+        converged = not curvature > 0
         if not converged:
             other = _advance(slope / curvature, active, residual, direction, forces)
             previous, conjugate, step = energy, 0.0 if grows else 1.0, step + 1

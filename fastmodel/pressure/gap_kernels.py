@@ -307,8 +307,8 @@ def _cross_round(
             bottom[j], top[j] = _cross_ball(ox / a, oy / b, oz / c, ux / a, uy / b, uz / c, 1.0)
             continue
         bottom[j], top[j] = _cross_cylinder(size[0], size[1], edge if kind == CYLINDER else 0.0, ox, oy, oz, ux, uy, uz)
-        if kind == CAPSULE:
-            # the capsule is the union of the cylinder and of the two balls at its ends
+        if kind == CAPSULE and not (bottom[j] <= top[j] and abs(oz + bottom[j] * uz) < (1 - _PARALLEL) * size[1]):
+            # Beyond its round side, the capsule is the union of the cylinder and of the two balls at its ends.
             low, high = (bottom[j], top[j]) if bottom[j] <= top[j] else (np.inf, -np.inf)
             for sign in (-1.0, 1.0):
                 enter, leave = _cross_ball(ox, oy, oz + sign * size[1], ux, uy, uz, size[0])

@@ -75,7 +75,7 @@ def test_compiled_kernels_and_plain_python_agree():
     start = find_start(nothing, (*data[:3], samples.body), np.array([2.0]), np.zeros((GRID.rows, GRID.columns)))
     columns, target = load.build_constraints(samples, slice(None))
     cover = (*shares, *CELLS.convolution.matrices(*shape))
-    forces, window, *_ = minimise_energy(cover, samples.gap, columns, target, start, 2e-8, 50)
+    forces, window, *_ = minimise_energy(cover, samples.gap, columns, target, start, (2e-8, 0.0, 50))
     found = solver.solve(samples, [load])
     np.testing.assert_allclose(found.forces, forces, atol=1e-9)
     np.testing.assert_allclose(found.window, window, atol=1e-9)

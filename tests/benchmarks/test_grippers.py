@@ -1,0 +1,36 @@
+"""Grippers of other people: a short version of `benchmarks/grippers.py` with its bounds."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def grippers():
+    sys.path.insert(0, str(FOLDER))
+    try:
+        yield importlib.import_module("grippers")
+    finally:
+        sys.path.remove(str(FOLDER))
+
+
+@pytest.mark.parametrize("thing", ["sphere", "mug", "flex"])
+@pytest.mark.parametrize("name", ["fetch", "panda"])
+def test_arrays_on_a_gripper_read_the_force_of_mujoco_and_images_are_steady(grippers, name, thing):
+    package = grippers.GRIPPERS[name].package
+    if grippers.find_package(package) is None:
+        pytest.skip(f"{package} is not installed")
+    scene = grippers.Scene(grippers.GRIPPERS[name], thing)
+    records, _ = grippers.run(scene)
+    found = grippers.measure(records, 0.0)
+    assert found["grip"] > 5
+    assert found["net"] < (1e-3 if thing == "flex" else 1e-6)
+    assert max(record.carried[-1] for record in records) == 0  # dropped
+    if thing != "flex":
+        assert found["steps"] > 1000
+        assert found["change"] < 0.05
