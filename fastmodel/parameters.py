@@ -12,11 +12,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import io
 import logging
 import os
-import tomllib
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,12 +22,14 @@ from typing import Any
 import numpy as np
 
 from fastmodel.errors import ParametersError, ShapeError, check_type
+from fastmodel.parameter_files import NPZ_NAME, TOML_NAME, read_tables, read_values, replace_pair
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import Electronics
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated
 from fastmodel.validity import Validity
-from meshes import TexelArray, atomic_file
+from meshes import TexelArray
+from meshes.array import MOST_TEXELS, check_texel_count
 from meshes.array_types import FloatArray
 from meshes.npz import pack_npz
 
@@ -38,9 +37,8 @@ _LOG = logging.getLogger(__name__)
 
 #: Version of the format of a parameters folder; `load` refuses other versions.
 FORMAT = 1
-#: Names of the two files in a parameters folder.
-TOML_NAME = "parameters.toml"
-NPZ_NAME = "cover.npz"
+#: Largest accepted number of bits of a converter.
+_MOST_BITS = 32
 #: Folder that holds one parameters folder for each sensor that comes with the package.
 SENSORS = Path(__file__).parent / "sensors"
 #: Name of the spread operator among the tables of the npz file.
@@ -125,7 +123,7 @@ class Parameters:
                 tables[stored] = table
         packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
-        _replace_pair(target, packed, text.encode())
+        replace_pair(target, packed, text.encode())
         return target / TOML_NAME
 
 
@@ -159,7 +157,10 @@ def load(sensor: str | Path) -> Parameters:
     with document.section("array"):
         array = _build_array(document)
     with document.section("cover"):
-        tables = _read_tables(document)
+        name, sha256 = document.take("cover.file"), document.take("cover.sha256")
+        if name != NPZ_NAME:
+            raise ValueError(f"file must be {NPZ_NAME!r}")
+        tables = read_tables(document.path.parent, sha256, array.count)
     operator = tables.pop(_OPERATOR, np.zeros(0))
     if operator.shape != (array.count, array.count):
         raise ParametersError(
@@ -200,10 +201,7 @@ class _Document:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            self.values = tomllib.loads(_read_bytes(path).decode())
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ParametersError(f"{path}: not readable as TOML: {error}") from error
+        self.values = read_values(path)
 
     def take(self, key: str) -> Any:  # noqa: ANN401 -- TOML values
         """Return the value under a dotted key such as `array.rows`; raise a `ParametersError` if it is missing."""
@@ -272,6 +270,7 @@ def _build_array(document: _Document) -> TexelArray:
     """Build the array from the section `[array]` of the TOML file; this inverts `_describe_array`."""
     pitch, size = document.take("array.pitch"), document.take("array.texel_size")
     table = document.take("array")
+    check_texel_count(document.take("array.rows"), document.take("array.columns"))
     grid = TexelArray.grid(
         document.take("array.rows"),
         document.take("array.columns"),
@@ -301,7 +300,10 @@ def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
     values = dict(table)
     match values.pop("kind", None):
         case "gaussian":
-            return Gaussian(**values)
+            kernel = Gaussian(**values)
+            if max(kernel.ksize_x, kernel.ksize_y) > MOST_TEXELS:
+                raise ValueError(f"ksize must be at most {MOST_TEXELS} texels")
+            return kernel
         case "operator":
             return Tabulated(matrix=operator, **values)
         case kind:
@@ -312,6 +314,8 @@ def _build_electronics(document: _Document) -> Electronics:
     """Build the electronics from the section `[electronics]`; warn if an earlier version wrote it."""
     table = document.take("electronics")
     values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    if not isinstance(bits := values.get("bits", 1), int) or not 1 <= bits <= _MOST_BITS:
+        raise ValueError(f"bits must be a whole number 1..{_MOST_BITS}, not {bits!r}")
     if "calibrated" not in values:
         _LOG.warning(
             "%s: [electronics] has no `calibrated`, so counts follow the texel force; derive anew", document.path
@@ -341,60 +345,3 @@ def _convert_values(values: Mapping[str, Any]) -> dict[str, Any]:
         elif value is not None:
             converted[key] = list(value) if isinstance(value, tuple) else value
     return converted
-
-
-def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
-    """Replace `parameters.toml` and `cover.npz` such that a reader finds a matching pair at every moment.
-
-    The old TOML file contains the hash of the old npz file, so a copy of the old npz file is kept until the TOML file
-    is replaced too.
-
-    Args:
-        folder: The parameters folder.
-        packed: New content of the npz file.
-        text: New content of the TOML file.
-
-    Raises:
-        OSError: If the folder cannot be written; the old pair of files can still be read then.
-    """
-    tables = folder / NPZ_NAME
-    if tables.exists() and (old := tables.read_bytes()) != packed:
-        atomic_file.replace(_path_of_copy(tables, hashlib.sha256(old).hexdigest()), [old])
-    atomic_file.replace(tables, [packed])
-    atomic_file.replace(folder / TOML_NAME, [text])
-    for copy in tables.parent.glob(f"{tables.stem}.????????????????{tables.suffix}"):
-        copy.unlink(missing_ok=True)
-    atomic_file.sweep(folder)
-
-
-def _path_of_copy(tables: Path, sha256: str) -> Path:
-    """Return the path of the copy of an old npz file with a given hash; it exists while both files are replaced."""
-    return tables.with_name(f"{tables.stem}.{sha256[:16]}{tables.suffix}")
-
-
-def _read_tables(document: _Document) -> dict[str, FloatArray]:
-    """Read the tables of `cover.npz`, and check its hash against the one in the TOML file."""
-    name, sha256 = document.take("cover.file"), document.take("cover.sha256")
-    if name != NPZ_NAME or not isinstance(sha256, str):
-        raise ValueError(f"file must be {NPZ_NAME!r} and sha256 a text, not {name!r} and {sha256!r}")
-    path = document.path.parent / NPZ_NAME
-    packed = _read_bytes(path)
-    if hashlib.sha256(packed).hexdigest() != sha256:
-        copy = _path_of_copy(path, sha256)
-        if not copy.exists():
-            raise ParametersError(f"{path}: does not belong to {TOML_NAME} (sha256 differs); write both anew")
-        packed = _read_bytes(copy)
-    try:
-        with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
-            return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise ParametersError(f"{path}: not a readable npz file: {error}") from error
-
-
-def _read_bytes(path: Path) -> bytes:
-    """Read a file; raise a `ParametersError` if it cannot be read."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        message = f"{path}: {error.strerror}; a folder with {TOML_NAME} and {NPZ_NAME} is needed"
-        raise ParametersError(message) from error

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import json
 import logging
 import os
@@ -31,7 +30,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.atomic_file import replace, sweep, temporary_files
-from meshes.npz import pack_npz
+from meshes.bounded_file import FileLimitError, open_regular, parse_json, read_bytes
+from meshes.npz import pack_npz, unpack_npz
 
 _LOG = logging.getLogger(__name__)
 
@@ -40,6 +40,10 @@ _HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n
 _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
 #: Ending of the file name of an entry.
 _SUFFIX = ".entry"
+#: Largest accepted size of an entry, and of its manifest [bytes].
+_MOST_BYTES, _MOST_MANIFEST_BYTES = 2**32, 2**24
+#: Time in the year 2242; later ones are no times at which an entry was written [s since 1970].
+_LATEST = 2.0**33
 #: Libraries whose versions are part of every key, because the results depend on the versions.
 _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
@@ -109,7 +113,25 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
     key = make_key(kind, described)
     found = read(key)
     if found is not None:
-        return found
+        return _StoredArrays(found, lambda: _compute(key, kind, described, compute))
+    return _compute(key, kind, described, compute)
+
+
+class _StoredArrays(Arrays):
+    """The arrays of an entry; they are computed again if an array is asked for that the entry lacks."""
+
+    def __init__(self, arrays: Arrays, compute: Callable[[], Arrays]) -> None:
+        super().__init__(arrays)
+        self._compute = compute
+
+    def __missing__(self, name: str) -> npt.NDArray[Any]:
+        _LOG.warning("a store entry has no array %r; it is computed again", name)
+        self.update(self._compute())
+        return dict(self)[name]
+
+
+def _compute(key: str, kind: str, described: Any, compute: Callable[[], Mapping[str, Any]]) -> Arrays:  # noqa: ANN401
+    """Compute a result and store it, if the store can be written."""
     result = {name: np.asarray(value) for name, value in compute().items()}
     if hash_sources() != code_version():
         _warn_once(folder(), "the sources changed after this process loaded them")
@@ -267,7 +289,10 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
         DamagedEntryError: If the content differs from the content that was written.
         OSError: If the file cannot be read.
     """
-    content = path.read_bytes()
+    try:
+        content = read_bytes(path, most=_MOST_BYTES)
+    except FileLimitError as error:
+        raise DamagedEntryError(str(error)) from None
     header, body = _HEADER.match(content), content[_HEADER_LENGTH:]
     if header is None:
         raise DamagedEntryError("does not begin like an entry of this version")
@@ -276,11 +301,15 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
     if hashlib.sha256(body).hexdigest() != header[1].decode():
         raise DamagedEntryError("fails its sha256")
     text, _, blob = body.partition(b"\n")
-    manifest = json.loads(text)
-    if manifest["key"] != path.stem:
-        raise DamagedEntryError(f"is a copy of the entry {manifest['key']}")
-    with np.load(io.BytesIO(blob), allow_pickle=False) as arrays:
-        return manifest, {name: arrays[name] for name in arrays.files}
+    try:
+        manifest, arrays = parse_json(text), unpack_npz(blob, most=_MOST_BYTES)
+    except FileLimitError as error:
+        raise DamagedEntryError(f"has bad content: {error}") from None
+    if not isinstance(manifest, dict) or manifest.get("arrays") != sorted(arrays):
+        raise DamagedEntryError("has bad content: its manifest does not list its arrays")
+    if manifest.get("key") != path.stem:
+        raise DamagedEntryError(f"is a copy of the entry {str(manifest.get('key'))[:64]}")
+    return manifest, arrays
 
 
 def _list_entries(look: Callable[[Path], Entry | None]) -> list[Entry]:
@@ -292,13 +321,13 @@ def _list_entries(look: Callable[[Path], Entry | None]) -> list[Entry]:
 def _describe_entry(path: Path) -> Entry | None:
     """Describe an entry from its header and manifest; return None if another process has removed the file."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if not _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
                 return _build_entry(path, {}, "does not begin like an entry of this version")
-            manifest = json.loads(file.readline())
+            manifest = parse_json(file.readline(_MOST_MANIFEST_BYTES))
     except OSError as error:
         return _build_entry(path, {}, f"cannot be read: {error.strerror}")
-    except ValueError:
+    except FileLimitError:
         return _build_entry(path, {}, "has an unreadable manifest")
     return _build_entry(path, manifest if isinstance(manifest, dict) else {})
 
@@ -327,7 +356,7 @@ def _build_entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> 
         path=path,
         kind=str(manifest.get("kind", "unknown")),
         code=str(manifest.get("code", "unknown")),
-        created=created if isinstance(created, float) else status.st_mtime,
+        created=created if isinstance(created, float) and 0 <= created < _LATEST else status.st_mtime,
         size=status.st_size,
         inputs=inputs if isinstance(inputs, dict) else {},
         problem=problem,

@@ -13,6 +13,22 @@ BoolArray = npt.NDArray[np.bool_]
 #: Largest distance of a texel's centre from the nearest point of a regular grid, over the pitch, for the array to count
 #: as regular: rounding of coordinates in a file [-].
 _REGULAR = 1e-6
+#: Largest number of texels of an array that is read from a file: with more, the kernels of the cover would need
+#: gigabytes of memory [-].
+MOST_TEXELS = 10_000
+
+
+def check_texel_count(rows: object, columns: object) -> None:
+    """Check the numbers of rows and columns that a file states, before memory is claimed for its texels.
+
+    Raises:
+        ValueError: If they are not whole numbers from 1 on, or make more than `MOST_TEXELS` texels.
+    """
+    for name, value in (("rows", rows), ("columns", columns)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+            raise ValueError(f"{name} must be a whole number from 1 on, not {str(value)[:40]!r}")
+    if isinstance(rows, int) and isinstance(columns, int) and rows * columns > MOST_TEXELS:
+        raise ValueError(f"{rows} rows of {columns} texels are too many; at most {MOST_TEXELS} texels are supported")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,13 +1,26 @@
-"""Packing of numpy arrays into the bytes of an npz file."""
+"""Packing of numpy arrays into the bytes of an npz file, and unpacking within limits."""
 
 from __future__ import annotations
 
 import io
+import math
 import zipfile
+import zlib
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
+
+from meshes.bounded_file import FileLimitError, format_size
+
+#: Largest accepted number of arrays in an npz file [-].
+_MOST_ARRAYS = 64
+#: Kinds of numpy types that are accepted: truth values, numbers and texts.
+_KINDS = "biufcUS"
+#: Size that a number of a smaller type counts as, because callers may convert it [bytes].
+_LEAST_BYTES = 8
+#: Largest size of the head of an array, which holds its type and shape [bytes].
+_MOST_HEAD = 4096
 
 
 def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
@@ -27,3 +40,58 @@ def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
             # A ZipInfo made here has a fixed date; given a name, `ZipFile.writestr` would store the present time.
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content.getbuffer(), zipfile.ZIP_DEFLATED)
     return packed.getvalue()
+
+
+def unpack_npz(content: bytes, *, most: int) -> dict[str, npt.NDArray[np.generic]]:
+    """Return the arrays in the bytes of an npz file, by name.
+
+    Sizes, types and shapes are checked before any memory is claimed for an array.
+
+    Args:
+        content: The bytes.
+        most: Largest accepted size of all arrays together; numbers of less than 8 bytes count as 8 [bytes].
+
+    Raises:
+        FileLimitError: If the bytes are no npz file, or are damaged, encrypted, packed by a method other than deflate,
+            or hold more bytes than accepted or Python objects.
+    """
+    arrays: dict[str, npt.NDArray[np.generic]] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entries = archive.infolist()
+            if len(entries) > _MOST_ARRAYS:
+                raise FileLimitError(f"holds {len(entries)} arrays; at most {_MOST_ARRAYS} are accepted")  # noqa: TRY301
+            for entry in entries:
+                array = _unpack_array(archive, entry, most)
+                most -= array.size * max(array.itemsize, _LEAST_BYTES)
+                arrays[entry.filename.removesuffix(".npy")] = array
+    except FileLimitError:
+        raise
+    except (ValueError, OSError, EOFError, LookupError, RuntimeError, NotImplementedError) as error:
+        raise FileLimitError(f"not a readable npz file: {error}") from None
+    except (zipfile.BadZipFile, zlib.error, SyntaxError, TypeError, OverflowError) as error:
+        raise FileLimitError(f"not a readable npz file: {error}") from None
+    return arrays
+
+
+def _unpack_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -> npt.NDArray[np.generic]:
+    """Unpack one array of an npz file, of at most `most` bytes; errors are of many types."""
+    if entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise FileLimitError("is encrypted or packed by another method than deflate")
+    if not entry.filename.endswith(".npy"):
+        raise FileLimitError("holds something else than arrays")
+    with archive.open(entry) as packed:
+        head = io.BytesIO(packed.read(_MOST_HEAD))
+        if np.lib.format.read_magic(head) != (1, 0):
+            raise FileLimitError("holds an array of another version of the format; accepted: 1.0")
+        shape, by_columns, kind = np.lib.format.read_array_header_1_0(head, max_header_size=_MOST_HEAD)
+        count = math.prod(shape)
+        if kind.kind not in _KINDS or kind.hasobject or min(shape, default=0) < 0:
+            raise FileLimitError(f"holds an array of type {str(kind)[:40]}; accepted: numbers and texts")
+        if count * max(kind.itemsize, _LEAST_BYTES) > most:
+            raise FileLimitError(f"unpacks to more than the {format_size(most)} that are accepted here")
+        begun, size = head.read(), count * kind.itemsize
+        if entry.file_size != head.tell() - len(begun) + size:
+            raise FileLimitError("holds an array whose size is not that of its shape")
+        values = np.frombuffer(begun + packed.read(size), dtype=kind, count=count)
+    return values.reshape(shape, order="F" if by_columns else "C").copy(order="K")

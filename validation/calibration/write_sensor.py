@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,9 @@ import tomli_w
 from fastmodel.signal.electronics import TEXEL_FORCE
 from validation.calibration.calibrate import Calibration
 from validation.errors import InputError
+from validation.output_folder import write_text
 from validation.sensor_file import parse
+from validation.sensor_file.sensor import read_tables
 
 #: Keys of the table `[electronics]` of a sensor file that a calibrated characteristic replaces.
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
@@ -23,7 +24,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
     Args:
         calibration: Result of the calibration.
         sensor: The sensor file that is copied; it is unchanged unless `out` names the same file.
-        out: The file to write.
+        out: The file to write; an existing file is replaced.
         polynomial: Whether to write the polynomial of degree 5 instead of the straight line.
 
     Returns:
@@ -35,7 +36,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
     """
     source, target = Path(sensor), Path(out)
     try:
-        tables = tomllib.loads(source.read_text(encoding="utf-8"))
+        tables = read_tables(source)
     except (OSError, ValueError) as error:
         raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}
@@ -48,7 +49,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
         for name, estimate in calibration.estimates.items()
     )
     head = f"# electronics calibrated; {calibration.confidence:.0%} intervals:\n{notes}\n"
-    target.write_text(head + tomli_w.dumps(tables), encoding="utf-8")
+    write_text(target, head + tomli_w.dumps(tables))
     return target
 
 

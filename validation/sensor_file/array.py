@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from meshes import TexelArray
+from meshes.array import MOST_TEXELS, check_texel_count
+from meshes.bounded_file import FileLimitError, read_text
 from validation.errors import InputError
 from validation.sensor_file.tables import ArrayTable
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Largest number of texels of an array: with more, the kernels of the cover would need gigabytes of memory [-].
-_MAX_TEXELS = 10_000
+#: Largest accepted size of a file of texel positions [bytes]: 200 for each texel.
+_MOST_BYTES = 200 * MOST_TEXELS
 #: Columns of a file of texel positions: centres of the texels [m], and their unit normals [-] if the array is curved.
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
+#: Largest accepted coordinate of a texel; larger ones must have a wrong unit [m].
+_FARTHEST = 1000.0
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
 
 
@@ -48,11 +51,7 @@ def _build_texels(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
         return _build_from_positions(table, folder / table.positions, name=name)
     if table.rows is None or table.columns is None or table.pitch is None:
         raise InputError('array: give rows, columns and pitch, or positions = "texels.csv" for any layout')
-    if table.rows * table.columns > _MAX_TEXELS:
-        raise InputError(
-            f"array: {table.rows} rows of {table.columns} texels are too many; "
-            f"at most {_MAX_TEXELS} texels are supported"
-        )
+    check_texel_count(table.rows, table.columns)
     active = _read_mask(table, table.rows, table.columns)
     return TexelArray.grid(
         table.rows, table.columns, table.pitch, texel_size=table.texel_size, active=active, name=name
@@ -132,9 +131,14 @@ def _refuse_overlap(array: TexelArray) -> None:
     from scipy.spatial import cKDTree
 
     places = array.centres[array.active, :2] / np.array(array.texel_size)
-    pairs = cKDTree(places).query_pairs(1 - 1e-6, p=np.inf)
-    if pairs:
-        first, second = (int(np.flatnonzero(array.active)[k]) for k in min(pairs))
+    if len(places) < 2:  # noqa: PLR2004 -- an overlap needs two texels
+        return
+    # Only the nearest neighbours are listed: the pairs of ten thousand texels in one place would fill the memory.
+    distances, neighbours = (np.asarray(each)[:, 1] for each in cKDTree(places).query(places, k=2, p=np.inf))
+    near = np.flatnonzero(distances < 1 - 1e-6)
+    if len(near):
+        pair = sorted((int(near[0]), int(neighbours[near[0]])))
+        first, second = (int(np.flatnonzero(array.active)[k]) for k in pair)
         x, y = (f"{1e3 * edge:.4g} mm" for edge in array.texel_size)
         raise InputError(
             f"array: texels {first} and {second} overlap, each {x} by {y}; "
@@ -171,22 +175,33 @@ def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
 
     Raises:
         InputError: If the file does not exist, has other columns, or holds too many texels or text that is no number.
+            The message repeats nothing of the file: a sensor file from somebody else may name any file.
     """
     if not path.is_file():
         raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
-    with path.open(newline="", encoding="utf-8") as stream:
-        lines = [line for line in csv.reader(stream) if line]
-    header = [entry.strip() for entry in lines[0]] if lines else []
-    if tuple(header) not in (_COLUMNS[:3], _COLUMNS):
-        raise InputError(f"array.positions: {path} begins with {','.join(header)!r}; {_EXAMPLE}")
     try:
-        numbers = np.array([[float(entry) for entry in line] for line in lines[1:]]).reshape(-1, len(header))
-    except ValueError as error:
-        raise InputError(f"array.positions: {path}: {error}; {_EXAMPLE}") from None
-    if not 1 <= len(numbers) <= _MAX_TEXELS or not np.isfinite(numbers).all():
+        text = read_text(path, most=_MOST_BYTES)
+        lines = [line.split(",") for line in text.splitlines() if line.strip()]
+    except FileLimitError as error:
+        raise InputError(f"array.positions: {path} {error}; {_EXAMPLE}") from None
+    header = tuple(entry.strip() for entry in lines[0]) if lines else ()
+    if header not in (_COLUMNS[:3], _COLUMNS):
+        raise InputError(f"array.positions: {path} begins with another line; {_EXAMPLE}")
+    if not 1 <= len(lines) - 1 <= MOST_TEXELS:
         raise InputError(
-            f"array.positions: {path} holds {len(numbers)} texels or a number that is not finite; "
-            f"1..{_MAX_TEXELS} texels are supported; {_EXAMPLE}"
+            f"array.positions: {path} holds {len(lines) - 1} texels; 1..{MOST_TEXELS} are supported; {_EXAMPLE}"
         )
+    numbers = np.array([_read_numbers(line, len(header), path, k) for k, line in enumerate(lines[1:], start=1)])
     normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (len(numbers), 1))  # noqa: PLR2004 -- x, y, z
     return numbers[:, :3].copy(), normals.copy()
+
+
+def _read_numbers(entries: list[str], count: int, path: Path, texel: int) -> list[float]:
+    """Read the numbers of one texel; raise an `InputError` if they are not `count` finite numbers within 1000 m."""
+    try:
+        numbers = [float(entry) for entry in entries]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(abs(number) <= _FARTHEST for number in numbers):
+        raise InputError(f"array.positions: {path}: texel {texel} is not {count} numbers; {_EXAMPLE}")
+    return numbers

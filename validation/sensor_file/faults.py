@@ -30,6 +30,10 @@ _EXAMPLES = {
     "electronics": "the table [electronics]",
 }
 
+#: Largest number of faults that are listed; a list of wrong numbers would fill the terminal [-].
+_MOST_FAULTS = 20
+#: Largest number of characters of a value that a message repeats, and of a whole message [-].
+_LONGEST, _LONGEST_LINE = 80, 1000
 #: Keys of a sensor file, by the symbols that users write by mistake.
 _KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 
@@ -40,8 +44,10 @@ def list_faults(error: ValidationError) -> list[str]:
     lines: dict[str, str] = {}
     for details in error.errors():
         place = format_path(details["loc"])
-        lines.setdefault(place, f"{place}: {_explain(details)}")
-    return list(lines.values())
+        line = f"{place}: {_explain(details)}"
+        lines.setdefault(place, line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}...")
+    listed = list(lines.values())
+    return listed if len(listed) <= _MOST_FAULTS else [*listed[:_MOST_FAULTS], f"and {len(listed) - _MOST_FAULTS} more"]
 
 
 def format_path(location: Sequence[int | str]) -> str:
@@ -61,7 +67,7 @@ def format_path(location: Sequence[int | str]) -> str:
 
 def _explain(details: ErrorDetails) -> str:
     """Describe one fault that pydantic found, and name accepted values."""
-    kind, given = details["type"], details["input"]
+    kind, given = details["type"], _shorten(details["input"])
     key = str(details["loc"][-1])
     if kind == "value_error":
         return str(details["ctx"]["error"])
@@ -71,8 +77,14 @@ def _explain(details: ErrorDetails) -> str:
         return f"is missing; write for example {_EXAMPLES.get(key, key)}"
     if kind in ("dataclass_type", "list_type"):
         wanted = "a list" if kind == "list_type" else "a table"
-        return f"must be {wanted}, not {given!r}; write for example {_EXAMPLES.get(key, wanted)}"
-    return f"{details['msg'][0].lower()}{details['msg'][1:]}, not {given!r}"
+        return f"must be {wanted}, not {given}; write for example {_EXAMPLES.get(key, wanted)}"
+    return f"{details['msg'][0].lower()}{details['msg'][1:]}, not {given}"
+
+
+def _shorten(value: object) -> str:
+    """Return a value of a sensor file as text for a message, cut if it is long."""
+    text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def _keys_of_table(location: Sequence[int | str]) -> list[str]:

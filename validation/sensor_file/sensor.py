@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
@@ -16,11 +15,14 @@ from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.point_spread import Gaussian
 from meshes import Cover, Layer, TexelArray
+from meshes.bounded_file import FileLimitError, parse_toml, read_text
 from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
 from validation.errors import InputError, nearest
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
 from validation.text.quantity import read_quantity
 
+#: Largest accepted size of a sensor file [bytes]; the gains of ten thousand texels take a fifth of it.
+MOST_BYTES = 2**20
 #: Electronics of the tactile arrays of the SCHUNK SDH-2 hand.  Their characteristic (counts over force) is unpublished,
 #: so the slope of the WTS 0614-34 is used.  The offset of the WTS 0614-34 is left out, because the firmware of the
 #: DSACON32m, which reads the arrays, subtracts a threshold.  To score recordings, a fitted characteristic replaces this
@@ -114,14 +116,23 @@ def read_template() -> str:
 
 
 def _read_file(path: Path) -> SensorDescription:
-    if not path.is_file():
+    if not path.exists():
         hint = nearest(str(path), BUILT_IN)
         raise InputError(f"{path}: no such sensor file or built-in sensor; {hint}, or a file from `softcover init`")
+    return parse(read_tables(path), source=path)
+
+
+def read_tables(path: Path) -> dict[str, Any]:
+    """Read the tables of a sensor file, before they are checked.
+
+    Raises:
+        InputError: If the path is no file in TOML within the limits on size and depth.
+        OSError: If the file cannot be read.
+    """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
-    return parse(data, source=path)
+        return parse_toml(read_text(path, most=MOST_BYTES))
+    except FileLimitError as error:
+        raise InputError(f"{path}: not a TOML file that is accepted: {error}") from None
 
 
 def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict,
 from pydantic.dataclasses import dataclass
 
 from fastmodel.signal.electronics import TEXEL_FORCE
+from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
 from meshes.material import MODELS, SERIES_MODELS, Material
 from validation.errors import InputError, nearest
@@ -96,7 +97,7 @@ def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
 
     def check(value: float) -> float:
         if not lowest <= value <= highest:
-            raise ValueError(f"must lie in {lowest:g}..{highest:g}{note}, not {value:g}")
+            raise ValueError(f"must lie in {lowest:.10g}..{highest:.10g}{note}, not {value:.10g}")
         return value
 
     return AfterValidator(check)
@@ -156,7 +157,8 @@ def _material(value: object, read_table: Callable[[object], Any]) -> Material:
 Length = Annotated[float, _quantity("length")]
 Pressure = Annotated[float, _quantity("pressure")]
 Count = Annotated[int, Strict(), _bounded(1, 2**32)]
-OddCount = Annotated[Count, AfterValidator(_refuse_even)]
+TexelCount = Annotated[int, Strict(), _bounded(1, MOST_TEXELS)]
+OddCount = Annotated[TexelCount, AfterValidator(_refuse_even)]
 Number = Annotated[float, Strict(), _bounded(-1e12, 1e12)]
 Ratio = Annotated[float, Strict(), _bounded(0, 0.5, " (0.5 is incompressible)")]
 Share = Annotated[float, Strict(), _bounded(0, 10)]
@@ -167,8 +169,8 @@ Lengths = Annotated[tuple[float, float], BeforeValidator(_lengths)]
 class ArrayTable:
     """Table `[array]`: texels on a grid of given rows, columns and pitch, or at positions listed in another file."""
 
-    rows: Count | None
-    columns: Count | None
+    rows: TexelCount | None
+    columns: TexelCount | None
     pitch: Lengths | None
     positions: str | None = None
     texel_size: Lengths | None = None

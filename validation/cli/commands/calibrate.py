@@ -62,6 +62,8 @@ def calibrate(
 
     if (sensor is None) != (out is None):
         raise InputError("--sensor, --out: give both to write a sensor file, or neither")
+    if out is not None and out.exists():
+        raise InputError(f"--out: {out} exists; name a new file")
     span = read_time_span("--window", window, "6:9")
     opened = [open_recording(path) for path in recordings]
     for recording in opened:

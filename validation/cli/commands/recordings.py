@@ -59,6 +59,8 @@ def replay(
     from validation.recordings.importing import open_recording
 
     check_range("--speed", speed)
+    if csv is not None and csv.exists():
+        raise InputError(f"--csv: {csv} exists; name a new file")
     recording = open_recording(file, topic=topic)
     check_array_index(recording, array)
     if csv is not None:

@@ -247,7 +247,10 @@ def _is_usable(entry: Entry) -> bool:
 
 def _describe_inputs(inputs: Mapping[str, Any]) -> str:
     """Describe the inputs of a stored result in one line of text."""
-    parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
+    try:
+        parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
+    except (ArithmeticError, LookupError, TypeError, ValueError):  # an entry that this program did not write
+        return "unknown"
     return ", ".join(parts) or "unknown"
 
 
