@@ -49,6 +49,14 @@ ArrayIndex = Annotated[
     int, Parameter(name="--array", help="Index of the array if the recording has several; the first is 0.")
 ]
 
+PressedArrayIndex = Annotated[
+    int | None,
+    Parameter(
+        name="--array",
+        help="Index of the array if the recording has several, from 0; the one that is pressed most when not given.",
+    ),
+]
+
 
 def collect(faults: list[str], read: Callable[[], T]) -> T | None:
     """Read one option and collect its faults, so that the faults of all options are reported together.
@@ -103,6 +111,20 @@ def check_array_index(recording: Recording, index: int) -> None:
     count = len(recording.arrays)
     if not 0 <= index < count:
         raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
+
+
+def choose_array(recording: Recording, index: int | None) -> int:
+    """Return the index of the array to show: the given one, or the one that is pressed most.
+
+    Raises:
+        InputError: If the recording has no array of the given index.
+    """
+    from validation.recordings.recording import find_pressed_array
+
+    if index is None:
+        return find_pressed_array(recording)
+    check_array_index(recording, index)
+    return index
 
 
 def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
-from validation.recordings.recording import RecordedArray, Setup, make_array
+from validation.recordings.recording import BoolArray, RecordedArray, Setup, make_array
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
 from validation.weiss.frames import Reading
@@ -78,7 +78,7 @@ def record(
     reported = _ask_properties(sensor)
     setup = setup or Setup()
     setup = replace(setup, source=setup.source or sensor.port, device={**reported, **setup.device})
-    array = make_device_array(sensor.read_matrix(), str(reported.get("type", "tactile")))
+    array = make_device_array(sensor.read_matrix(), str(reported.get("type", "tactile")), active=_ask_mask(sensor))
     session = _Session(sensor, on_event)
     try:
         with RecordingWriter(path, arrays=[array], setup=setup, serial=str(reported["serial"])) as writer:
@@ -94,13 +94,20 @@ def record(
     )
 
 
-def make_device_array(matrix: MatrixInfo, name: str = "tactile") -> RecordedArray:
-    """Make a recorded array without frames from the description that a device gives of its array."""
+def make_device_array(matrix: MatrixInfo, name: str = "tactile", *, active: BoolArray | None = None) -> RecordedArray:
+    """Make a recorded array without frames from the description that a device gives of its array.
+
+    Args:
+        matrix: The description.
+        name: Name of the array.
+        active: Whether each texel exists, shape (n,); all if not given.
+    """
     return make_array(
         matrix.rows,
         matrix.columns,
         pitch=(matrix.cell_width, matrix.cell_height),
         full_scale=matrix.full_scale,
+        active=active,
         name=name,
     )
 
@@ -170,6 +177,13 @@ class _Session:
         """
         with suppress(SensorError):
             writer.add_temperatures(time.time_ns(), [self._sensor.read_temperature()])
+
+
+def _ask_mask(sensor: Sensor) -> BoolArray | None:
+    """Read which texels of a device exist; None if the device does not tell this in the assumed form."""
+    with suppress(SensorError):
+        return sensor.read_mask()
+    return None
 
 
 def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
 from meshes import Indenter
-from validation.recordings.recording import Recording
+from validation.recordings.recording import Recording, find_pressed_array
 from validation.weiss.continuity import Gap
 from validation.weiss.sensor import Sensor
 
@@ -50,14 +50,14 @@ def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
             yield _make_frame(event.time, event.counts, matrix.full_scale, matrix.columns)
 
 
-def replay_frames(recording: Recording, *, array: int = 0) -> Iterator[Frame]:
+def replay_frames(recording: Recording, *, array: int | None = None) -> Iterator[Frame]:
     """Yield the frames of one array of a recording, without waiting between them; with forces if it was simulated.
 
     Args:
         recording: A recording opened by any reader of `validation.recordings`.
-        array: Index of the array in the recording.
+        array: Index of the array in the recording; the one that is pressed most if not given.
     """
-    recorded = recording.arrays[array]
+    recorded = recording.arrays[find_pressed_array(recording) if array is None else array]
     for number, time in enumerate(recording.times.tolist()):
         yield recorded.make_frame(number, time)
 

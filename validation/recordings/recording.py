@@ -29,6 +29,8 @@ BoolArray = npt.NDArray[np.bool_]
 DEFAULT_PITCH = 3.4e-3
 #: Largest count that is assumed if a file does not state it: that of a 12 bit converter [-].
 DEFAULT_FULL_SCALE = 4095
+#: Change of a count from which a texel counts as pressed during a recording, as a share of the full scale [-].
+_PRESSED_SHARE = 0.02
 #: Tolerance of a coordinate of a texel centre when two arrays are compared [m].
 _SAME_POSITION = 1e-6
 _SECONDS_PER_NANOSECOND = 1e-9
@@ -202,9 +204,10 @@ def make_array(
     *,
     pitch: tuple[float, float] = (DEFAULT_PITCH, DEFAULT_PITCH),
     full_scale: int = DEFAULT_FULL_SCALE,
+    active: BoolArray | None = None,
     name: str = "tactile",
 ) -> RecordedArray:
-    """Make a recorded rectangular array in which all texels are active, centred at the origin.
+    """Make a recorded rectangular array, centred at the origin.
 
     Args:
         rows: Number of texels along y [-].
@@ -212,14 +215,29 @@ def make_array(
         counts: Counts of each frame, shape (frames, rows * columns) [-]; no frames if not given.
         pitch: Distance between texel centres along x and y [m].
         full_scale: Largest count that the converter can give [-].
+        active: Whether each texel exists, shape (rows * columns,); all if not given.
         name: Name of the array.
     """
     return RecordedArray(
-        texels=TexelArray.grid(rows, columns, pitch, name=name),
+        texels=TexelArray.grid(rows, columns, pitch, active=active, name=name),
         enabled=np.ones(rows * columns, dtype=bool),
         counts=np.empty((0, rows * columns), dtype=np.int32) if counts is None else counts,
         full_scale=full_scale,
     )
+
+
+def find_pressed_array(recording: Recording) -> int:
+    """Return the index of the array that is pressed most.
+
+    This is the array with the texel whose count changes most during the recording.  If no count changes by more than
+    `_PRESSED_SHARE` of the full scale, it is the array with the texel that stands farthest above the median of its
+    array, so that a load that rests on an array from the first frame to the last is found as well.
+    """
+    arrays = [(array.counts.astype(np.int64), array.full_scale) for array in recording.arrays]
+    changes = [float(np.ptp(counts, axis=0).max(initial=0)) / scale if counts.size else 0.0 for counts, scale in arrays]
+    if max(changes) <= _PRESSED_SHARE:
+        changes = [float(counts.max() - np.median(counts)) / scale if counts.size else 0.0 for counts, scale in arrays]
+    return int(np.argmax(changes))
 
 
 def convert_to_utc(nanoseconds: int) -> datetime:

@@ -12,13 +12,19 @@ from dataclasses import dataclass
 from enum import IntEnum
 from types import MappingProxyType
 
+import numpy as np
+import numpy.typing as npt
+
 from validation.weiss.messages import Message, encode_message
-from validation.weiss.unconfirmed import GAIN_FORMAT, THRESHOLD_FORMAT
+from validation.weiss.unconfirmed import GAIN_FORMAT, MASK_BIT_ORDER, THRESHOLD_FORMAT
 
 #: Layout of the status at the start of the payload of an answer: unsigned, 16 bits, little-endian.
 _STATUS = struct.Struct("<H")
 #: Units of the device per metre [1/m] and per kelvin [1/K]: the device gives lengths in 0.01 mm, temperatures in 0.1 K.
 _LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
+
+#: Largest length of a text in a request or an answer, such as a sensor type or a tag [bytes].
+LONGEST_TEXT = 64
 
 #: Values in the payload of a request or an answer, in the order of the command's `Layout`.
 Values = tuple[int | bytes, ...]
@@ -256,6 +262,23 @@ def encode_temperature(degrees: float) -> tuple[int]:
 def decode_temperature(values: Values) -> float:
     """Convert the value of the answer to the command `temperature` to a temperature [degC]."""
     return int(values[0]) / _TEMPERATURE_UNITS_PER_KELVIN
+
+
+def encode_mask(active: npt.NDArray[np.bool_]) -> bytes:
+    """Convert a mask of n texels, shape (n,), to the bytes of the answer to the command `get mask`."""
+    return np.packbits(active, bitorder=MASK_BIT_ORDER).tobytes()
+
+
+def decode_mask(data: bytes, texels: int) -> npt.NDArray[np.bool_]:
+    """Convert the bytes of the answer to the command `get mask` to a mask: whether each texel exists, shape (texels,).
+
+    Raises:
+        ValueError: If the bytes are not a mask of so many texels, or if no texel exists.
+    """
+    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=MASK_BIT_ORDER).astype(bool)
+    if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():
+        raise ValueError(f"{len(data)} bytes {data[:LONGEST_TEXT].hex()} are no mask of {texels} texels")
+    return bits[:texels]
 
 
 def _find_command(identifier: int) -> Command:

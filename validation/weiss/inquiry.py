@@ -35,6 +35,8 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
         "system info (0x50)": lambda: str(sensor.read_info()),
         "sensor type (0x38)": lambda: repr(sensor.read_type()),
         "matrix info (0x30)": lambda: str(sensor.read_matrix()),
+        "mask (0x33)": lambda: _describe_mask(sensor),
+        "device tag (0x52)": lambda: repr(sensor.read_tag()),
         "threshold (0x35)": lambda: f"{sensor.read_threshold()}, read as an unsigned 16 bit number",
         "gain (0x37)": lambda: f"{sensor.read_gain()}, read as an unsigned 8 bit number",
         "loop (0x06)": lambda: _check_loop(sensor),
@@ -51,6 +53,12 @@ def _ask(question: Callable[[], str]) -> str:
         return question()
     except (SensorError, ValueError) as error:
         return f"not as assumed: {error}"
+
+
+def _describe_mask(sensor: Sensor) -> str:
+    """Describe how many texels exist according to the answer to the command `get mask`."""
+    mask = sensor.read_mask()
+    return f"{int(mask.sum())} of {mask.size} texels exist, read as one bit per texel"
 
 
 def _check_loop(sensor: Sensor) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from validation.weiss.commands import Command
+from validation.weiss.commands import LONGEST_TEXT, Command
 from validation.weiss.frames import HEAD_SIZE as FRAME_HEAD_SIZE
 from validation.weiss.frames import decode_frame
 from validation.weiss.messages import CHECKSUM_SIZE, HEAD_SIZE, PREAMBLE, Message, compute_checksum
@@ -12,8 +12,6 @@ from validation.weiss.messages import CHECKSUM_SIZE, HEAD_SIZE, PREAMBLE, Messag
 #: Largest number of texels that is accepted in a frame while the array is unknown: that of the largest array of the
 #: manufacturer [-].
 _MOST_TEXELS = 512
-#: Largest length of a text in an answer, such as a sensor type or a tag [bytes].
-_LONGEST_TEXT = 64
 #: Number of bytes of the status at the start of an answer, and the bytes of the status `success`.
 _STATUS_SIZE = 2
 _SUCCESS = b"\0\0"
@@ -62,7 +60,7 @@ class Parser:
     def largest_payload(self) -> int:
         """Size of the largest payload of a message that is accepted [bytes]."""
         texels = _MOST_TEXELS if self.texels is None else self.texels
-        return _STATUS_SIZE + max(FRAME_HEAD_SIZE + 2 * texels, _LONGEST_TEXT)
+        return _STATUS_SIZE + max(FRAME_HEAD_SIZE + 2 * texels, LONGEST_TEXT)
 
     def feed(self, data: bytes) -> list[Message]:
         """Add the next bytes of the stream and return the messages that they complete."""

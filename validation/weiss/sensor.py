@@ -7,6 +7,9 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, suppress
 
+import numpy as np
+import numpy.typing as npt
+
 from validation.weiss import commands
 from validation.weiss.commands import Command, MatrixInfo, SystemInfo, Values
 from validation.weiss.continuity import Continuity, Gap
@@ -88,6 +91,14 @@ class Sensor(AbstractContextManager["Sensor"]):
     def read_matrix(self) -> MatrixInfo:
         """Read the numbers of rows and columns, the pitch and the full scale of the array."""
         return commands.decode_matrix_info(self.ask(Command.MATRIX_INFO))
+
+    def read_mask(self) -> npt.NDArray[np.bool_]:
+        """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
+        data = commands.join_bytes(self.ask(Command.GET_MASK))
+        try:
+            return commands.decode_mask(data, self.read_matrix().texels)
+        except ValueError as error:
+            raise SensorError(f"{self.port}: the answer to `get mask` is not as assumed: {error}") from error
 
     def read_type(self) -> str:
         """Read the name of the sensor's type."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Literal
 
 #: Assumed length of one tick of the device's clock [s].
 TICK = 1e-3
@@ -23,8 +24,15 @@ RUN_LENGTH_VALUE_BITS = 12
 #: ends the subtraction.
 TARE, UNTARE = 1, 0
 
+#: Order of the bits in the bytes of the answer to `get mask`, as numpy names it.
+MASK_BIT_ORDER: Literal["little", "big"] = "little"
+
 #: `struct` formats of the threshold and of the front-end gain in the payloads of requests and answers.
 THRESHOLD_FORMAT, GAIN_FORMAT = "<H", "<B"
+
+#: Device tag of the virtual sensor if none is given.  It is not empty, because some public clients wait for a tag;
+#: whether a new device has one is unknown.
+DEFAULT_TAG = "softcover"
 
 #: Description of each assumption by topic, so that a user can check it on a real sensor.
 UNCONFIRMED: Mapping[str, str] = MappingProxyType(
@@ -35,7 +43,8 @@ UNCONFIRMED: Mapping[str, str] = MappingProxyType(
         "threshold": "the answer to 0x35 is an unsigned 16 bit number; the device subtracts the threshold",
         "gain": "the answer to 0x37 is an unsigned 8 bit number, 0..255",
         "loop": "command 0x06 answers with the bytes it was sent",
-        "mask": "the payloads of 0x31, 0x32 and 0x33 are unknown and passed on as bytes",
+        "mask": "the answer to 0x33 has one bit per texel, lowest bit first, 1 for a texel that exists; "
+        "the payloads of 0x31 and 0x32 are unknown and passed on as bytes",
         "texel order": "rows come one after the other, columns fastest; press one corner to see",
     }
 )

@@ -16,12 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.weiss import commands
-from validation.weiss.commands import Command, MatrixInfo, Status, Values
+from validation.weiss.commands import LONGEST_TEXT, Command, MatrixInfo, Status, Values, encode_mask
 from validation.weiss.faults import FAULTS
 from validation.weiss.frames import LARGEST_COUNT, encode_frame
 from validation.weiss.messages import Message, encode_message
 from validation.weiss.parser import Parser
-from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, TICK
+from validation.weiss.unconfirmed import DEFAULT_TAG, RUN_LENGTH_FLAG, TARE, TICK
 
 #: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
@@ -83,11 +83,14 @@ class VirtualSensor:
         source: Function that gives the counts of the texels as a function of time.
         matrix: Description of the array that the sensor reports.
         rate: Frames per second if a client requests frames without an interval [Hz].
-        sensor_type: Name of the sensor's type that the sensor reports.
+        active: Whether each texel exists, shape (n,); the others always read 0.  All exist if not given.
+        sensor_type: Name of the sensor's type that the sensor reports; made from the array if not given.
+        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.
         misbehaviour: Faults that the sensor makes; none if not given.
 
     Raises:
-        ValueError: If the rate is not positive.
+        ValueError: If the rate is not positive, the tag is too long or not ASCII, or the mask has another size than the
+            array.
     """
 
     def __init__(
@@ -96,20 +99,27 @@ class VirtualSensor:
         *,
         matrix: MatrixInfo = WTS_0614_34,
         rate: float = 271.0,
-        sensor_type: str = "WTS 0614-34",
+        active: npt.ArrayLike | None = None,
+        sensor_type: str | None = None,
+        tag: str = DEFAULT_TAG,
         misbehaviour: Misbehaviour | None = None,
     ) -> None:
         if rate <= 0:
             raise ValueError(f"rate must be positive, not {rate} Hz")
+        if not tag.isascii() or len(tag) > LONGEST_TEXT:
+            raise ValueError(f"a device tag holds at most {LONGEST_TEXT} ASCII characters, not {tag!r}")
         self.matrix = matrix
+        self._active = np.ones(matrix.texels, dtype=bool) if active is None else np.asarray(active, dtype=bool)
+        if self._active.shape != (matrix.texels,):
+            raise ValueError(f"a mask of this array has {matrix.texels} texels, not {self._active.size}")
         self.frames_sent = 0
         self._source = source
         self._rate = rate
-        self._type = sensor_type
+        self.type = name_type(matrix) if sensor_type is None else sensor_type
         self._misbehaviour = misbehaviour or Misbehaviour()
         self._random = Random(self._misbehaviour.seed)  # noqa: S311 -- reproducible faults, no secret
         self._parser = Parser(texels=matrix.texels)
-        self._tag = b""
+        self._tag = tag.encode("ascii")
         self._threshold = self._gain = 0
         #: Counts that are subtracted from each frame after the command `tare`, shape (n,) [-].
         self._zero: npt.NDArray[np.int64] = np.zeros(matrix.texels, dtype=np.int64)
@@ -192,10 +202,11 @@ class VirtualSensor:
             Command.MATRIX_INFO: commands.encode_matrix_info(self.matrix),
             Command.GET_THRESHOLD: (self._threshold,),
             Command.GET_GAIN: (self._gain,),
-            Command.SENSOR_TYPE: (self._type.encode("ascii"),),
+            Command.SENSOR_TYPE: (self.type.encode("ascii"),),
             Command.TEMPERATURE: commands.encode_temperature(degrees),
             Command.SYSTEM_INFO: (1, 1, 0x1000, 1),
             Command.GET_TAG: (self._tag,),
+            Command.GET_MASK: (encode_mask(self._active),),
         }
 
     def _change(self, command: Command, number: int, data: bytes, now: float) -> Status:
@@ -218,6 +229,8 @@ class VirtualSensor:
                 self._threshold = number
             case Command.SET_GAIN:
                 self._gain = number
+            case Command.SET_TAG if len(data) > LONGEST_TEXT:
+                return Status.RANGE_ERROR
             case Command.SET_TAG:
                 self._tag = data
             case _:
@@ -240,7 +253,17 @@ class VirtualSensor:
 
     def _show(self, now: float) -> npt.NDArray[np.int64]:
         """Return the counts of the source at the time `now` [s], before tare and threshold, shape (n,) [-]."""
-        return np.clip(np.asarray(self._source(now), dtype=np.int64).ravel(), 0, self.matrix.full_scale)
+        counts = np.asarray(self._source(now), dtype=np.int64).ravel()
+        return np.where(self._active, np.clip(counts, 0, self.matrix.full_scale), 0)
+
+
+def name_type(matrix: MatrixInfo) -> str:
+    """Return the type of a sensor as its manufacturer writes it: `WTS 0614-34` for 6 x 14 texels of 3.4 mm.
+
+    The pitch along y is added if it differs from the pitch along x.
+    """
+    widths = dict.fromkeys(f"{round(1e4 * pitch):02}" for pitch in (matrix.cell_width, matrix.cell_height))
+    return f"WTS {matrix.columns:02}{matrix.rows:02}-{'x'.join(widths)}"
 
 
 def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:

@@ -1,5 +1,7 @@
 """Faults of a serial line damage any message without failing."""
 
+from random import Random
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,3 +24,22 @@ def test_a_fault_changes_the_message_within_its_bounds(name, payload, random):
 
 def test_the_names_are_those_of_the_command_line():
     assert {"flip-bit", "lose", "cut", "wrong-size"} < set(FAULTS)
+
+
+@given(
+    names=st.lists(st.sampled_from(sorted(FAULTS)), min_size=1, max_size=6),
+    message=st.binary(max_size=20),
+    random=st.randoms(use_true_random=False),
+)
+def test_faults_follow_one_another_on_any_bytes(names, message, random):
+    """A fault may leave one byte or none; the next fault must accept them."""
+    for name in names:
+        message = FAULTS[name](message, random)
+    assert isinstance(message, bytes)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("message", [b"", b"\xaa"])
+def test_a_fault_accepts_the_shortest_messages(name, message):
+    random = Random(0)  # noqa: S311 -- reproducible, no secret
+    assert all(isinstance(FAULTS[name](message, random), bytes) for _ in range(20))

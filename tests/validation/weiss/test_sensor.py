@@ -169,7 +169,7 @@ def test_a_refused_command_is_named_with_its_status(plug_in):
         with pytest.raises(SensorError, match=r"refused `temperature`: no sensor \(2\)"):
             sensor.read_temperature()
         with pytest.raises(SensorError, match=r"not supported \(5\)"):
-            sensor.ask(Command.GET_MASK)
+            sensor.ask(Command.SET_MASK_WINDOW)
 
 
 def test_an_unexpected_layout_of_an_answer_fails_that_question_alone(plug_in, monkeypatch):

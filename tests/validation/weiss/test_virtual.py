@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.weiss.commands import Command, decode_answer, decode_temperature, encode_request
+from validation.weiss.commands import (
+    Command,
+    MatrixInfo,
+    decode_answer,
+    decode_mask,
+    decode_temperature,
+    encode_request,
+)
 from validation.weiss.faults import FAULTS
 from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.messages import encode_message
@@ -107,3 +114,68 @@ def test_bad_input_is_refused_with_what_is_known():
         show_frames([])
     with pytest.raises(ValueError, match="rate"):
         VirtualSensor(show_pattern("zero"), rate=0)
+
+
+@pytest.mark.parametrize("second", FAULTS)
+def test_faults_work_in_pairs_and_all_together(second):
+    for rates in ({first: 1.0, second: 1.0} for first in FAULTS):
+        sensor = VirtualSensor(show_pattern("zero"), misbehaviour=Misbehaviour(rates=rates))
+        sensor.receive(START, 0.0)
+        assert len(sensor.take_due_frames(0.1)) == 28
+    for seed in range(20):
+        rates = dict.fromkeys([second, *FAULTS], 0.5)
+        sensor = VirtualSensor(show_pattern("zero"), misbehaviour=Misbehaviour(rates=rates, seed=seed))
+        sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 1, 0), 0.0)
+        sensor.take_due_frames(0.1)
+
+
+def _ask(sensor, command):
+    (message,) = _parse(sensor.receive(encode_request(command), 0.0))
+    return decode_answer(message)[1]
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "width", "height", "name"),
+    [
+        (6, 14, 3.4e-3, 3.4e-3, b"WTS 0614-34"),
+        (6, 13, 3.4e-3, 3.4e-3, b"WTS 0613-34"),
+        (4, 8, 3.8e-3, 3.8e-3, b"WTS 0408-38"),
+        (16, 16, 0.9e-3, 2e-3, b"WTS 1616-09x20"),
+    ],
+)
+def test_an_array_announces_itself(columns, rows, width, height, name):
+    matrix = MatrixInfo(columns=columns, rows=rows, cell_width=width, cell_height=height, full_scale=4095)
+    sensor = VirtualSensor(show_pattern("zero", matrix), matrix=matrix)
+    assert _ask(sensor, Command.SENSOR_TYPE) == (name,)
+    assert _ask(sensor, Command.MATRIX_INFO)[:2] == (columns, rows)
+
+
+def test_masked_texels_read_zero_and_the_mask_is_told():
+    active = np.arange(84) % 5 != 2
+    sensor = VirtualSensor(lambda _: np.full(84, 700), active=active)
+    (message,) = _parse(sensor.receive(encode_request(Command.READ_SINGLE_FRAME, 0), 0.0))
+    assert np.array_equal(decode_frame(message.payload[2:]).counts, np.where(active, 700, 0))
+    (data,) = _ask(sensor, Command.GET_MASK)
+    assert data[0] == 0b01111011
+    assert np.array_equal(decode_mask(data, 84), active)
+    with pytest.raises(ValueError, match="84 texels, not 3"):
+        VirtualSensor(show_pattern("zero"), active=[True] * 3)
+
+
+@pytest.mark.parametrize("data", [b"", b"\1\0", bytes(11), b"\xff" * 11, b"\1" * 12])
+def test_an_answer_that_is_no_mask_is_refused(data):
+    with pytest.raises(ValueError, match="no mask of 84 texels"):
+        decode_mask(data, 84)
+
+
+def test_a_sensor_has_a_tag_that_clients_can_change():
+    assert _ask(VirtualSensor(show_pattern("zero")), Command.GET_TAG) == (b"softcover",)
+    sensor = VirtualSensor(show_pattern("zero"), tag="left hand")
+    assert _ask(sensor, Command.GET_TAG) == (b"left hand",)
+    sensor.receive(encode_request(Command.SET_TAG, b"thumb"), 0.0)
+    assert _ask(sensor, Command.GET_TAG) == (b"thumb",)
+    sensor.receive(encode_request(Command.SET_TAG, b"t" * 65), 0.0)
+    assert _ask(sensor, Command.GET_TAG) == (b"thumb",)
+    for tag in ("t" * 65, "größe"):
+        with pytest.raises(ValueError, match="at most 64 ASCII"):
+            VirtualSensor(show_pattern("zero"), tag=tag)

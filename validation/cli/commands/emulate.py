@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from validation.cli.live_image import interrupt_on_terminate
-from validation.cli.options import ArrayIndex, Json, check_array_index, check_range, read_time_span
+from validation.cli.options import Json, PressedArrayIndex, check_range, choose_array, read_time_span
 from validation.cli.output import print_json, say
 from validation.errors import InputError, nearest
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from meshes import TexelArray
     from validation.weiss.commands import MatrixInfo
     from validation.weiss.virtual import Misbehaviour, Source
@@ -37,6 +41,7 @@ _Rate = Annotated[float, Parameter(help="Frames per second when free-running.")]
 _Fault = Annotated[list[str] | None, Parameter(help="A fault and how often, e.g. lose=0.01; may be repeated.")]
 _Pause = Annotated[list[str] | None, Parameter(help="Send no frames in this time, e.g. 2:3 [s]; may be repeated.")]
 _Seconds = Annotated[float | None, Parameter(help="Unplug after this time [s]; until Ctrl-C when not given.")]
+_Tag = Annotated[str, Parameter(help="Name that the sensor gives as its device tag; some clients wait for one.")]
 _Seed = Annotated[int, Parameter(help="Seed of the random numbers of faults.")]
 
 
@@ -44,7 +49,7 @@ def emulate(
     port: _Port = None,
     *,
     show: _Show = "blob",
-    array: ArrayIndex = 0,
+    array: PressedArrayIndex = None,
     indenter: _Indenter = "sphere:radius=8mm",
     load: _Load = "5N",
     rate: _Rate = 271.0,
@@ -52,6 +57,7 @@ def emulate(
     pause: _Pause = None,
     seconds: _Seconds = None,
     seed: _Seed = 0,
+    tag: _Tag = "softcover",
     json: Json = False,
 ) -> None:
     """Emulate a sensor on a serial port, for tests without the device.
@@ -63,20 +69,25 @@ def emulate(
         softcover emulate /tmp/wts --show wts-0614-34 --indenter sphere:radius=5mm --load 8N
     """
     from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
-    from validation.weiss.virtual import WTS_0614_34, VirtualSensor
+    from validation.weiss.virtual import VirtualSensor
 
     check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
-    source, matrix = _find_source(show, array, indenter, load)
-    sensor = VirtualSensor(source, matrix=matrix or WTS_0614_34, rate=rate, misbehaviour=misbehaviour)
+    shown = _find_source(show, array, indenter, load)
+    try:
+        sensor = VirtualSensor(
+            shown.source, matrix=shown.matrix, active=shown.active, rate=rate, tag=tag, misbehaviour=misbehaviour
+        )
+    except ValueError as error:
+        raise InputError(str(error)) from error
     with interrupt_on_terminate(), contextlib.ExitStack() as stack:
         is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
         end = SerialEnd(port) if port and is_device else PseudoTerminal(port)
         stack.callback(end.close)
         if json:
-            print_json({"port": end.name, "rate_hz": rate, "show": show})
+            print_json({"port": end.name, "rate_hz": rate, "show": show, "type": sensor.type, "tag": tag})
         else:
-            say(f"a WTS sensor answers on {end.name} (Ctrl-C unplugs it)")
+            say(f"a sensor of type {sensor.type} answers on {end.name} (Ctrl-C unplugs it)")
         with contextlib.suppress(KeyboardInterrupt):
             serve(sensor, end, seconds=seconds)
     say(f"{sensor.frames_sent} frames sent")
@@ -92,27 +103,39 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
     return Misbehaviour(rates=rates, pauses=tuple(read_time_span("--pause", text, "2:3") for text in pauses), seed=seed)
 
 
-def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Source, MatrixInfo | None]:
+@dataclass(frozen=True, kw_only=True)
+class _Shown:
+    """What an emulated sensor shows.
+
+    Attributes:
+        source: The counts over time.
+        matrix: Description of the array.
+        active: Whether each texel exists, shape (n,); None if all do.
+    """
+
+    source: Source
+    matrix: MatrixInfo
+    active: npt.NDArray[np.bool_] | None = None
+
+
+def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Shown:
     """Find the frames that the emulated sensor shows, and the properties of its array.
 
     Args:
         show: Name of a pattern or of a built-in sensor, or path of a recording, a sensor file or a folder that
             `softcover derive` wrote.
-        array: Index of the array in a recording.
+        array: Index of the array in a recording; None for the one that is pressed most.
         indenter: Shape of the indenter that presses on the fast model.
         load: Largest load of this indenter, with its unit.
 
-    Returns:
-        The frames; and the array's properties, None for those of the default sensor.
-
     Raises:
-        InputError: If nothing of this name exists, or a recording holds no frames.
+        InputError: If nothing of this name exists, a recording holds no frames, or counts do not fit the protocol.
     """
     from validation.sensor_file import BUILT_IN
-    from validation.weiss.virtual import show_frames, show_pattern, show_recording
+    from validation.weiss.virtual import WTS_0614_34, show_frames, show_pattern, show_recording
 
     if show in _PATTERNS:
-        return show_pattern(show), None
+        return _Shown(source=show_pattern(show), matrix=WTS_0614_34)
     path = Path(show)
     if show not in BUILT_IN and not path.exists():
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
@@ -126,21 +149,28 @@ def _find_source(show: str, array: int, indenter: str, load: str) -> tuple[Sourc
         found, shape, weight = read_sensor(show), read_indenter(indenter), read_load(load)
         with Progress() as progress:
             parameters = find_parameters(found, progress)
+        matrix = _make_matrix(show, parameters.array, parameters.electronics.output_max)
         frames = simulate_frames(parameters, shape, load=weight)
-        return show_frames(frames), _make_matrix(parameters.array, parameters.electronics.output_max)
+        return _Shown(source=show_frames(frames), matrix=matrix, active=parameters.array.active)
     from validation.recordings.importing import open_recording
 
     recording = open_recording(path)
-    check_array_index(recording, array)
     if not len(recording.times):
         raise InputError(f"--show: {path} holds no frames to show")
-    recorded = recording.arrays[array]
-    return show_recording(recording.times, recorded.counts), _make_matrix(recorded.texels, recorded.full_scale)
+    recorded = recording.arrays[choose_array(recording, array)]
+    return _Shown(
+        source=show_recording(recording.times, recorded.counts),
+        matrix=_make_matrix(show, recorded.texels, recorded.full_scale),
+        active=recorded.texels.active & recorded.enabled,
+    )
 
 
-def _make_matrix(texels: TexelArray, full_scale: int) -> MatrixInfo:
+def _make_matrix(show: str, texels: TexelArray, full_scale: int) -> MatrixInfo:
     from validation.weiss.commands import MatrixInfo
+    from validation.weiss.frames import LARGEST_COUNT
 
+    if full_scale > LARGEST_COUNT:
+        raise InputError(f"--show: {show} has counts up to {full_scale}; the protocol has 12 bits, 0..{LARGEST_COUNT}")
     width, height = texels.pitch
     return MatrixInfo(
         columns=texels.columns, rows=texels.rows, cell_width=width, cell_height=height, full_scale=full_scale

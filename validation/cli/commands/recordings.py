@@ -12,15 +12,15 @@ from cyclopts import Parameter
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
-    ArrayIndex,
     Json,
     Note,
+    PressedArrayIndex,
     RecordedIndenter,
     RecordedLoad,
     RecordingFile,
     Topic,
-    check_array_index,
     check_range,
+    choose_array,
     read_setup,
 )
 from validation.cli.output import describe_vector, print_json, say
@@ -41,7 +41,7 @@ _Columns = Annotated[int | None, Parameter(help="Texels along x, if the file doe
 def replay(
     file: RecordingFile,
     *,
-    array: ArrayIndex = 0,
+    array: PressedArrayIndex = None,
     speed: _Speed = 1.0,
     csv: _Csv = None,
     topic: Topic = None,
@@ -62,15 +62,15 @@ def replay(
     if csv is not None and csv.exists():
         raise InputError(f"--csv: {csv} exists; name a new file")
     recording = open_recording(file, topic=topic)
-    check_array_index(recording, array)
+    shown = choose_array(recording, array)
     if csv is not None:
-        tables.write(recording, csv, array=array)
+        tables.write(recording, csv, array=shown)
     if json:
-        print_json(_list_facts(recording))
+        print_json({**_list_facts(recording), "shown": shown})
         return
     if speed and sys.stderr.isatty():
-        _play(recording, array, speed)
-    _say_facts(recording)
+        _play(recording, shown, speed)
+    _say_facts(recording, shown)
 
 
 def import_recording(
@@ -160,11 +160,16 @@ def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
     return {**listed, "tangential_source": forces.tangential_source or None}
 
 
-def _say_facts(recording: Recording) -> None:
+def _say_facts(recording: Recording, shown: int) -> None:
     setup = recording.setup
     load = "" if setup.load is None else f", {setup.load:.4g} N"
-    arrays = ", ".join(f"{array.texels.columns} x {array.texels.rows}" for array in recording.arrays)
+    arrays = ", ".join(
+        f"{array.texels.columns} x {array.texels.rows} (largest {array.counts.max(initial=0)})"
+        for array in recording.arrays
+    )
     say(f"{recording.path}: {len(recording.times)} frames in {recording.seconds:.1f} s, arrays {arrays}")
+    if len(recording.arrays) > 1:
+        say(f"array {shown} is shown; choose another one with --array")
     say(f"indenter {setup.indenter or 'not known'}{load}; {setup.note or 'no note'}")
     end = "closed properly" if recording.complete else "cut off: all but the last half second is there"
     for number, array in enumerate(recording.arrays):
