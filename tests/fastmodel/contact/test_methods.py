@@ -29,6 +29,7 @@ from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
+from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
 
 PARAMETERS = parameters()
@@ -275,7 +276,8 @@ def test_tumbling_bodies_never_break(seed):
         sensor.step(data)
         forces = sensor.contact_forces()
         assert np.all(np.isfinite(forces) & (forces >= 0))
-        assert forces.sum() <= sensor.carried() * (1 + 1e-9)
+        # friction at the sides of the plate may pull, which counts in `carried` only
+        assert forces.sum() <= sum_pushes(model, data) * (1 + 1e-6)
         assert np.isfinite(sensor.frame().texel_forces).all()
         assert sensor.frame().counts.min() >= 0
         felt += sensor.carried() > 0

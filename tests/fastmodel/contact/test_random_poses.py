@@ -8,6 +8,7 @@ import pytest
 
 import fastmodel
 from fastmodel import METHODS
+from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import parameters
 
 PARAMETERS = parameters()
@@ -93,15 +94,6 @@ def press_at_random(method, count, seed=0):
         assert is_within_reach(model, data, forces), where
         felt += carried > 0
     return felt
-
-
-def sum_pushes(model, data):
-    """Sum of MuJoCo's contact forces that push on the array."""
-    total, force = 0.0, np.zeros(6)
-    for k, contact in enumerate(data.contact):
-        mujoco.mj_contactForce(model, data, k, force)
-        total += abs((contact.frame.reshape(3, 3).T @ force[:3])[2])
-    return total
 
 
 def is_within_reach(model, data, forces):
