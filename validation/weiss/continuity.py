@@ -1,10 +1,14 @@
 """Finds missing frames in a stream, from the clock of the device and from bytes that belong to no message.
 
 A step is the increase of the device's clock from one frame to the next.  If a frame is lost, the step is longer than
-the typical step.  The typical step is estimated from the stream, because the frame rate is not known beforehand: the
-first steps are compared with one another, later steps with the steps before them.  The typical step is the median of
-the short steps only, so that a stream that loses many frames from its start is not taken for a slow stream.  Only
-ratios of steps are used, so the unit of the clock has no effect.
+the period, the mean step without a lost frame.  The period is estimated from the stream, because the frame rate is not
+known beforehand: the first steps are compared with one another, later steps with the steps before them.  Only the short
+steps count, so that a stream that loses many frames from its start is not taken for a slow stream.
+
+The clock counts whole ticks.  At 271 frames/s and a tick of 1 ms, steps of 3 and 4 ticks alternate: their mean is 3.69,
+their median is 4.  The period is therefore the span of all steps over their number of frames, lost frames in short gaps
+included, so that the fractions of consecutive steps cancel.  Steps are compared only when they span so many ticks that
+one tick is less than 0.5 % of the span.  The number of frames in a gap is then right within 1 %.
 """
 
 from __future__ import annotations
@@ -13,13 +17,17 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass
-from statistics import median
+from statistics import fmean
 from typing import Literal
 
-#: Number of steps at the start of a stream that are compared with one another, and largest number of earlier steps from
-#: which the typical step is computed [-].
-_INITIAL_STEPS, _REMEMBERED_STEPS = 8, 64
-#: Length of a step over that of the typical step above which frames count as lost [-].  The value lies above 4/3,
+#: Largest number of frames in a step that still adds to the period [-].
+_MOST_FRAMES_PER_STEP = 8
+#: Smallest number of steps [-] and smallest span of short steps [ticks] from which the period is computed, and largest
+#: number of steps at the start of a stream that wait for this span [-].
+_INITIAL_STEPS, _INITIAL_SPAN, _MOST_WAITING_STEPS = 8, 250, 512
+#: Largest number of earlier steps from which the period is computed [-].
+_REMEMBERED_STEPS = 256
+#: Length of a step over the typical length above which frames count as lost [-].  The value lies above 4/3,
 #: because at 271 frames/s a clock in milliseconds advances by 3 or 4 ticks, and below 2, the ratio with one lost frame.
 _LONG_STEP = 1.5
 #: Number of different values of the device's clock, which has 32 bits and then starts again at zero [ticks].
@@ -93,10 +101,10 @@ class Continuity:
     """Reports the gaps in a stream of frames, from the times of the frames on the clock of the device."""
 
     def __init__(self) -> None:
-        #: Lengths of the latest steps without a gap [ticks].
-        self._lengths: deque[int] = deque(maxlen=_REMEMBERED_STEPS)
-        #: Steps at the start of the stream that have not been checked for gaps yet.
-        self._unchecked: list[_Step] = []
+        #: Lengths [ticks] and numbers of frames of the latest steps without a long gap.
+        self._steps: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED_STEPS)
+        #: Steps at the start of the stream that have not been checked for gaps yet; None when the period is known.
+        self._unchecked: list[_Step] | None = []
         self._last: int | None = None
 
     def add(self, ticks: int, *, skipped: int, host_time: int) -> list[Gap]:
@@ -111,56 +119,58 @@ class Continuity:
         if last is None:
             return [Gap(kind="bytes skipped", host_time=host_time, before=ticks, skipped=skipped)] if skipped else []
         step = _Step(last, ticks, skipped, host_time)
-        if len(self._lengths) >= _INITIAL_STEPS:
-            return self._find_gaps([step])
+        if self._unchecked is None:
+            period = self._compute_period()
+            self._add(step, period)
+            gap = _find_gap(step, period)
+            return [] if gap is None else [gap]
         self._unchecked.append(step)
-        return self.finish() if len(self._unchecked) >= _INITIAL_STEPS else []
+        waiting, short = len(self._unchecked), _find_short_steps(self._unchecked)
+        is_known = len(short) >= _INITIAL_STEPS and sum(short) >= _INITIAL_SPAN
+        return self.finish() if is_known or (short and waiting >= _MOST_WAITING_STEPS) else []
 
     def finish(self) -> list[Gap]:
         """Check the steps at the start of the stream that have not been checked yet, and return the gaps in them."""
-        steps, self._unchecked = self._unchecked, []
-        for step in steps:
-            self._add_length(step)
-        return self._find_gaps(steps)
+        steps = self._unchecked or []
+        short = _find_short_steps(steps)
+        for step in steps if short else []:
+            self._add(step, fmean(short))
+        self._unchecked = None if self._steps else []
+        period = self._compute_period() if self._steps else 0.0
+        return [gap for step in steps if (gap := _find_gap(step, period)) is not None]
 
-    def _add_length(self, step: _Step) -> None:
-        """Add a step to those from which the typical step is computed, unless the clock repeated or was set back."""
-        if 0 < step.length < _CLOCK_RANGE // 2:
-            self._lengths.append(step.length)
+    def _add(self, step: _Step, period: float) -> None:
+        """Add a step to those that give the period, unless it has a long gap or the clock repeated or was set back."""
+        frames = round(step.length / period)
+        if 0 < frames <= _MOST_FRAMES_PER_STEP and step.length:
+            self._steps.append((step.length, frames))
 
-    def _find_gaps(self, steps: list[_Step]) -> list[Gap]:
-        """Return the gaps in steps; a single step without a gap is added to those of the typical step."""
-        gaps = []
-        for step in steps:
-            gap = _find_gap(step, _find_typical_length(self._lengths))
-            if gap is not None:
-                gaps.append(gap)
-            elif len(steps) == 1:  # `finish` has already added the lengths of the steps at the start of the stream
-                self._add_length(step)
-        return gaps
+    def _compute_period(self) -> float:
+        """Return the mean step without a lost frame [ticks]."""
+        lengths, frames = zip(*self._steps, strict=True)
+        return float(sum(lengths) / sum(frames))
 
 
-def _find_typical_length(lengths: Collection[int]) -> float:
-    """Return the typical length of a step: the median of the lengths without a lost frame [ticks]; 0 for no lengths.
+def _find_short_steps(steps: Collection[_Step]) -> list[int]:
+    """Return the lengths of the steps without a lost frame [ticks].
 
-    A length counts as one with a lost frame if it exceeds the first octile of all lengths by the factor `_LONG_STEP`.
+    A frame counts as lost if the step exceeds the first octile of all steps by the factor `_LONG_STEP`.  Steps in which
+    the clock repeated or was set back do not count.
     """
-    if not lengths:
-        return 0.0
-    ordered = sorted(lengths)
-    return median(ordered[: bisect_right(ordered, _LONG_STEP * ordered[len(ordered) // 8])])
+    ordered = sorted(step.length for step in steps if 0 < step.length < _CLOCK_RANGE // 2)
+    return ordered[: bisect_right(ordered, _LONG_STEP * ordered[len(ordered) // 8])] if ordered else []
 
 
-def _find_gap(step: _Step, typical: float) -> Gap | None:
-    """Return the gap in a step, or None; `typical` is the typical length of a step, 0 if it is unknown [ticks]."""
+def _find_gap(step: _Step, period: float) -> Gap | None:
+    """Return the gap in a step, or None; `period` is the mean step without a lost frame, 0 if unknown [ticks]."""
     kind: Kind
     frames = 0
     if step.length == 0:
         kind = "frame repeated"
     elif step.length >= _CLOCK_RANGE // 2:
         kind = "clock set back"
-    elif typical and step.length > _LONG_STEP * typical:
-        kind, frames = "frames missing", max(1, round(step.length / typical) - 1)
+    elif period and step.length > _LONG_STEP * period:
+        kind, frames = "frames missing", max(1, round(step.length / period) - 1)
     elif step.skipped:
         kind = "bytes skipped"
     else:

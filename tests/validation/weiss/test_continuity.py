@@ -7,7 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from validation.weiss.commands import Command, encode_request
 from validation.weiss.continuity import Continuity
+from validation.weiss.frames import decode_frame
+from validation.weiss.parser import Parser
+from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_pattern
 
 
 def test_missing_frames_are_counted_from_the_start_and_across_the_wrap_of_the_clock():
@@ -80,3 +84,35 @@ def test_repeated_frames_and_a_restarted_clock_are_named():
 def test_a_gap_is_described_in_one_line():
     (gap,) = _follow([*range(0, 60, 4), 100], [0] * 15 + [7])
     assert str(gap) == "frames missing, after tick 56, 10 frames, 7 bytes"
+
+
+@pytest.mark.parametrize("rate", [271.0, 30.0, 271.3, 500.0])
+@pytest.mark.parametrize("lost", [0.0, 0.25])
+def test_long_gaps_are_told_within_one_percent(rate, lost):
+    """Pauses of any length, the first one after ten frames; the truth is the number of frames that were not sent."""
+    random = Random(round(rate))  # noqa: S311 -- reproducible, no secret
+    pauses = [(10, 813), (1000, 813), (2100, 100), (3000, 8000), (11_500, 1000)]
+    numbers = [
+        number
+        for number in range(13_000)
+        if not any(start <= number < start + length for start, length in pauses)
+        and not (lost and random.random() < lost)
+    ]
+    clock = {int(123.4 + number * 1000 / rate): number for number in numbers}
+    gaps = {gap.after: gap.frames for gap in _follow(list(clock)) if gap.kind == "frames missing"}
+    long = 0
+    for (before, number), (_, following) in pairwise(clock.items()):
+        missing = following - number - 1
+        assert gaps.get(before, 0) == pytest.approx(missing, abs=max(0.01 * missing, 0.1)), (before, missing)
+        long += missing >= 100
+    assert long == len(pauses)
+
+
+def test_a_pause_at_271_frames_is_told_exactly_by_the_emulated_device():
+    """Steps of 3 and 4 ticks have the mean 3.69; with their median a pause of 813 frames was told as 750."""
+    sensor = VirtualSensor(show_pattern("zero"), misbehaviour=Misbehaviour(pauses=((1.0, 4.0),)))
+    parser = Parser(texels=84)
+    sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 0, 0), 0.0)
+    frames = [parser.feed(data)[0] for data in sensor.take_due_frames(6.0)]
+    (gap,) = _follow([decode_frame(frame.payload).ticks for frame in frames])
+    assert gap.frames == pytest.approx(813, abs=1)
