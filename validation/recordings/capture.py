@@ -11,6 +11,7 @@ from typing import Literal
 
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import BoolArray, RecordedArray, Setup, make_array
+from validation.weiss.clock import DeviceClock, Residual
 from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
 from validation.weiss.frames import Reading
@@ -33,6 +34,7 @@ class Captured:
         frames: Number of frames in the file [-].
         gaps: Number of gaps: places in the stream where frames or bytes are missing or wrong [-].
         seconds: Time from the first frame to the last, by the clock of the host [s].
+        residual: How far the arrival times of the frames lie from their stamps, which follow the device's clock.
         ended: `done` if the requested duration was over, `interrupted` if the user pressed Ctrl-C.
     """
 
@@ -40,6 +42,7 @@ class Captured:
     frames: int
     gaps: int
     seconds: float
+    residual: Residual
     ended: Literal["done", "interrupted"]
 
     @property
@@ -90,7 +93,12 @@ def record(
             raise
         raise StorageError(f"{error}; {session.frames} frames had come") from error
     return Captured(
-        path=Path(path), frames=session.frames, gaps=session.gaps, seconds=session.seconds, ended=session.ended
+        path=Path(path),
+        frames=session.frames,
+        gaps=session.gaps,
+        seconds=session.seconds,
+        residual=session.clock.residual,
+        ended=session.ended,
     )
 
 
@@ -118,6 +126,7 @@ class _Session:
     def __init__(self, sensor: Sensor, on_event: Callable[[Reading | Gap], None] | None) -> None:
         self.frames = self.gaps = 0
         self.ended: Literal["done", "interrupted"] = "done"
+        self.clock = DeviceClock()
         self._sensor = sensor
         self._on_event = on_event
         #: UTC time since 1970 minus time on the monotonic clock of the host [ns].
@@ -162,7 +171,8 @@ class _Session:
             writer.add_gap(now, str(event))
             self.gaps += 1
         else:
-            writer.add_frame(0, Clocks(now, event.host_time, event.ticks), event.counts)
+            taken = self.clock.stamp(event.ticks, event.host_time) + self._utc_offset
+            writer.add_frame(0, Clocks(taken, event.host_time, event.ticks, arrival=now), event.counts)
             self._first = self._first or event.host_time
             self._last = event.host_time
             self.frames += 1

@@ -173,7 +173,7 @@ class _Collector:
                 raise RecordingError(
                     f"{self.path}: damaged: frame {message.sequence} of {topic} follows frame {len(frames) - 1}"
                 )
-            frames.append((message.log_time, ros_messages.decode_frame(message.data)))
+            frames.append((message.publish_time, ros_messages.decode_frame(message.data)))
         elif topic.endswith("/wrench"):
             self.values[topic][message.sequence] = ros_messages.decode_wrench(message.data)
         elif topic.endswith(("/pressures", "/tangential")):

@@ -51,14 +51,16 @@ class Clocks:
     """The time of a frame on three clocks.
 
     Attributes:
-        time: Time on the clock of the host, UTC since 1970 [ns].
-        monotonic: Time on the monotonic clock of the host [ns]; 0 if unknown.
+        time: Time at which the frame was taken, on the clock of the host, UTC since 1970 [ns].
+        monotonic: Time at which the frame arrived, on the monotonic clock of the host [ns]; 0 if unknown.
         ticks: Time on the clock of the device [ticks]; 0 if unknown.
+        arrival: Time at which the frame arrived, on the clock of the host, UTC since 1970 [ns]; `time` if unknown.
     """
 
     time: int
     monotonic: int = 0
     ticks: int = 0
+    arrival: int | None = None
 
 
 class RecordingWriter(AbstractContextManager["RecordingWriter"]):
@@ -154,8 +156,9 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         )
         sequence = self._sequence[array]
         self._sequence[array] += 1
-        self._add(f"/{name}/image", clocks.time, image, sequence)
-        self._add(f"/{name}/frame", clocks.time, ros_messages.encode_frame(clocks.time, name, frame), sequence)
+        data = ros_messages.encode_frame(clocks.time, name, frame)
+        self._add(f"/{name}/image", clocks.time, image, sequence, arrival=clocks.arrival)
+        self._add(f"/{name}/frame", clocks.time, data, sequence, arrival=clocks.arrival)
         self.frames += array == 0
 
     def add_simulated_frame(self, array: int, clocks: Clocks, frame: Frame) -> None:
@@ -246,7 +249,9 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._add(SETUP_TOPIC, labels.start, ros_messages.encode_text(text))
         self._writer.flush()
 
-    def _add(self, topic: str, time_ns: int, data: bytes, sequence: int = 0, *, kind: str = "") -> None:
+    def _add(
+        self, topic: str, time_ns: int, data: bytes, sequence: int = 0, *, kind: str = "", arrival: int | None = None
+    ) -> None:
         """Write an encoded message to a topic.
 
         Args:
@@ -255,12 +260,14 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             data: The message.
             sequence: Number of the message in its topic.
             kind: Type of the message, for a topic that the head of the file does not announce.
+            arrival: Time at which the message arrived, UTC since 1970 [ns]; `time_ns` if not given.
         """
         with self._lock:
             self._check_failure()
             if topic not in self._channels:
                 self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-            self._writer.add_message(self._channels[topic], time_ns, data, publish_time=time_ns, sequence=sequence)
+            logged = time_ns if arrival is None else arrival
+            self._writer.add_message(self._channels[topic], logged, data, publish_time=time_ns, sequence=sequence)
 
     def _repeat(self, seconds: float, task: Callable[[], None]) -> None:
         """Run a task every `seconds` [s] until the file is closed or the task raises `OSError`."""

@@ -155,15 +155,16 @@ class Recording:
         sha256: SHA-256 hash of the file's bytes, hexadecimal.
         serial: Serial number of the sensor.
         started: Date and time of the first frame, UTC, by the clock of the host.
-        times: Time of each frame from the first frame, shape (frames,) [s].
+        times: Time of each frame from the first frame, shape (frames,) [s].  `softcover record` fits these times to the
+            device's clock.
         arrays: The texel arrays with their counts, in the order of the file.
         temperatures: Temperatures of all channels at each reading, shape (readings, channels) [degC].
         temperature_times: Time of each temperature reading from the first frame, shape (readings,) [s].
         setup: How the recording was made.
         gaps: One line for each place where frames are missing, as noticed during the recording.
         complete: Whether the file was closed properly.  If the recorder was killed, up to half a second is missing.
-        host_monotonic: Time of each frame on the monotonic clock of the host, shape (frames,) [ns]; empty or 0 if
-            unknown.
+        host_monotonic: Time at which each frame arrived on the monotonic clock of the host, shape (frames,) [ns]; empty
+            or 0 if unknown.
         ticks: Time of each frame on the clock of the device, shape (frames,) [ticks]; empty or 0 if unknown.
         forces: Readings of a force sensor, shape (readings,) [N].
         force_times: Time of each reading of the force sensor from the first frame, shape (readings,) [s].
@@ -189,6 +190,18 @@ class Recording:
     def seconds(self) -> float:
         """Time from the first frame to the last [s]; 0 without frames."""
         return float(self.times[-1]) if len(self.times) else 0.0
+
+    @property
+    def arrival_delays(self) -> FloatArray:
+        """Time from each frame's stamp to its arrival, without the part that all frames share, shape (frames,) [s].
+
+        The shape is (0,) if the recording does not hold the times at which frames arrived.
+        """
+        arrivals = self.host_monotonic
+        if not arrivals.size or not arrivals.all():
+            return np.empty(0)
+        delays = (arrivals - arrivals[0]) * _SECONDS_PER_NANOSECOND - self.times
+        return np.asarray(delays - delays.min(), dtype=np.float64)
 
     @property
     def frame_rate(self) -> float:

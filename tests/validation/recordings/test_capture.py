@@ -22,7 +22,7 @@ from validation.recordings.recording import Setup
 from validation.weiss.frames import Reading
 from validation.weiss.parser import Parser
 from validation.weiss.sensor import Sensor
-from validation.weiss.virtual import Misbehaviour
+from validation.weiss.virtual import Misbehaviour, show_pattern
 
 #: Recorders that are killed at the same time in the long test.
 _AT_ONCE = 2
@@ -74,7 +74,11 @@ def test_frames_and_clocks_come_back(recorded):
     assert (array.counts == [reading.counts for reading in readings]).all()
     assert recording.ticks.tolist() == [reading.ticks for reading in readings]
     assert recording.host_monotonic.tolist() == [reading.host_time for reading in readings]
-    assert np.allclose(recording.times, (recording.host_monotonic - recording.host_monotonic[0]) * 1e-9)
+    errors = recording.times - (recording.ticks - recording.ticks[0]) * 1e-3
+    assert np.quantile(np.abs(errors - np.median(errors)), 0.95) < 2e-3
+    delays = recording.arrival_delays
+    assert np.allclose(np.diff(recording.times + delays), np.diff(recording.host_monotonic) * 1e-9)
+    assert done.residual.largest >= delays.max() - 1e-4
     assert (array.texels.rows, array.texels.columns, array.texels.pitch) == (14, 6, (3.4e-3, 3.4e-3))
     assert recording.temperatures.shape == (2, 1)
 
@@ -314,3 +318,33 @@ def test_a_full_disk_loses_at_most_half_a_second(tmp_path):
     recording, came = _fill_disk(tmp_path / "full.mcap")
     assert len(recording.times) > 30
     assert came - len(recording.times) < 271 / 2
+
+
+def test_header_stamps_follow_the_device_while_the_host_is_late(tmp_path, monkeypatch):
+    """Bytes that arrive up to 150 ms late: header and publish time follow the device, log time is the arrival."""
+    from validation.weiss.link import Chunk, Link
+
+    random, receive = Random(1), Link.read  # noqa: S311 -- reproducible, no secret
+
+    def delay(self, timeout):
+        late = int(random.choice((0, 0, 0, 30, 150)) * 1e6)
+        return [Chunk(each.host_time + late, each.data, each.lost) for each in receive(self, timeout)]
+
+    with _running(source=show_pattern("zero")) as port, Sensor(port.name, timeout=_LONG) as sensor:
+        monkeypatch.setattr(Link, "read", delay)
+        done = capture.record(sensor, tmp_path / "a.mcap", seconds=1.5)
+    recording = mcap_reader.read(tmp_path / "a.mcap")
+    errors = recording.times - (recording.ticks - recording.ticks[0]) * 1e-3
+    assert np.quantile(np.abs(errors - np.median(errors)), 0.95) < 2e-3
+    assert done.residual.p95 > 0.1
+    assert np.quantile(recording.arrival_delays, 0.95) > 0.1
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        stamps = [
+            (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec, logged)
+            for connection, logged, data in reader.messages()
+            if connection.topic == "/tactile/image"
+            for message in [reader.deserialize(data, connection.msgtype)]
+        ]
+    assert len(stamps) == done.frames
+    late = [logged - stamp for stamp, logged in sorted(stamps)]
+    assert np.allclose(np.array(late) * 1e-9 - min(late) * 1e-9, recording.arrival_delays, atol=1e-6)

@@ -14,6 +14,7 @@ from validation.cli.output import print_json, say
 from validation.errors import InputError
 
 if TYPE_CHECKING:
+    from validation.recordings.capture import Captured
     from validation.weiss.continuity import Gap
     from validation.weiss.frames import Reading
 
@@ -87,10 +88,19 @@ def record(
                 reconnect=reconnect,
                 on_event=_EventDisplay(live),
             )
+    _show_summary(done, json=json)
+
+
+def _show_summary(done: Captured, *, json: bool) -> None:
+    """Print how a recording ended, as text or as JSON."""
     if json:
-        print_json({**vars(done), "path": str(done.path), "rate_hz": done.rate})
+        residual = {
+            f"{name}_s" if isinstance(value, float) else name: value for name, value in vars(done.residual).items()
+        }
+        print_json({**vars(done), "path": str(done.path), "rate_hz": done.rate, "residual": residual})
     else:
         say(f"wrote {done.path}: {done.frames} frames, {done.rate:.1f} frames/s, {done.gaps} gaps ({done.ended})")
+        say(str(done.residual))
 
 
 def _make_path(out: Path) -> Path:

@@ -144,7 +144,17 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
             for array in recording.arrays
         ],
         "force_readings": len(recording.forces),
+        "arrival_delays": _list_delays(recording),
     }
+
+
+def _list_delays(recording: Recording) -> dict[str, float] | None:
+    """Return the times from the frames' stamps to their arrival as JSON values [s]; None if they are unknown."""
+    delays = recording.arrival_delays
+    if not delays.size:
+        return None
+    median, p95, largest = np.percentile(delays, (50, 95, 100)).tolist()
+    return {"median_s": median, "p95_s": p95, "largest_s": largest}
 
 
 def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
@@ -175,6 +185,12 @@ def _say_facts(recording: Recording, shown: int) -> None:
     for number, array in enumerate(recording.arrays):
         if array.simulated is not None:
             say(f"array {number}, simulated: {_describe_forces(_list_forces(array.simulated))}")
+    delays = _list_delays(recording)
+    if delays is not None:
+        say(
+            f"times by the device's clock; frames arrived up to {1e3 * delays['p95_s']:.1f} ms (95 %), "
+            f"{1e3 * delays['largest_s']:.1f} ms (all) later"
+        )
     say(f"{len(recording.gaps)} gaps; {end}")
 
 
