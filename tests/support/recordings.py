@@ -49,11 +49,12 @@ def recorded_arrays(draw, frames=0):
     masks = arrays(bool, rows * columns)
     active = draw(masks.filter(lambda mask: mask.any()))
     pitch = (draw(_LENGTHS), draw(_LENGTHS))
+    full_scale = draw(st.integers(1, 65535))
     return RecordedArray(
         texels=TexelArray.grid(rows, columns, pitch, active=active, name=draw(LINES)),
         enabled=draw(masks),
-        counts=draw(arrays(np.int32, (frames, rows * columns), elements=st.integers(0, 65535))),
-        full_scale=draw(st.integers(1, 65535)),
+        counts=draw(arrays(np.int32, (frames, rows * columns), elements=st.integers(0, full_scale))),
+        full_scale=full_scale,
         unit=draw(LINES),
         centre=tuple(draw(st.tuples(_ANGLES, _ANGLES, _ANGLES))),
         rotation=tuple(draw(st.tuples(_ANGLES, _ANGLES, _ANGLES))),

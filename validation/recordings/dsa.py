@@ -22,7 +22,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from validation.recordings import bzip2, dsa_fields
+from validation.recordings import dsa_fields
 from validation.recordings.recording import (
     RecordedArray,
     Recording,
@@ -31,6 +31,7 @@ from validation.recordings.recording import (
     convert_to_utc,
     hash_contents,
 )
+from validation.recordings.unpacking import unpack_bzip2
 
 #: Largest number of bytes of XML that a file may unpack to, a limit on memory and time.
 MAX_XML_BYTES = 512 * 2**20
@@ -84,7 +85,7 @@ def read(path: str | Path) -> Recording:
     """
     path = Path(path)
     collector = _Collector(path)
-    _XmlReader(collector).read(bzip2.unpack(path, limit=MAX_XML_BYTES))
+    _XmlReader(collector).read(unpack_bzip2(path, limit=MAX_XML_BYTES))
     return collector.make_recording()
 
 

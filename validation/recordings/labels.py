@@ -6,15 +6,29 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from meshes import TexelArray
+from meshes.array import check_texel_count
+from meshes.bounded_file import parse_json
 from validation.recordings.recording import BoolArray, RecordedArray, RecordingError, Setup
 
 #: Name and version of the format of the labels; files with another name or version are refused.
 FORMAT = "softcover-recording/1"
+
+
+#: Largest accepted number of characters of the labels, and of texel arrays in them [-].
+_MOST_CHARACTERS, _MOST_ARRAYS = 2**20, 64
+#: Latest accepted time, in the year 2262, the largest that 64 bits hold [ns since 1970].
+_LATEST = 2**63 - 1
+#: Largest accepted coordinate; larger ones must have a wrong unit [m].
+_FARTHEST = 1000.0
+#: Largest full scale: counts are kept as signed numbers of 32 bits [-].
+MOST_FULL_SCALE = 2**31 - 1
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,20 +73,44 @@ def decode_labels(text: str, path: Path) -> Labels:
     Raises:
         RecordingError: If the text does not hold labels of a recording.
     """
+    if len(text) > _MOST_CHARACTERS:
+        raise RecordingError(f"{path}: its labels have {len(text)} characters; at most {_MOST_CHARACTERS} are accepted")
     try:
-        entries = json.loads(text)
+        entries = parse_json(text)
         _check_format(entries["format"], path)
+        clocks = [_read(entries["clock"], key, int) for key in ("start_ns", "monotonic_ns")]
+        if not all(0 <= clock <= _LATEST for clock in clocks) or len(entries["arrays"]) > _MOST_ARRAYS:
+            raise ValueError(f"clocks are 0..{_LATEST} ns, arrays at most {_MOST_ARRAYS}")  # noqa: TRY301
         return Labels(
-            setup=Setup(**entries["setup"]),
+            setup=_decode_setup(entries["setup"]),
             arrays=tuple(_decode_array(entry) for entry in entries["arrays"]),
-            serial=str(entries["serial"]),
-            start=int(entries["clock"]["start_ns"]),
-            monotonic=int(entries["clock"]["monotonic_ns"]),
+            serial=_read(entries, "serial", str),
+            start=clocks[0],
+            monotonic=clocks[1],
         )
     except RecordingError:
         raise
     except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{path}: its labels cannot be read: {error}; expected {FORMAT!r}") from error
+
+
+def _read(entries: Mapping[str, Any], key: str, kind: type[T]) -> T:
+    """Return the value of a key; raise a `ValueError` if it is of another type."""
+    value = entries[key]
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise ValueError(f"{key} is {str(value)[:40]!r}")  # noqa: TRY004 -- bad input like any other
+    return value
+
+
+def _decode_setup(entries: Mapping[str, Any]) -> Setup:
+    load, device = entries.get("load"), entries.get("device", {})
+    texts = {key: _read(entries, key, str) for key in ("indenter", "note", "source", "source_sha256") if key in entries}
+    known = {*texts, "load", "device"}
+    if set(entries) - known or not isinstance(load, float | int | None) or isinstance(load, bool):
+        raise ValueError("setup has other keys or types than a softcover recording")
+    if not isinstance(device, dict) or not all(isinstance(value, str | int | float) for value in device.values()):
+        raise ValueError("setup.device is no table of texts and numbers")
+    return Setup(**texts, load=load, device=device)
 
 
 def _check_format(name: object, path: Path) -> None:
@@ -99,25 +137,37 @@ def _encode_array(array: RecordedArray) -> dict[str, object]:
 
 def _decode_array(entry: Mapping[str, Any]) -> RecordedArray:
     (pitch_x, pitch_y), (width, height) = entry["pitch_m"], entry["texel_size_m"]
-    x, y, z = (float(value) for value in entry["centre_m"])
-    about_x, about_y, about_z = (float(value) for value in entry["rotation_rad"])
+    x, y, z = (_read_finite(value) for value in entry["centre_m"])
+    about_x, about_y, about_z = (_read_finite(value) for value in entry["rotation_rad"])
+    sizes = [_read_finite(value) for value in (pitch_x, pitch_y, width, height)]
+    check_texel_count(entry["rows"], entry["columns"])
+    full_scale, enabled = _read(entry, "full_scale", int), _decode_mask(entry["enabled"])
+    if not 1 <= full_scale <= MOST_FULL_SCALE or len(enabled) != entry["rows"] * entry["columns"]:
+        raise ValueError(f"full_scale is not 1..{MOST_FULL_SCALE}, or the mask is not that of the texels")
     texels = TexelArray.grid(
-        int(entry["rows"]),
-        int(entry["columns"]),
-        (float(pitch_x), float(pitch_y)),
-        texel_size=(float(width), float(height)),
+        entry["rows"],
+        entry["columns"],
+        (sizes[0], sizes[1]),
+        texel_size=(sizes[2], sizes[3]),
         active=_decode_mask(entry["active"]),
-        name=str(entry["name"]),
+        name=_read(entry, "name", str),
     )
     return RecordedArray(
         texels=texels,
-        enabled=_decode_mask(entry["enabled"]),
+        enabled=enabled,
         counts=np.empty((0, texels.count), dtype=np.int32),
-        full_scale=int(entry["full_scale"]),
-        unit=str(entry["unit"]),
+        full_scale=full_scale,
+        unit=_read(entry, "unit", str),
         centre=(x, y, z),
         rotation=(about_x, about_y, about_z),
     )
+
+
+def _read_finite(value: float) -> float:
+    """Return a length or an angle as a float; raise a `ValueError` if it is not finite, or beyond a kilometre."""
+    if not abs(value) <= _FARTHEST:
+        raise ValueError(f"{value} is no length or angle")
+    return float(value)
 
 
 def _decode_mask(text: str) -> BoolArray:

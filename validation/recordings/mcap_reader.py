@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from validation.recordings.recording import (
     count_seconds,
     hash_contents,
 )
+from validation.recordings.unpacking import open_recorded, unpack_records
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord, Message
@@ -50,7 +51,14 @@ _RECORD_HEAD_SIZE = 9
 _FOOTER = 0x02
 #: Largest size of a record that is read [bytes].  A damaged length field could otherwise claim all memory; the chunks
 #: that this program writes hold about 1 MiB.
-_LARGEST_RECORD = 2**28
+_LARGEST_RECORD = 2**27
+#: Largest amount of messages that is collected: this many bytes, and this many times the size of the file.  Frames of
+#: an idle sensor unpack to 30 times their size in the file.
+_MOST_COLLECTED, _MOST_RATIO = 2**28, 64
+#: Memory that a collected message takes besides its data [bytes].
+_MESSAGE_BYTES = 300
+#: Latest time of a frame, in the year 2262, the largest that 64 bits hold [ns since 1970].
+_LATEST = 2**63 - 1
 
 
 def read(path: str | Path) -> Recording:
@@ -64,8 +72,19 @@ def read(path: str | Path) -> Recording:
     """
     path = Path(path)
     collector = _Collector(path, complete=is_complete(path))
+    budget = _MOST_COLLECTED + _MOST_RATIO * path.stat().st_size
     for topic, message in _read_messages(path):
-        collector.add(topic, message)
+        budget -= len(message.data) + _MESSAGE_BYTES
+        if budget < 0:
+            raise RecordingError(f"{path}: holds far more messages than a recording of its size")
+        if max(message.log_time, message.publish_time) > _LATEST:
+            raise RecordingError(f"{path}: damaged: a message of {topic} has no possible time")
+        try:
+            collector.add(topic, message)
+        except RecordingError:
+            raise
+        except Exception as error:  # the libraries raise many kinds of exceptions on damaged messages
+            raise RecordingError(f"{path}: damaged: a message of {topic} cannot be read") from error
     return collector.make_recording()
 
 
@@ -191,6 +210,9 @@ class _Collector:
         count = min(len(frames) for frames in series)
         # In a file without frames, times count from the start of the recording.
         start = series[0][0][0] if count else labels.start
+        for array, frames in zip(labels.arrays, series, strict=True):
+            if any(frame.counts.size != array.texels.count for _, frame in frames[:count]):
+                raise RecordingError(f"{self.path}: damaged: a frame has other texels than {array.texels.name}")
         clocks = [frame for _, frame in series[0][:count]]
         return Recording(
             path=self.path,
@@ -208,7 +230,7 @@ class _Collector:
                 )
                 for name, array, frames in zip(name_topics(len(series)), labels.arrays, series, strict=True)
             ),
-            temperatures=np.array([degrees for _, degrees in self.temperatures] or np.empty((0, 0))),
+            temperatures=self._stack_temperatures(),
             temperature_times=count_seconds(self.temperatures, start),
             setup=labels.setup,
             gaps=tuple(self.gaps),
@@ -218,6 +240,12 @@ class _Collector:
             forces=np.array([force for _, force in self.forces]),
             force_times=count_seconds(self.forces, start),
         )
+
+    def _stack_temperatures(self) -> FloatArray:
+        """Stack the temperatures of all readings, shape (readings, channels) [degC]."""
+        if len({degrees.size for _, degrees in self.temperatures}) > 1:
+            raise RecordingError(f"{self.path}: damaged: the number of temperatures changes")
+        return np.array([degrees for _, degrees in self.temperatures] or np.empty((0, 0)))
 
     def _collect_simulated(
         self, name: str, frames: list[ros_messages.FrameMessage], texels: int
@@ -276,20 +304,26 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
     """
     try:
         from mcap.exceptions import EndOfFile
+        from mcap.records import Chunk
         from mcap.stream_reader import StreamReader
     except ImportError as error:
         raise MissingExtraError("device", "mcap") from error
     size, complete = _measure(path)
-    with path.open("rb") as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
+    with open_recorded(path) as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
         # `StreamReader` is declared to need a complete file object, but it only reads from it.
-        reader = StreamReader(cast("IO[bytes]", part), validate_crcs=True, record_size_limit=_LARGEST_RECORD)
+        limits: dict[str, Any] = {"validate_crcs": True, "record_size_limit": _LARGEST_RECORD, "emit_chunks": True}
+        reader = StreamReader(cast("IO[bytes]", part), **limits)
         try:
-            yield from reader.records
+            for record in reader.records:
+                if isinstance(record, Chunk):
+                    yield from unpack_records(record)
+                else:
+                    yield record
         except EndOfFile as error:
             if complete or part.tell() < size:
                 raise RecordingError(f"{path}: damaged near byte {part.tell()}") from error
-        except RecordingError:
-            raise
+        except RecordingError as error:
+            raise RecordingError(f"{path}: damaged near byte {part.tell()}: {error}") from error
         except Exception as error:
             # The mcap library raises many kinds of exceptions on damaged files.
             raise RecordingError(f"{path}: damaged near byte {part.tell()}: {error}") from error
@@ -297,10 +331,8 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
 
 def _measure(path: Path) -> tuple[int, bool]:
     """Return the number of bytes of an MCAP file that form complete records, and whether the file ends properly."""
-    if not path.is_file():
-        raise RecordingError(f"{path}: no such file; expected a recording")
-    end = path.stat().st_size
-    with path.open("rb") as file:
+    with open_recorded(path) as file:
+        end = path.stat().st_size
         if file.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{path}: not an MCAP file; expected one that `softcover record` or ROS 2 wrote")
         position = len(MAGIC)

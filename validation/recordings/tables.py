@@ -7,6 +7,7 @@ texel, row by row, x fastest.  Lines of the form `# key = value` before the head
 
 from __future__ import annotations
 
+import array
 import csv
 import io
 import math
@@ -18,6 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from meshes import atomic_file
+from meshes.array import MOST_TEXELS
+from validation.recordings.labels import MOST_FULL_SCALE
 from validation.recordings.recording import (
     DEFAULT_FULL_SCALE,
     DEFAULT_PITCH,
@@ -28,9 +31,17 @@ from validation.recordings.recording import (
     hash_contents,
     make_array,
 )
+from validation.recordings.unpacking import open_recorded
 
 #: Accepted keys of the lines `# key = value` of a CSV file; lines with other keys are comments.
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
+#: Largest accepted number of characters in a line, enough for ten thousand texels, and of numbers in a file, enough for
+#: 15 minutes of 84 texels at 271 frames/s [-].
+MOST_CHARACTERS, MOST_VALUES = 2**18, 25_000_000
+#: Largest accepted time [s], force [N] and temperature [degC]: in nanoseconds, later times do not fit 64 bits.
+_LARGEST = 9e9
+#: Least and greatest accepted pitch; others must have a wrong unit [m].
+_PITCHES = (1e-6, 1.0)
 #: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 
@@ -69,10 +80,19 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
     table = _read_table(path)
     if not len(table.values):
         raise RecordingError(f"{path}: no frames; expected at least one line of numbers")
-    counts = table.values[:, _find_first_texel(table.header) :].astype(np.int32)
+    readings = table.values[:, _find_first_texel(table.header) :]
+    full_scale = _read_whole(path, table.notes, "full_scale", DEFAULT_FULL_SCALE, MOST_FULL_SCALE)
+    if readings.max(initial=0) > full_scale:
+        raise RecordingError(
+            f"{path}: a count of {readings.max():.10g} exceeds the full scale of {full_scale}; write the largest count "
+            f"of the sensor before the first line, for example `# full_scale = 65535`"
+        )
+    counts = readings.astype(np.int32)
     stamps, temperatures, forces = (table.get_column(name) for name in ("time", "temperature", "force"))
     times = stamps - stamps[0]
     pitch = _read_number(path, table.notes, "pitch", DEFAULT_PITCH)
+    if not _PITCHES[0] <= pitch <= _PITCHES[1]:
+        raise RecordingError(f"{path}: # pitch = {pitch:g}: expected {_PITCHES[0]:g}..{_PITCHES[1]:g} m")
     digest = hash_contents(path)
     return Recording(
         path=path,
@@ -84,7 +104,7 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
                 *_find_shape(path, table.notes, rows, columns, texels=counts.shape[1]),
                 counts,
                 pitch=(pitch, pitch),
-                full_scale=int(_read_number(path, table.notes, "full_scale", DEFAULT_FULL_SCALE)),
+                full_scale=full_scale,
             ),
         ),
         temperatures=temperatures.reshape(-1, 1) if temperatures.size else np.empty((0, 0)),
@@ -152,31 +172,61 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
 
 def _read_table(path: Path) -> _Table:
     """Read the lines `# key = value`, the header line and the numbers of a CSV file."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise RecordingError(f"{path}: {reason}; expected a CSV file") from error
     notes: dict[str, str] = {}
     header: list[str] = []
-    lines: list[tuple[str, list[str]]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    values = array.array("d")
+    before = -math.inf
+    for place, line in _read_lines(path):
         if line.startswith("#"):
             key, _, value = (part.strip() for part in line[1:].partition("="))
             if key in _KEYS:
                 notes[key] = value
         elif line.strip():
-            place = f"{path}, line {number}"
-            cells = [cell.strip() for cell in next(csv.reader([line]))]
-            if header:
-                lines.append((place, cells))
-            else:
+            cells = _split(place, line)
+            if not header:
                 header = [cell.lower() for cell in cells]
                 _check_header(place, header)
+                continue
+            if len(values) + len(cells) > MOST_VALUES:
+                raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
+            numbers = _read_numbers(place, cells, header)
+            if numbers[0] < before:
+                raise RecordingError(f"{place}: time {numbers[0]:g} s comes before {before:g} s of the line above")
+            before = numbers[0]
+            values.extend(numbers)
     if not header:
         raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
-    values = np.array(list(_read_lines(header, lines))).reshape(-1, len(header))
-    return _Table(notes, header, values)
+    return _Table(notes, header, np.frombuffer(values).reshape(-1, len(header)))
+
+
+def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the place of each line of a CSV file, for error messages, and its text.
+
+    Raises:
+        RecordingError: If the file cannot be read, is no text in UTF-8, or has a line longer than `MOST_CHARACTERS`.
+    """
+    with io.TextIOWrapper(open_recorded(path), encoding="utf-8-sig") as file:
+        number = 0
+        while True:
+            number += 1
+            place = f"{path}, line {number}"
+            try:
+                line = file.readline(MOST_CHARACTERS + 1)
+            except UnicodeDecodeError as error:
+                raise RecordingError(f"{path}: not text; expected a CSV file") from error
+            if not line:
+                return
+            if len(line) > MOST_CHARACTERS:
+                raise RecordingError(f"{place}: more than the {MOST_CHARACTERS} characters accepted in a line")
+            yield place, line.rstrip("\n")
+
+
+def _split(place: str, line: str) -> list[str]:
+    """Split a line into its columns."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
 
 
 def _find_first_texel(header: list[str]) -> int:
@@ -193,36 +243,40 @@ def _check_header(place: str, header: list[str]) -> None:
         )
 
 
-def _read_lines(header: list[str], lines: list[tuple[str, list[str]]]) -> Iterator[FloatArray]:
-    """Parse and check the numbers of each line.
+def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float]:
+    """Parse and check the numbers of one line below the header.
 
     Args:
+        place: Place of the line, for error messages.
+        cells: Texts of its columns.
         header: Names of the columns.
-        lines: Place of each line for error messages, and the texts of its columns.
-
-    Yields:
-        Numbers of one line, shape (columns,).
 
     Raises:
-        RecordingError: If a line has another number of columns than the header, a text is not a finite number, a count
-            is not a whole number of 0 or more, or a time is smaller than the time before.
+        RecordingError: If the line has another number of columns than the header, a text is not a finite number, a
+            count is not a whole number of 0 or more, or a number is larger than any that a sensor gives.
     """
+    if len(cells) != len(header):
+        raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        wrong = next(cell for cell in cells if not _is_number(cell))
+        raise RecordingError(f"{place}: not a number: {wrong[:40]!r}") from None
     first = _find_first_texel(header)
-    before = -math.inf
-    for place, cells in lines:
-        if len(cells) != len(header):
-            raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
-        try:
-            values = np.array([float(cell) for cell in cells])
-        except ValueError as error:
-            raise RecordingError(f"{place}: not a number: {error}") from error
-        counts = values[first:]
-        if not np.isfinite(values).all() or (counts != np.round(counts)).any() or (counts < 0).any():
-            raise RecordingError(f"{place}: counts must be whole numbers of 0 or more, and all numbers finite")
-        if values[0] < before:
-            raise RecordingError(f"{place}: time {values[0]:g} s comes before {before:g} s of the line above")
-        before = values[0]
-        yield values
+    counts = values[first:]
+    if not all(map(math.isfinite, values)) or not all(count.is_integer() and count >= 0 for count in counts):
+        raise RecordingError(f"{place}: counts must be whole numbers of 0 or more, and all numbers finite")
+    if max(map(abs, values[:first])) > _LARGEST:
+        raise RecordingError(f"{place}: times, forces and temperatures must lie within {_LARGEST:g}")
+    return values
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _find_shape(
@@ -233,13 +287,13 @@ def _find_shape(
     Arguments take precedence over the lines `# key = value` of the file.  If only one of the two numbers is known, the
     other follows from the number of texels.
     """
-    rows = int(_read_number(path, notes, "rows", 0)) if rows is None else rows
-    columns = int(_read_number(path, notes, "columns", 0)) if columns is None else columns
+    rows = _read_whole(path, notes, "rows", 0, MOST_TEXELS) if rows is None else rows
+    columns = _read_whole(path, notes, "columns", 0, MOST_TEXELS) if columns is None else columns
     if rows and not columns:
         columns = texels // rows
     if columns and not rows:
         rows = texels // columns
-    if not texels or rows * columns != texels:
+    if not 1 <= texels <= MOST_TEXELS or rows < 1 or rows * columns != texels:
         raise RecordingError(
             f"{path}: {texels} texels are not {rows} rows x {columns} columns; "
             f"name both, or write `# rows = 14` and `# columns = 6` before the first line"
@@ -247,12 +301,20 @@ def _find_shape(
     return rows, columns
 
 
+def _read_whole(path: Path, notes: Mapping[str, str], key: str, default: int, most: int) -> int:
+    """Return the value of the line `# key = value` of a file, a whole number of 0 to `most`."""
+    value = _read_number(path, notes, key, default)
+    if not value.is_integer() or value > most:
+        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: expected a whole number of at most {most}")
+    return int(value)
+
+
 def _read_number(path: Path, notes: Mapping[str, str], key: str, default: float) -> float:
     """Return the value of the line `# key = value` of a file, a number of 0 or more; `default` if there is no line."""
     try:
         value = float(notes.get(key, default))
     except ValueError as error:
-        raise RecordingError(f"{path}: # {key} = {notes[key]}: not a number; expected 0 or more") from error
+        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: not a number; expected 0 or more") from error
     if not math.isfinite(value) or value < 0:
-        raise RecordingError(f"{path}: # {key} = {notes[key]}: expected a number of 0 or more")
+        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: expected a number of 0 or more")
     return value

@@ -1,0 +1,135 @@
+"""Opens the files of recordings, and unpacks bzip2 files and chunks (groups of messages) of MCAP files in limits."""
+
+from __future__ import annotations
+
+import bz2
+import dataclasses
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from meshes.bounded_file import FileLimitError, format_size, open_regular
+from validation.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from mcap.records import Chunk, McapRecord
+
+#: Largest number of bytes that a chunk may unpack to; the chunks that this program writes hold about 1 MiB.
+MOST_CHUNK_BYTES = 2**26
+#: Number of bytes before the content of an MCAP record: one for the kind of the record, eight for its length.
+_RECORD_HEAD_SIZE = 9
+#: Largest memory that unpacking may need besides the result [bytes].
+_MOST_WINDOW = 2**27
+#: Largest number of bytes that are read from the file, or unpacked, at a time, which bounds the memory in use.
+PIECE_BYTES = 2**16
+
+
+def open_recorded(path: Path) -> IO[bytes]:
+    """Open the file of a recording; it must be a regular file.
+
+    Raises:
+        RecordingError: If the file is missing, cannot be read or is no regular file.
+    """
+    try:
+        return open_regular(path)
+    except (FileNotFoundError, IsADirectoryError):
+        raise RecordingError(f"{path}: no such file; expected a recording") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}; expected a recording") from error
+    except FileLimitError as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+def unpack_records(chunk: Chunk) -> Iterator[McapRecord]:
+    """Unpack a chunk and yield the records in it, one after the other.
+
+    Raises:
+        RecordingError: If the chunk unpacks to another size than stated or than is accepted, fails its checksum, or
+            ends in the middle of a record.
+    """
+    from mcap.stream_reader import breakup_chunk
+
+    content = _unpack(chunk)
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise RecordingError("a chunk fails its checksum")
+    position = 0
+    while position < len(content):
+        size = int.from_bytes(content[position + 1 : position + _RECORD_HEAD_SIZE], "little")
+        end = position + _RECORD_HEAD_SIZE + size
+        if end > len(content):
+            raise RecordingError("a chunk ends in the middle of a record")
+        record = dataclasses.replace(chunk, compression="", uncompressed_crc=0, data=content[position:end])
+        yield from breakup_chunk(record)
+        position = end
+
+
+def _unpack(chunk: Chunk) -> bytes:
+    """Return the unpacked content of a chunk; never more than one byte beyond the stated size is unpacked."""
+    # The libraries that the package mcap unpacks with.
+    from mcap.stream_reader import lz4, zstandard  # type: ignore[attr-defined]
+
+    size = chunk.uncompressed_size
+    if size > MOST_CHUNK_BYTES:
+        raise RecordingError(f"a chunk of {format_size(size)}; at most {format_size(MOST_CHUNK_BYTES)} are accepted")
+    match chunk.compression:
+        case "":
+            content = chunk.data
+        case "zstd":
+            with zstandard.ZstdDecompressor(max_window_size=_MOST_WINDOW).stream_reader(chunk.data) as stream:
+                content = stream.read(size + 1)
+        case "lz4":
+            content = lz4.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        case _:
+            raise RecordingError("a chunk of unknown compression; accepted: none, zstd, lz4")
+    if len(content) != size:
+        raise RecordingError(f"a chunk does not unpack to the {size} bytes that it states")
+    return content
+
+
+def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
+    """Yield the unpacked bytes of a file in pieces of at most `PIECE_BYTES`.
+
+    Args:
+        path: The bzip2 file.
+        limit: Largest number of unpacked bytes that is accepted; a larger file is refused.
+
+    Raises:
+        RecordingError: If the file is missing, is not a bzip2 file, is damaged, truncated or too large, or if other
+            bytes follow the bzip2 stream.
+    """
+    decompressor = bz2.BZ2Decompressor()
+    total = 0
+    for packed in _read_pieces(path):
+        if decompressor.eof:
+            raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
+        for piece in _decompress(decompressor, packed, path):
+            total += len(piece)
+            if total > limit:
+                raise RecordingError(f"{path}: unpacks to more than the {limit} bytes accepted")
+            yield piece
+    if not decompressor.eof:
+        raise RecordingError(
+            f"{path}: truncated: the bzip2 stream stops after {total} unpacked bytes; expected a complete file"
+        )
+    if decompressor.unused_data:
+        raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
+
+
+def _read_pieces(path: Path) -> Iterator[bytes]:
+    with open_recorded(path) as file:
+        while piece := file.read(PIECE_BYTES):
+            yield piece
+
+
+def _decompress(decompressor: bz2.BZ2Decompressor, packed: bytes, path: Path) -> Iterator[bytes]:
+    while True:
+        try:
+            piece = decompressor.decompress(packed, max_length=PIECE_BYTES)
+        except OSError as error:
+            raise RecordingError(f"{path}: damaged, or no bzip2 file; expected an intact one") from error
+        if piece:
+            yield piece
+        if decompressor.eof or decompressor.needs_input:
+            return
+        packed = b""
