@@ -92,6 +92,8 @@ def add_forces(recording: Recording, path: str | Path, *, delay: float = 0.0) ->
 def save(recording: Recording, path: str | Path) -> int:
     """Write a recording as an MCAP file from which `open_recording` reads the same values.
 
+    Negative counts are stored with an offset, which the file states.
+
     Args:
         recording: The recording.
         path: The file; it must not exist.
@@ -104,9 +106,8 @@ def save(recording: Recording, path: str | Path) -> int:
     """
     start = round(recording.started.timestamp() * 1_000_000) * 1000
     host_monotonic, ticks = (_fill_clock(clock, recording) for clock in (recording.host_monotonic, recording.ticks))
-    with RecordingWriter(
-        path, arrays=recording.arrays, setup=recording.setup, serial=recording.serial, start=start
-    ) as writer:
+    arrays = [replace(array, offset=max(0, -int(array.counts.min(initial=0)))) for array in recording.arrays]
+    with RecordingWriter(path, arrays=arrays, setup=recording.setup, serial=recording.serial, start=start) as writer:
         for gap in recording.gaps:
             writer.add_gap(start, gap)
         for time, degrees in zip(recording.temperature_times, recording.temperatures, strict=True):

@@ -27,6 +27,8 @@ _LATEST = 2**63 - 1
 _FARTHEST = 1000.0
 #: Largest full scale: counts are kept as signed numbers of 32 bits [-].
 MOST_FULL_SCALE = 2**31 - 1
+#: Largest accepted number that is added to the counts of a file, 16 bits [-].
+_LARGEST_OFFSET = 0xFFFF
 
 T = TypeVar("T")
 
@@ -58,7 +60,7 @@ def encode_labels(labels: Labels) -> str:
             "serial": labels.serial,
             "arrays": [_encode_array(array) for array in labels.arrays],
             "clock": {"start_ns": labels.start, "monotonic_ns": labels.monotonic},
-            "setup": {**vars(labels.setup), "device": dict(labels.setup.device)},
+            "setup": _encode_setup(labels.setup),
         }
     )
 
@@ -105,17 +107,25 @@ def _read(entries: Mapping[str, Any], key: str, kind: type[T]) -> T:
 def _decode_setup(entries: Mapping[str, Any]) -> Setup:
     load, device = entries.get("load"), entries.get("device", {})
     texts = {key: _read(entries, key, str) for key in ("indenter", "note", "source", "source_sha256") if key in entries}
-    known = {*texts, "load", "device"}
+    other = entries.get("other", {})
+    known = {*texts, "load", "device", "other"}
     if set(entries) - known or not isinstance(load, float | int | None) or isinstance(load, bool):
         raise ValueError("setup has other keys or types than a softcover recording")
     if not isinstance(device, dict) or not all(isinstance(value, str | int | float) for value in device.values()):
         raise ValueError("setup.device is no table of texts and numbers")
-    return Setup(**texts, load=load, device=device)
+    if not isinstance(other, dict) or not all(isinstance(value, str) for value in other.values()):
+        raise ValueError("setup.other is no table of texts")
+    return Setup(**texts, load=load, device=device, other=other)
 
 
 def _check_format(name: object, path: Path) -> None:
     if name != FORMAT:
         raise RecordingError(f"{path}: its labels have the format {name!r}; accepted: {FORMAT!r}")
+
+
+def _encode_setup(setup: Setup) -> dict[str, object]:
+    entries = {**vars(setup), "device": dict(setup.device), "other": dict(setup.other)}
+    return entries if setup.other else {key: value for key, value in entries.items() if key != "other"}
 
 
 def _encode_array(array: RecordedArray) -> dict[str, object]:
@@ -129,6 +139,7 @@ def _encode_array(array: RecordedArray) -> dict[str, object]:
         "active": "".join("1" if active else "0" for active in texels.active),
         "enabled": "".join("1" if enabled else "0" for enabled in array.enabled),
         "full_scale": array.full_scale,
+        "offset": array.offset,
         "unit": array.unit,
         "centre_m": list(array.centre),
         "rotation_rad": list(array.rotation),
@@ -144,6 +155,9 @@ def _decode_array(entry: Mapping[str, Any]) -> RecordedArray:
     full_scale, enabled = _read(entry, "full_scale", int), _decode_mask(entry["enabled"])
     if not 1 <= full_scale <= MOST_FULL_SCALE or len(enabled) != entry["rows"] * entry["columns"]:
         raise ValueError(f"full_scale is not 1..{MOST_FULL_SCALE}, or the mask is not that of the texels")
+    offset = _read(entry, "offset", int) if "offset" in entry else 0
+    if not 0 <= offset <= _LARGEST_OFFSET:
+        raise ValueError(f"offset is not 0..{_LARGEST_OFFSET}")
     texels = TexelArray.grid(
         entry["rows"],
         entry["columns"],
@@ -157,6 +171,7 @@ def _decode_array(entry: Mapping[str, Any]) -> RecordedArray:
         enabled=enabled,
         counts=np.empty((0, texels.count), dtype=np.int32),
         full_scale=full_scale,
+        offset=offset,
         unit=_read(entry, "unit", str),
         centre=(x, y, z),
         rotation=(about_x, about_y, about_z),

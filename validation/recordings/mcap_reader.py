@@ -225,7 +225,8 @@ class _Collector:
                     array,
                     counts=np.array([frame.counts for _, frame in frames[:count]], dtype=np.int32).reshape(
                         count, array.texels.count
-                    ),
+                    )
+                    - np.int32(array.offset),
                     simulated=self._collect_simulated(name, [frame for _, frame in frames[:count]], array.texels.count),
                 )
                 for name, array, frames in zip(name_topics(len(series)), labels.arrays, series, strict=True)

@@ -89,6 +89,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self.path = Path(path)
         self.frames = 0
         self._columns = [array.texels.columns for array in arrays]
+        self._offsets = [array.offset for array in arrays]
         self._names = name_topics(len(arrays))
         self._sequence = [0] * len(arrays)
         self._lock = threading.Lock()
@@ -136,18 +137,20 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         Args:
             array: Index of the array among the arrays of the recording.
             clocks: Time of the frame on each clock.
-            counts: Counts 0..65535 of the n texels, shape (n,) [-].
+            counts: Counts of the n texels, shape (n,), which the array's offset brings into 0..65535 [-].
             texel_forces: Forces on the texels from a simulation, shape (n,) [N]; None for a real sensor.
 
         Raises:
             StorageError: If an earlier write failed.
             ValueError: If a count does not fit 16 bits.
         """
-        if counts.size and (counts.min() < 0 or counts.max() > _LARGEST_COUNT):
-            raise ValueError(f"counts must lie in 0..{_LARGEST_COUNT}, not {counts.min()}..{counts.max()}")
-        values = counts.astype(np.uint16)
+        least, most = -self._offsets[array], _LARGEST_COUNT - self._offsets[array]
+        if counts.size and (counts.min() < least or counts.max() > most):
+            raise ValueError(f"counts must lie in {least}..{most}, not {counts.min()}..{counts.max()}")
+        values = (counts.astype(np.int64) + self._offsets[array]).astype(np.uint16)
         name = self._names[array]
-        image = ros_messages.encode_image(clocks.time, name, values, self._columns[array])
+        pixels = counts.clip(0, _LARGEST_COUNT).astype(np.uint16)
+        image = ros_messages.encode_image(clocks.time, name, pixels, self._columns[array])
         frame = ros_messages.FrameMessage(
             host_monotonic=clocks.monotonic,
             ticks=clocks.ticks,

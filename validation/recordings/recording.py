@@ -51,6 +51,7 @@ class Setup:
         source: Port or file that the frames came from.
         source_sha256: SHA-256 hash of the source file, hexadecimal; empty for a port.
         device: Properties that the sensor reported: type, serial, firmware, threshold, gain, temperature.
+        other: Other labels of the file by key, such as those of a CSV file whose keys this program does not know.
     """
 
     indenter: str = ""
@@ -59,6 +60,7 @@ class Setup:
     source: str = ""
     source_sha256: str = ""
     device: Mapping[str, str | int | float] = field(default_factory=dict)
+    other: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the load.
@@ -107,8 +109,9 @@ class RecordedArray:
     Attributes:
         texels: The array of n texels; texels that the hardware lacks are not active.
         enabled: Whether each texel was switched on during the recording (the dynamic mask), shape (n,).
-        counts: Counts of each texel in each frame, shape (frames, n) [-].
+        counts: Counts of each texel in each frame, shape (frames, n) [-]; negative if a zero was subtracted (tared).
         full_scale: Largest count that the converter of the sensor can give [-].
+        offset: Number that MCAP files add to the counts, because they hold no negative numbers [-].
         unit: Name of the unit of the counts in the file.
         centre: Position x, y, z of the array in the frame of the sensor's drawing [m].
         rotation: Rotation of the array about the axes x, y and z of the sensor's drawing [rad].
@@ -119,6 +122,7 @@ class RecordedArray:
     enabled: BoolArray
     counts: CountArray
     full_scale: int
+    offset: int = 0
     unit: str = "counts"
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -2,7 +2,12 @@
 
 The header line names the columns: `time` [s], then optionally `force` [N] and `temperature` [degC], then one column per
 texel, row by row, x fastest.  Lines of the form `# key = value` before the header may give `rows`, `columns`, `pitch`
-[m], `full_scale`, `indenter`, `load` [N] and `note`.
+[m], `full_scale`, `indenter`, `load` [N] and `note`.  Other keys are kept as they are (`Setup.other`): letters, digits,
+spaces and `_ - . [ ] /`, a letter first.  Every other line that starts with `#` is a comment.
+
+Counts may be negative (a zero was subtracted) and may have fractions (means of several frames).  Fractions are rounded
+to whole counts, and the label `counts rounded` states by how much; values whose rounding would change them by more than
+1 % of the largest value are refused, and so are counts that span more than 16 bits.
 """
 
 from __future__ import annotations
@@ -11,6 +16,7 @@ import array
 import csv
 import io
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -24,6 +30,7 @@ from validation.recordings.labels import MOST_FULL_SCALE
 from validation.recordings.recording import (
     DEFAULT_FULL_SCALE,
     DEFAULT_PITCH,
+    CountArray,
     FloatArray,
     Recording,
     RecordingError,
@@ -33,7 +40,8 @@ from validation.recordings.recording import (
 )
 from validation.recordings.unpacking import open_recorded
 
-#: Accepted keys of the lines `# key = value` of a CSV file; lines with other keys are comments.
+#: Pattern of the keys in the lines `# key = value` of a CSV file, and the keys that have a meaning here.
+_KEY = re.compile(r"[A-Za-z][\w .\-\[\]/]{0,59}")
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
 #: Largest accepted number of characters in a line, enough for ten thousand texels, and of numbers in a file, enough for
 #: 15 minutes of 84 texels at 271 frames/s [-].
@@ -42,6 +50,12 @@ MOST_CHARACTERS, MOST_VALUES = 2**18, 25_000_000
 _LARGEST = 9e9
 #: Least and greatest accepted pitch; others must have a wrong unit [m].
 _PITCHES = (1e-6, 1.0)
+#: Largest accepted number of keys in a file [-].
+_MOST_KEYS = 64
+#: Label that states how much counts were rounded, and largest change by rounding as a share of the largest count [-].
+_ROUNDED, _MOST_ROUNDED = "counts rounded", 0.01
+#: Largest difference of two counts that recordings hold, 16 bits [-].
+_WIDEST_SPAN = 0xFFFF
 #: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 
@@ -82,12 +96,12 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
         raise RecordingError(f"{path}: no frames; expected at least one line of numbers")
     readings = table.values[:, _find_first_texel(table.header) :]
     full_scale = _read_whole(path, table.notes, "full_scale", DEFAULT_FULL_SCALE, MOST_FULL_SCALE)
-    if readings.max(initial=0) > full_scale:
+    if (largest := np.abs(readings).max(initial=0)) > full_scale:
         raise RecordingError(
-            f"{path}: a count of {readings.max():.10g} exceeds the full scale of {full_scale}; write the largest count "
+            f"{path}: a count of {largest:.10g} exceeds the full scale of {full_scale}; write the largest count "
             f"of the sensor before the first line, for example `# full_scale = 65535`"
         )
-    counts = readings.astype(np.int32)
+    counts, rounded = _round_counts(path, readings)
     stamps, temperatures, forces = (table.get_column(name) for name in ("time", "temperature", "force"))
     times = stamps - stamps[0]
     pitch = _read_number(path, table.notes, "pitch", DEFAULT_PITCH)
@@ -115,6 +129,7 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
             note=table.notes.get("note", ""),
             source=path.name,
             source_sha256=digest,
+            other={key: value for key, value in table.notes.items() if key not in _KEYS} | rounded,
         ),
         forces=forces,
         force_times=times[: len(forces)],
@@ -160,6 +175,7 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
         "load": "" if setup.load is None else setup.load,
         "note": " ".join(setup.note.split()),
     }
+    notes |= {key: " ".join(value.split()) for key, value in setup.other.items() if _is_key(key) and key not in _KEYS}
     start = recording.started.timestamp()
     text = io.StringIO()
     text.writelines(f"# {key} = {value}\n" for key, value in notes.items() if value != "")
@@ -178,9 +194,7 @@ def _read_table(path: Path) -> _Table:
     before = -math.inf
     for place, line in _read_lines(path):
         if line.startswith("#"):
-            key, _, value = (part.strip() for part in line[1:].partition("="))
-            if key in _KEYS:
-                notes[key] = value
+            _add_note(place, line, notes)
         elif line.strip():
             cells = _split(place, line)
             if not header:
@@ -229,6 +243,46 @@ def _split(place: str, line: str) -> list[str]:
         raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
 
 
+def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
+    """Add the key and the value of a line `# key = value` to the notes; other lines are comments."""
+    key, separator, value = (part.strip() for part in line[1:].partition("="))
+    if not separator or not _is_key(key):
+        return
+    if key in notes:
+        raise RecordingError(f"{place}: `# {key} = ` stands twice; expected one value")
+    if len(notes) >= _MOST_KEYS:
+        raise RecordingError(f"{place}: more than the {_MOST_KEYS} keys accepted")
+    notes[key] = value
+
+
+def _is_key(key: str) -> bool:
+    return _KEY.fullmatch(key) is not None
+
+
+def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str, str]]:
+    """Round values to whole counts.
+
+    Returns:
+        The counts, shape (frames, n) [-]; and a label that states the largest change, empty if there is none.
+
+    Raises:
+        RecordingError: If the counts span more than 16 bits, or if rounding would change a value by more than 1 % of
+            the largest value, so that the values are no counts.
+    """
+    counts = np.rint(values)
+    least, most = min(0.0, float(counts.min(initial=0))), max(0.0, float(counts.max(initial=0)))
+    if most - least > _WIDEST_SPAN:
+        raise RecordingError(f"{path}: counts from {least:g} to {most:g}; expected a span of 16 bits, {_WIDEST_SPAN}")
+    change, largest = float(np.abs(counts - values).max(initial=0)), float(np.abs(values).max(initial=0))
+    if change > _MOST_ROUNDED * largest:
+        raise RecordingError(
+            f"{path}: values up to {largest:.4g} with fractions are no counts: rounding would change them by up to "
+            f"{change:.2g}; multiply them by a factor, so that they are counts, and state it as `# factor = ...`"
+        )
+    label = {_ROUNDED: f"by at most {change:.3g}"} if change else {}
+    return counts.astype(np.int32), label
+
+
 def _find_first_texel(header: list[str]) -> int:
     """Return the index of the first column that holds counts, after the time and the optional columns."""
     return 1 + sum(name in header for name in _SENSOR_COLUMNS)
@@ -252,8 +306,8 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
         header: Names of the columns.
 
     Raises:
-        RecordingError: If the line has another number of columns than the header, a text is not a finite number, a
-            count is not a whole number of 0 or more, or a number is larger than any that a sensor gives.
+        RecordingError: If the line has another number of columns than the header, a text is not a finite number, or a
+            number is larger than any that a sensor gives.
     """
     if len(cells) != len(header):
         raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
@@ -262,11 +316,9 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
     except ValueError:
         wrong = next(cell for cell in cells if not _is_number(cell))
         raise RecordingError(f"{place}: not a number: {wrong[:40]!r}") from None
-    first = _find_first_texel(header)
-    counts = values[first:]
-    if not all(map(math.isfinite, values)) or not all(count.is_integer() and count >= 0 for count in counts):
-        raise RecordingError(f"{place}: counts must be whole numbers of 0 or more, and all numbers finite")
-    if max(map(abs, values[:first])) > _LARGEST:
+    if not all(map(math.isfinite, values)):
+        raise RecordingError(f"{place}: all numbers must be finite")
+    if max(map(abs, values[: _find_first_texel(header)])) > _LARGEST:
         raise RecordingError(f"{place}: times, forces and temperatures must lie within {_LARGEST:g}")
     return values
 

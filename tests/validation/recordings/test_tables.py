@@ -1,5 +1,7 @@
 """Recordings as CSV."""
 
+import json
+import re
 from contextlib import suppress
 
 import numpy as np
@@ -8,7 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.recordings import recordings
+from validation.cli.entry import main
+from validation.cli.heat_map import draw_heat_map
 from validation.recordings import RecordingError, tables
+from validation.recordings.importing import open_recording
+from validation.recordings.live_frames import replay_frames
+from validation.weiss.commands import MatrixInfo
+from validation.weiss.sensor import Sensor
+from validation.weiss.virtual import show_recording
 
 CSV = """# rows = 2
 # columns = 3
@@ -68,9 +77,7 @@ def test_a_file_is_replaced_at_once_or_not_at_all(tmp_path):
         ("10.5,0.2", "9.5,0.2", "line 7: time 9.5 s comes before"),
         ("9,10,4095", "9,10,x", "line 7: not a number"),
         ("9,10,4095", "9,10", "line 7: 8 columns; expected 9"),
-        ("9,10,4095", "9,10,-1", "line 7: counts must be whole"),
-        ("9,10,4095", "9,10,0.5", "line 7: counts must be whole"),
-        ("9,10,4095", "9,10,nan", "line 7: counts must be whole"),
+        ("9,10,4095", "9,10,nan", "line 7: all numbers must be finite"),
         ("time,force", "force,time", "line 5: expected the columns"),
         ("# rows = 2\n", "# rows = 4\n", "6 texels are not 4 rows x 3 columns"),
         ("# rows = 2\n# columns = 3\n", "", "name both"),
@@ -90,3 +97,74 @@ def test_any_text_is_read_or_refused(tmp_path_factory, text):
     path.write_text(text, encoding="utf-8")
     with suppress(RecordingError):
         assert len(tables.read(path).times) > 0
+
+
+TARED = """# rows = 1
+# mass = 500
+# operator name = A. B.
+# a comment without a value
+# https://example.org/?query=1 is a comment as well
+time,a,b,c
+0,-12.25,100.5,0
+1,-300,4095,7
+"""
+
+
+def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path, capsys):
+    """From CSV to MCAP, to CSV and back; the counts are rounded once, and the file says so."""
+    (tmp_path / "a.csv").write_text(TARED)
+    counts = [[-12, 100, 0], [-300, 4095, 7]]
+    other = {"mass": "500", "operator name": "A. B.", "counts rounded": "by at most 0.5"}
+    for words in (
+        ["import", "a.csv", "--out", "a.mcap"],
+        ["replay", "a.mcap", "--csv", "b.csv"],
+        ["import", "b.csv", "--out", "b.mcap"],
+    ):
+        with pytest.raises(SystemExit) as end:
+            main([str(tmp_path / word) if "." in word else word for word in words])
+        assert end.value.code == 0, capsys.readouterr().err
+    assert "other labels: mass = 500; operator name = A. B.; counts rounded = by at most 0.5" in capsys.readouterr().err
+    for name in ("a.csv", "a.mcap", "b.csv", "b.mcap"):
+        back = open_recording(tmp_path / name)
+        assert back.arrays[0].counts.tolist() == counts, name
+        assert back.setup.other == other, name
+        assert replay_frames(back).__next__().image.tolist() == [[0, 6, 0]]
+    with pytest.raises(SystemExit):
+        main(["replay", str(tmp_path / "b.mcap"), "--json"])
+    assert json.loads(capsys.readouterr().out)["setup"]["other"] == other
+
+
+def test_a_device_that_shows_tared_counts_sends_zero_for_negative_ones(tmp_path, plug_in):
+    (tmp_path / "a.csv").write_text(TARED)
+    array = tables.read(tmp_path / "a.csv").arrays[0]
+    matrix = MatrixInfo(columns=3, rows=1, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
+    with Sensor(plug_in(show_recording([0.0, 1.0], array.counts), matrix=matrix).name) as sensor:
+        assert sensor.read_frame().counts.min() == 0
+
+
+def test_a_heat_map_of_negative_counts_is_drawn():
+    image = np.array([[-300, 4095], [0, 7]])
+    assert "-300" in str(draw_heat_map(image, image / 4095))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("0,-12.25,100.5,0\n1,-300,4095,7", "0,0.1,0.4,0.93", "no counts: rounding would change them by up to 0.4"),
+        ("-300,4095", "-300,65535", "exceeds the full scale of 4095"),
+        ("-300,4095", "-300,9e300", "exceeds the full scale"),
+        ("-300,4095", "-4096,4095", "a count of 4096 exceeds"),
+        (
+            "# rows = 1",
+            "# rows = 1\n# full_scale = 65535\n# gain = 1\n" + "".join(f"# k{n} = 1\n" for n in range(99)),
+            "64 keys",
+        ),
+        ("# mass = 500", "# mass = 500\n# mass = 600", "line 3: `# mass = ` stands twice"),
+        ("# rows = 1", "# rows = 1\n# rows = 2", "line 2: `# rows = ` stands twice"),
+    ],
+)
+def test_values_that_would_be_changed_or_lost_are_refused(tmp_path, old, new, what):
+    assert old in TARED
+    (tmp_path / "a.csv").write_text(TARED.replace(old, new))
+    with pytest.raises(RecordingError, match=re.escape(what)):
+        tables.read(tmp_path / "a.csv")

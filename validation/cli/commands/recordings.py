@@ -130,7 +130,11 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
         "rate_hz": recording.frame_rate,
         "complete": recording.complete,
         "gaps": list(recording.gaps),
-        "setup": {**vars(recording.setup), "device": dict(recording.setup.device)},
+        "setup": {
+            **vars(recording.setup),
+            "device": dict(recording.setup.device),
+            "other": dict(recording.setup.other),
+        },
         "arrays": [
             {
                 "name": array.texels.name,
@@ -185,6 +189,8 @@ def _say_facts(recording: Recording, shown: int) -> None:
     for number, array in enumerate(recording.arrays):
         if array.simulated is not None:
             say(f"array {number}, simulated: {_describe_forces(_list_forces(array.simulated))}")
+    if setup.other:
+        say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup.other.items()))
     delays = _list_delays(recording)
     if delays is not None:
         say(
