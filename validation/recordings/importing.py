@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.recordings import bags, dsa, mcap_reader, tables
-from validation.recordings.mcap_writer import Clocks, RecordingWriter
+from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
 from validation.recordings.recording import ClockArray, Recording, RecordingError, Setup
 
 #: List of the formats that `open_recording` accepts, for error messages.
@@ -102,11 +102,18 @@ def save(recording: Recording, path: str | Path) -> int:
         Number of frames written.
 
     Raises:
+        RecordingError: If the counts span more than 16 bits.
         StorageError: If the file exists or cannot be written.
     """
     start = round(recording.started.timestamp() * 1_000_000) * 1000
     host_monotonic, ticks = (_fill_clock(clock, recording) for clock in (recording.host_monotonic, recording.ticks))
     arrays = [replace(array, offset=max(0, -int(array.counts.min(initial=0)))) for array in recording.arrays]
+    for array in arrays:
+        least, most = -array.offset, int(array.counts.max(initial=0))
+        if most - least > LARGEST_COUNT:
+            raise RecordingError(
+                f"{recording.path}: counts from {least} to {most} do not fit an MCAP file, which has 16 bits"
+            )
     with RecordingWriter(path, arrays=arrays, setup=recording.setup, serial=recording.serial, start=start) as writer:
         for gap in recording.gaps:
             writer.add_gap(start, gap)

@@ -39,7 +39,7 @@ TANGENTIAL_LABEL = "tangential force x, y [N]: "
 #: Time between two chunks, and time between two calls of fsync, which forces the file to the disk [s].
 _FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
 #: Largest count that a frame message can hold, because its counts are 16 bit numbers [-].
-_LARGEST_COUNT = 0xFFFF
+LARGEST_COUNT = 0xFFFF
 
 
 class StorageError(OSError):
@@ -144,12 +144,12 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             StorageError: If an earlier write failed.
             ValueError: If a count does not fit 16 bits.
         """
-        least, most = -self._offsets[array], _LARGEST_COUNT - self._offsets[array]
+        least, most = -self._offsets[array], LARGEST_COUNT - self._offsets[array]
         if counts.size and (counts.min() < least or counts.max() > most):
             raise ValueError(f"counts must lie in {least}..{most}, not {counts.min()}..{counts.max()}")
         values = (counts.astype(np.int64) + self._offsets[array]).astype(np.uint16)
         name = self._names[array]
-        pixels = counts.clip(0, _LARGEST_COUNT).astype(np.uint16)
+        pixels = counts.clip(0, LARGEST_COUNT).astype(np.uint16)
         image = ros_messages.encode_image(clocks.time, name, pixels, self._columns[array])
         frame = ros_messages.FrameMessage(
             host_monotonic=clocks.monotonic,

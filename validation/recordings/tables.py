@@ -7,7 +7,7 @@ spaces and `_ - . [ ] /`, a letter first.  Every other line that starts with `#`
 
 Counts may be negative (a zero was subtracted) and may have fractions (means of several frames).  Fractions are rounded
 to whole counts, and the label `counts rounded` states by how much; values whose rounding would change them by more than
-1 % of the largest value are refused, and so are counts that span more than 16 bits.
+1 % of the largest value are refused.
 """
 
 from __future__ import annotations
@@ -54,8 +54,6 @@ _PITCHES = (1e-6, 1.0)
 _MOST_KEYS = 64
 #: Label that states how much counts were rounded, and largest change by rounding as a share of the largest count [-].
 _ROUNDED, _MOST_ROUNDED = "counts rounded", 0.01
-#: Largest difference of two counts that recordings hold, 16 bits [-].
-_WIDEST_SPAN = 0xFFFF
 #: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 
@@ -266,13 +264,10 @@ def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str,
         The counts, shape (frames, n) [-]; and a label that states the largest change, empty if there is none.
 
     Raises:
-        RecordingError: If the counts span more than 16 bits, or if rounding would change a value by more than 1 % of
-            the largest value, so that the values are no counts.
+        RecordingError: If rounding would change a value by more than 1 % of the largest value, so that the values are
+            no counts.
     """
     counts = np.rint(values)
-    least, most = min(0.0, float(counts.min(initial=0))), max(0.0, float(counts.max(initial=0)))
-    if most - least > _WIDEST_SPAN:
-        raise RecordingError(f"{path}: counts from {least:g} to {most:g}; expected a span of 16 bits, {_WIDEST_SPAN}")
     change, largest = float(np.abs(counts - values).max(initial=0)), float(np.abs(values).max(initial=0))
     if change > _MOST_ROUNDED * largest:
         raise RecordingError(

@@ -168,3 +168,12 @@ def test_values_that_would_be_changed_or_lost_are_refused(tmp_path, old, new, wh
     (tmp_path / "a.csv").write_text(TARED.replace(old, new))
     with pytest.raises(RecordingError, match=re.escape(what)):
         tables.read(tmp_path / "a.csv")
+
+
+def test_counts_that_span_more_than_16_bits_are_not_saved(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text("# rows = 1\n# full_scale = 65535\ntime,a,b\n0,-300,65400\n")
+    with pytest.raises(SystemExit) as end:
+        main(["import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")])
+    assert end.value.code == 2
+    assert "counts from -300 to 65400 do not fit an MCAP file" in capsys.readouterr().err
+    assert not (tmp_path / "a.mcap").exists()
