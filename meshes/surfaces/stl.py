@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import logging
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from meshes.bounded_file import read_bytes
 from meshes.indenters.polygons import cross
 from meshes.indenters.prism import Prism
 from meshes.indenters.triangle_mesh import TriangleMesh
@@ -88,7 +90,7 @@ def _read_bytes(source: Path) -> bytes:
             raise ValueError(f"{source} is not a file; give the path of an STL file")
         if size > _MOST_BYTES:
             raise _too_many_triangles(source.name, f"{size / 1e6:.0f} MB")
-        return source.read_bytes()
+        return read_bytes(source, most=_MOST_BYTES)
     except OSError as error:
         raise ValueError(f"{source}: {error.strerror}; give the path of an STL file") from None
 
@@ -109,15 +111,19 @@ def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
     """
     from trimesh.exchange.stl import load_stl
 
+    log = logging.getLogger("trimesh.util")
+    log.disabled = True  # trimesh prints tracebacks for damaged files
     try:
         with np.errstate(all="ignore"):
             loaded = load_stl(io.BytesIO(content))
-        points = np.array(loaded["vertices"], dtype=np.float64).reshape(-1, 3)
-        faces = np.array(loaded["faces"], dtype=np.int64).reshape(-1, 3)
+            points = np.array(loaded["vertices"], dtype=np.float64).reshape(-1, 3)
+            faces = np.array(loaded["faces"], dtype=np.int64).reshape(-1, 3)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise ValueError("no triangles")  # noqa: TRY301 -- reported below like every other fault of the content
     except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises errors of many types
         raise ValueError(f"{name} is not a whole STL file; export it again, as binary or ASCII STL") from None
+    finally:
+        log.disabled = False
     if len(faces) > MOST_TRIANGLES:
         raise _too_many_triangles(name, f"{len(faces)} triangles")
     return points, faces
@@ -234,6 +240,7 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
     outlines = []
     while following:
         chain = [next(iter(following))]
+        places = {chain[0]: 0}  # position of each point in the chain
         while chain:
             here = chain[-1]
             if here not in following:
@@ -243,11 +250,14 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
                 del following[here]
             # The chain is the list of points followed so far.  If the next point is already in the chain, the points
             # from its first occurrence on form a closed outline.  They are removed, and the chain continues from there.
-            if after in chain:
-                first = chain.index(after)
+            if (first := places.get(after)) is not None:
                 outlines.append(_remove_straight_corners(points[chain[first:]]))
-                chain = chain[: first + 1] if first else []
+                kept = first + 1 if first else 0
+                for point in chain[kept:]:
+                    del places[point]
+                del chain[kept:]
             else:
+                places[after] = len(chain)
                 chain.append(after)
     return [each.tolist() for each in sorted(outlines, key=len, reverse=True) if len(each) > 2]  # noqa: PLR2004
 

@@ -1,0 +1,38 @@
+"""Damaged files of strangers: a short run of the fuzzer, and a long one."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PATH = Path(__file__).parents[2] / "benchmarks" / "fuzz_inputs.py"
+KINDS = ("sensor file", "positions", "parameters", "npz", "mcap", "csv", "binary stl", "ascii stl")
+
+
+@pytest.fixture(scope="module")
+def fuzzer():
+    spec = importlib.util.spec_from_file_location("fuzz_inputs", PATH)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_files_are_read_or_refused(fuzzer, kind, caplog):
+    assert kind in fuzzer.make_good_files()
+    for seed in range(6):
+        _, outcome, _, _ = fuzzer.try_file(kind, seed)
+        assert outcome in ("read", "refused"), outcome
+    assert "Traceback" not in caplog.text
+
+
+@pytest.mark.slow
+def test_many_damaged_files_in_worker_processes():
+    words = [sys.executable, str(PATH), "--files", "1000", "--seed", "7"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603 -- ours
+    assert done.returncode == 0, done.stdout
+    assert sum(json.loads(done.stdout)["outcomes"].values()) == 1000
+    assert "Traceback" not in done.stderr
