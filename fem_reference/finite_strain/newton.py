@@ -163,8 +163,8 @@ def walk_to(
         control: Whether the target is a load or a depth.
         step: Length of the first step [N] or [m].
         solve: Function that solves at a load or depth.  Its arguments are the equilibrium before the last (None in the
-            first step and after the first failed step, where extrapolation no longer helps), the last equilibrium, and
-            the load or depth.
+            first step, and where a step with extrapolation from the last two equilibria failed), the last equilibrium,
+            and the load or depth.
         describe: Function that describes an equilibrium as text, for error messages.
         easy: Number of Newton iterations below which the next step is longer [-].
         longest: Largest length of a step [N] or [m].
@@ -175,14 +175,17 @@ def walk_to(
     Raises:
         PathConvergenceError: If a step fails even after repeated halving.
     """
-    before, here, failed = None, start, False
+    before, here, extrapolates = None, start, True
     while (done := getattr(here, control)) != target:
         aim = target if abs(target - done) <= _LAST_STEP * step else done + np.sign(target - done) * step
         try:
-            before, here = here, solve(None if failed else before, here, aim)
+            reached = solve(before if extrapolates else None, here, aim)
         except STEP_FAILURES as error:
-            step, failed = abs(aim - done) / 2, True
-            _LOG.info("step to %s %.4g halved: %s", control, aim, error)
+            _LOG.info("step to %s %.4g failed: %s", control, aim, error)
+            if extrapolates and before is not None:
+                extrapolates = False  # once more from the last equilibrium itself
+                continue
+            step = abs(aim - done) / 2
             if step < abs(done or target) * _SMALLEST_STEP:
                 raise PathConvergenceError(
                     f"no convergence beyond {describe(here)}: {error}",
@@ -191,6 +194,7 @@ def walk_to(
                     depth=here.depth,
                 ) from error
             continue
+        before, here, extrapolates = here, reached, True
         step = min(step * (_GROWTH if here.iterations - before.iterations < easy else 1.0), longest)
     return here
 
