@@ -44,3 +44,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return f"{hint}accepted: {', '.join(names)}"
+
+
+def match_name(word: str, known: Iterable[str]) -> str:
+    """Return the accepted name that equals `word` but for upper and lower case; `word` itself if there is none."""
+    return next((name for name in known if name.casefold() == word.strip().casefold()), word)

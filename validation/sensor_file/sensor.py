@@ -17,7 +17,7 @@ from fastmodel.signal.point_spread import Gaussian
 from meshes import Cover, Layer, TexelArray
 from meshes.bounded_file import FileLimitError, parse_toml, read_text
 from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
-from validation.errors import InputError, nearest
+from validation.errors import InputError, match_name, nearest
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
 from validation.text.quantity import read_quantity
 
@@ -228,6 +228,7 @@ def _replace_cover(cover: Cover, material: str | None, thickness: str | None) ->
             given and the cover has several layers.
     """
     faults = []
+    material = None if material is None else match_name(material, MATERIALS)
     if (material is None or thickness is None) and len(cover.layers) > 1:
         faults.append("--material, --thickness: the cover has several layers; give both to replace them by one")
     if material is not None and material not in MATERIALS:

@@ -17,7 +17,7 @@ from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
 from meshes.material import MODELS, SERIES_MODELS, Material
-from validation.errors import InputError, nearest
+from validation.errors import InputError, match_name, nearest
 from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.quantity import Kind, read_quantity
 
@@ -147,6 +147,7 @@ def _material(value: object, read_table: Callable[[object], Any]) -> Material:
         read_table: Pydantic's function that reads the table.
     """
     if isinstance(value, str):
+        value = match_name(value, MATERIALS)
         if value not in MATERIALS:
             raise ValueError(f"unknown material {value!r}; {nearest(value, MATERIALS)}")
         return MATERIALS[value]

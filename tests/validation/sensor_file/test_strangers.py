@@ -143,3 +143,12 @@ def test_every_line_of_the_template_that_is_commented_out_is_accepted(tmp_path, 
         lines = [line for k, line in enumerate(lines) if k == number or not line.startswith(f"{key} =")]
     (tmp_path / "s.toml").write_text("\n".join(lines))
     assert load(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("name", ["Dragon-Skin-30", "DRAGON-SKIN-30", " dragon-skin-30 "])
+def test_materials_are_found_in_upper_and_lower_case(tmp_path, softcover, name):
+    material = '{ model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio = 0.49 }'
+    (tmp_path / "s.toml").write_text(GOOD.replace(material, f'"{name}"'))
+    assert load(tmp_path / "s.toml").cover.layers[0].material.name == "dragon-skin-30"
+    assert load("wts-0614-34", material=name, thickness="2mm").cover.layers[0].material.name == "dragon-skin-30"
+    assert softcover("materials", name)[0] == 0

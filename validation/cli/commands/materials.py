@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from validation.cli.options import Json
 from validation.cli.output import print_json, print_rows, print_table, show
-from validation.errors import InputError, nearest
+from validation.errors import InputError, match_name, nearest
 
 if TYPE_CHECKING:
     from meshes import Material
@@ -51,6 +51,7 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json =
         numbers = {**vars(found), "low": found.low, "high": found.high}
         print_json(numbers) if json else _show_hardness(found)
     elif name is not None:
+        name = match_name(name, MATERIALS)
         if name not in MATERIALS:
             raise InputError(f"unknown material {name!r}; {nearest(name, MATERIALS)}")
         material = MATERIALS[name]
