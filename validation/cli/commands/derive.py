@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from fastmodel.signal.electronics import describe_calibration
 from validation.cli.options import Json, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
 from validation.cli.progress import Progress
@@ -71,6 +70,8 @@ def derive(
 
 
 def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
+    from fastmodel.signal.electronics import describe_calibration
+
     fit, cover = derivation.fit, derivation.sensor.cover
     gaussian, errors = fit.gaussian, derivation.error_estimate
     yield "cover", describe_cover(cover)
