@@ -30,6 +30,8 @@ _WIDEST_TIP = 0.02
 #: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
 #: unit follow.
 _THROUGH_COVER = re.compile(r"through the cover, tip (\S{1,20} ?[a-zA-Z\u00b5\u03bc]{1,20})")
+#: Largest length of a wrong value in a message, which leaves room for what is accepted [characters].
+_LONGEST_VALUE = 80
 #: Number of coefficients of the electronics' characteristic, a polynomial of degree 5 as in the 2015 report [-].
 _COEFFICIENTS = 6
 #: Upper limit on the absolute value of an exponent of the Ogden material model: powers with larger exponents overflow
@@ -265,7 +267,9 @@ def _calibration(value: object) -> str:
         return TEXEL_FORCE
     tip = _THROUGH_COVER.fullmatch(value) if isinstance(value, str) else None
     if tip is None:
-        raise ValueError(f"{value!r} is not what a characteristic can be calibrated against; {accepted}")
+        text = repr(value)
+        text = text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+        raise ValueError(f"{text} is not what a characteristic can be calibrated against; {accepted}")
     try:
         radius = read_quantity(tip[1], "length")
     except InputError as error:

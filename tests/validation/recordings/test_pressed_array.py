@@ -63,10 +63,10 @@ def test_replay_shows_the_pressed_array_in_every_form(tmp_path, capsys):
     save(_make_recording(_press(0, 0), _press(0, 0), _press(4, 900)), tmp_path / "a.mcap")
     for words, shown in ([], 2), (["--array", "1"], 1):
         with pytest.raises(SystemExit) as end:
-            main(["replay", str(tmp_path / "a.mcap"), "--json", "--csv", str(tmp_path / "a.csv"), *words])
+            main(["replay", str(tmp_path / "a.mcap"), "--json", "--csv", str(tmp_path / f"{shown}.csv"), *words])
         told = json.loads(capsys.readouterr().out)
         assert (end.value.code, told["shown"]) == (0, shown)
-        assert tables.read(tmp_path / "a.csv").arrays[0].counts.max() == told["arrays"][shown]["largest"]
+        assert tables.read(tmp_path / f"{shown}.csv").arrays[0].counts.max() == told["arrays"][shown]["largest"]
     with pytest.raises(SystemExit):
         main(["replay", str(tmp_path / "a.mcap")])
     errors = capsys.readouterr().err

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 
 from validation.cli.live_image import LiveImage
@@ -154,6 +153,8 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
 
 def _list_delays(recording: Recording) -> dict[str, float] | None:
     """Return the times from the frames' stamps to their arrival as JSON values [s]; None if they are unknown."""
+    import numpy as np
+
     delays = recording.arrival_delays
     if not delays.size:
         return None
@@ -163,6 +164,8 @@ def _list_delays(recording: Recording) -> dict[str, float] | None:
 
 def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
     """Return the largest forces and pressure of a simulated array as JSON values; None for those not recorded."""
+    import numpy as np
+
     largest = {
         "largest_net_force_n": np.linalg.norm(forces.net_force, axis=1),
         "largest_net_torque_nm": np.linalg.norm(forces.net_torque, axis=1),
