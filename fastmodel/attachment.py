@@ -76,8 +76,7 @@ def attach(
     check_type("name", name, str, "a str")
     _, method = choose_method(contact, parameters)
     _check_every(every)
-    if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
-        raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
+    _check_name(spec, name)
     refuse_overlaps(parameters.array)
     carrier, origin = _find_carrier(spec, body)
     replaced = _find_replaced(spec, carrier, replaces)
@@ -107,6 +106,14 @@ def recommend_options(spec: mujoco.MjSpec) -> None:
 def _check_spec(spec: mujoco.MjSpec) -> None:
     """Check that an argument is a spec."""
     check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
+
+
+def _check_name(spec: mujoco.MjSpec, name: str) -> None:
+    """Check that a name can be that of a new sensor on a spec."""
+    if not name or "/" in name:
+        raise FastModelError(f"the name of a sensor must have at least one character and no '/', not {name!r}")
+    if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
+        raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
 
 
 def _check_every(every: int | None) -> None:

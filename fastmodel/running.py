@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -67,9 +68,14 @@ class RunningSensor:
 
     def reset(self, contact_forces: FloatArray) -> None:
         """Restart the sensor under constant contact forces, see `Sensor.reset`."""
+        if contact_forces.shape not in {(), (self._count,)}:
+            raise StateError(
+                f"sensor {self._name!r}: contact_forces to start from must be a number or one force for each of "
+                f"{self._count} texels, not of shape {contact_forces.shape}"
+            )
         settled = np.broadcast_to(contact_forces, (self._count,))
-        if not np.isfinite(settled).all():
-            raise StateError("contact forces to start from must be finite")
+        if not (np.isfinite(settled) & (settled >= 0)).all():
+            raise StateError(f"sensor {self._name!r}: contact forces to start from must be finite and not negative")
         self.reading: Reading = self._reader.add_net_force(self._reader.at_rest(settled))
         self.chain.settle(self.reading)
         self._steps = self._frames = 0
@@ -114,6 +120,7 @@ class RunningSensor:
         clock = [self._steps, self._frames, self._time, self._start, self._sampled_at]
         return {
             "clock": np.array(clock, dtype=np.float64),
+            "method": np.array(type(self._reader).__name__),
             **pack("reading", self.reading),
             **pack("frame", self.frame),
             **join(chain=self.chain.get_state(), contact=self._reader.get_state()),
@@ -121,23 +128,31 @@ class RunningSensor:
 
     def set_state(self, state: State) -> None:
         """Restore a state of the sensor, or leave it as it is and raise an error; see `Sensor.set_state`."""
+        check_type("state", state, Mapping, "a dict as Sensor.get_state() returns it")
         before = self.get_state()
         try:
             self._restore(state)
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
             self._restore(before)
             raise error if isinstance(error, StateError) else StateError(f"state: {error}") from error
 
     def _restore(self, state: State) -> None:
         """Restore a state of the sensor."""
         clock = take_array(state, "clock", np.zeros(5)).tolist()
-        for name, own in (("reading/contact_forces", self.reading.contact_forces), ("frame/counts", self.frame.counts)):
-            take_array(state, name, own)
+        method, own = str(take_array(state, "method")), type(self._reader).__name__
+        if method != own:
+            raise StateError(f"state: it belongs to a sensor with a {method}; this sensor has a {own}")
+        for name, like in (("reading/contact_forces", np.zeros(self._count)), ("frame/counts", self.frame.counts)):
+            if not np.isfinite(take_array(state, name, like)).all():
+                raise StateError(f"state: {name!r} is not finite")
         reading, frame = (unpack(state, name, (Reading, Frame)) for name in ("reading", "frame"))
+        if not isinstance(reading, Reading) or not isinstance(frame, Frame) or not math.isfinite(reading.carried):
+            raise StateError("state: reading or frame is not complete or not finite")
+        steps, frames = int(clock[0]), int(clock[1])
         self.chain.set_state(select(state, "chain"))
         self._reader.set_state(select(state, "contact"))
         self.reading, self.frame = reading, frame
-        self._steps, self._frames = int(clock[0]), int(clock[1])
+        self._steps, self._frames = steps, frames
         self._time, self._start, self._sampled_at = clock[2:]
 
     def is_outdated(self) -> bool:

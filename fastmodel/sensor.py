@@ -23,7 +23,7 @@ from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import TexelContact
-from fastmodel.errors import LifeCycleError, check_type
+from fastmodel.errors import LifeCycleError, StateError, check_type
 from fastmodel.parameters import Parameters
 from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
 from fastmodel.signal.frame import Frame
@@ -227,7 +227,7 @@ class Sensor:
         Raises:
             ArgumentTypeError: If the seed has a wrong type.
             LifeCycleError: If the sensor is not bound.
-            StateError: If a force is not finite.
+            StateError: If a force is negative or not finite, or there is not one force for each texel.
             FastModelError: If the seed is negative.
             FilterError: If the timestep of the model has changed, and the filter's cut-off is not below half the
                 new sampling rate.
@@ -238,9 +238,13 @@ class Sensor:
             self.bind(running.model)
             running = self._bound()
             running.chain.noise = noise
+        try:
+            forces = np.array(contact_forces, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise StateError(f"sensor {self.name!r}: contact_forces must be numbers, not {contact_forces!r}") from error
+        running.reset(forces)
         if seed is not None:
             running.seed(seed)
-        running.reset(np.array(contact_forces, dtype=np.float64))
 
     def get_state(self) -> State:
         """Return the state of the sensor as arrays by name, which `numpy.savez` writes.

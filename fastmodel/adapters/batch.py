@@ -10,6 +10,7 @@ sending small.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import pickle
 import warnings
@@ -23,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.check import OptionWarning
-from fastmodel.errors import FastModelError, check_type
+from fastmodel.errors import ArgumentTypeError, FastModelError, LifeCycleError, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 from fastmodel.state import make_generator
@@ -69,14 +70,17 @@ class Batch:
         """
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
         check_type("sensors", sensors, Sequence, "a sequence of sensors, as fastmodel.attach returns them")
-        for name, number in (("worlds", worlds), ("processes", processes)):
-            check_type(name, number, (int, float, np.integer), "a whole number")
-        if worlds < 1 or processes < 1 or worlds != int(worlds) or processes != int(processes):
-            raise FastModelError(f"worlds and processes must be whole numbers from 1 on, not {worlds} and {processes}")
+        for sensor in sensors:
+            check_type("sensors", sensor, Sensor, "sensors, as fastmodel.attach returns them")
+        if len({id(sensor) for sensor in sensors}) < len(sensors):
+            raise FastModelError("the same sensor is given twice; attach each sensor once")
+        _check_count("worlds", worlds, 1)
+        _check_count("processes", processes, 1)
         _check_seed(seed)
         # bound here once for the warnings and errors of `bind`, and to compile the kernels before processes start
         twins = [sensor.twin().bind(model).twin() for sensor in sensors]
         parts = np.array_split(np.arange(int(worlds)), min(int(processes), int(worlds)))
+        self._closed, self._sensors = False, len(sensors)
         self._workers: list[ProcessPoolExecutor] = []
         self._own = _Worlds(model, twins, parts[0].tolist()) if len(parts) == 1 else None
         if self._own is None:
@@ -108,7 +112,10 @@ class Batch:
             LifeCycleError: If the physics of a world was stepped without its sensors before.
             StateError: If a contact force is not finite.
         """
-        return self._call("step", steps, control)
+        _check_count("steps", steps, 0)
+        if control is not None:
+            _check_function("control", control, "a function of the index of a world and its state")
+        return self._call("step", int(steps), control)
 
     def visit(self, function: Visit[_T]) -> list[_T]:
         """Call a function for every world, for example to set or read its state, and return the results.
@@ -120,6 +127,7 @@ class Batch:
         Raises:
             FastModelError: If there are several processes, and the function cannot be imported.
         """
+        _check_function("function", function, "a function of the index of a world, its state and its sensors")
         return self._call("visit", function)
 
     def reset(self, seed: int | None = None) -> None:
@@ -139,10 +147,14 @@ class Batch:
         Args:
             sensor: Index of the sensor [-].
         """
-        return np.stack(self._call("images", sensor))
+        _check_count("sensor", sensor, 0)
+        if sensor >= self._sensors:
+            raise FastModelError(f"sensor must be the index of one of {self._sensors} sensors, not {sensor}")
+        return np.stack(self._call("images", int(sensor)))
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes; the batch cannot be used afterwards."""
+        self._closed = True
         for worker in self._workers:
             worker.shutdown()
 
@@ -158,6 +170,8 @@ class Batch:
 
     def _call(self, method: str, *arguments: Any) -> list[Any]:  # noqa: ANN401 -- arguments of the method
         """Call a method of `_Worlds` in all processes, and join the results, one for each world."""
+        if self._closed:
+            raise LifeCycleError("this batch is closed; make another one")
         if self._own is not None:
             return list(getattr(self._own, method)(*arguments))
         try:
@@ -222,6 +236,19 @@ class _Worlds:
                 if sensor.step(data):
                     new.append(sensor.frame())
         return frames
+
+
+def _check_function(name: str, function: object, wanted: str) -> None:
+    """Raise an error if an argument is not a function."""
+    if not callable(function):
+        raise ArgumentTypeError(f"{name} must be {wanted}, not {type(function).__name__}")
+
+
+def _check_count(name: str, number: float, least: int) -> None:
+    """Raise an error if a number is not a whole number of at least `least`."""
+    check_type(name, number, (int, float, np.integer), "a whole number")
+    if not math.isfinite(number) or number != int(number) or number < least:
+        raise FastModelError(f"{name} must be a whole number from {least} on, not {number}")
 
 
 def _check_seed(seed: int | None) -> None:

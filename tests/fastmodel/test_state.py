@@ -236,3 +236,34 @@ def test_bad_seeds_and_states_are_refused():
             sensor.set_state(state | change)
     for name, array in sensor.get_state().items():
         np.testing.assert_array_equal(array, state[name])
+
+
+def test_a_state_that_does_not_fit_leaves_the_sensor_as_it_was():
+    model, data, (sensor,) = scene("boxes")
+    run(model, data, [sensor], 30)
+    good = sensor.get_state()
+    other, moved, (cover,) = scene("cover")
+    run(other, moved, [cover], 30)
+    bad = [
+        {key: value for key, value in good.items() if not key.startswith("reading/type")},
+        {key: value for key, value in good.items() if "type" not in key},
+        {**good, "clock": np.full(5, np.inf)},
+        {**good, "reading/contact_forces": np.full_like(good["reading/contact_forces"], np.nan)},
+        cover.get_state(),
+    ]
+    for state in bad:
+        with pytest.raises(StateError, match="state: "):
+            sensor.set_state(state)
+        assert_same_arrays(sensor.get_state(), good)
+    with pytest.raises(FastModelError, match="state must be a dict"):
+        sensor.set_state(None)
+    sensor.set_state(good)
+    for wrong in (-1.0, np.nan, np.zeros(3), "x"):
+        with pytest.raises(StateError, match=r"contact_forces|contact forces"):
+            sensor.reset(wrong)
+
+
+def assert_same_arrays(some, others):
+    assert some.keys() == others.keys()
+    for key, value in some.items():
+        np.testing.assert_array_equal(value, others[key])

@@ -121,9 +121,9 @@ def test_an_error_in_another_process_arrives():
 
 def test_impossible_numbers_and_foreign_models_are_refused():
     model, sensors = world("cover")
-    with pytest.raises(FastModelError, match="worlds and processes"):
+    with pytest.raises(FastModelError, match="must be a whole number from 1 on"):
         Batch(model, sensors, 0)
-    with pytest.raises(FastModelError, match="worlds and processes"):
+    with pytest.raises(FastModelError, match="must be a whole number from 1 on"):
         Batch(model, sensors, 2, processes=0)
     with pytest.raises(FastModelError, match="negative"):
         Batch(model, sensors, 2, seed=-1)
@@ -138,3 +138,24 @@ def test_the_options_of_a_model_are_warned_of_once():
         warnings.simplefilter("always")
         Batch(model, sensors, 4)
     assert len(caught) == len(sensors)
+
+
+def test_wrong_arguments_and_a_closed_batch_are_refused_in_words():
+    model, sensors = world("boxes")
+    with pytest.raises(FastModelError, match="whole number"):
+        Batch(model, sensors, float("nan"))
+    with pytest.raises(FastModelError, match="the same sensor is given twice"):
+        Batch(model, [sensors[0], sensors[0]], 1)
+    with pytest.raises(FastModelError, match="sensors must be sensors"):
+        Batch(model, ["x"], 1)
+    batch = Batch(model, sensors, 1)
+    for steps in (-1, 1.5):
+        with pytest.raises(FastModelError, match="steps must be a whole number from 0 on"):
+            batch.step(steps)
+    with pytest.raises(FastModelError, match="control must be a function"):
+        batch.step(1, "x")
+    with pytest.raises(FastModelError, match="must be the index of one of"):
+        batch.images(7)
+    batch.close()
+    with pytest.raises(LifeCycleError, match="closed"):
+        batch.step()

@@ -175,6 +175,15 @@ def test_a_soft_body_is_laid_out_at_its_contact_points(method):
     assert sensor.contact_forces()[beside].max() == 0
 
 
+def test_a_thin_plate_under_a_soft_body_is_warned_of():
+    for height, warned in ((2e-3, True), (10e-3, False)):
+        spec = build_flex()
+        method = fastmodel.BoxTexels(height=height)
+        model_sensor = fastmodel.attach(spec, "pad", PARAMETERS, contact=method, every=1)
+        sentences = model_sensor.check(spec.compile())
+        assert any("soft bodies (flexes) may pass through" in each for each in sentences) == warned
+
+
 def list_points(model, data):
     """Positions of all contacts with the array, and their forces along z."""
     force, points, weights = np.zeros(6), [], []
