@@ -19,7 +19,7 @@ OWN = {
     *(path.stem for folder in ("examples", "benchmarks") for path in (ROOT / folder).glob("*.py")),
 }
 #: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest.
-TOOLS = {"ruff", "mypy", "scipy-stubs", "pytest-xdist", "pytest-cov"}
+TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-cov"}
 #: Packages that benchmarks compare with; each benchmark installs its own.
 BENCHMARKS_ONLY = {"felupe", "netgen", "ngsolve"}
 

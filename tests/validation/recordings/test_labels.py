@@ -22,7 +22,7 @@ _JSON = st.recursive(
 )
 
 
-@given(setups(), st.lists(recorded_arrays(), max_size=3), LINES, st.integers(0, 2**63), st.integers(0, 2**63))
+@given(setups(), st.lists(recorded_arrays(), max_size=3), LINES, st.integers(0, 2**63 - 1), st.integers(0, 2**63 - 1))
 def test_labels_come_back(setup, arrays, serial, start, monotonic):
     labels = Labels(setup=setup, arrays=tuple(arrays), serial=serial, start=start, monotonic=monotonic)
     back = decode_labels(encode_labels(labels), PATH)
