@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import mujoco
 import numpy as np
 
+from fastmodel.contact.geoms import Reasons, find_obstacles
 from fastmodel.obstruction import find_span, sample_top
 from fastmodel.parameters import Parameters
 from meshes.array_types import BoolArray, IntArray
@@ -38,12 +38,6 @@ _FACING = -0.5
 _MOST_NAMES = 4
 #: Height over the top of an array that counts as flush [m], and relative tolerance of comparisons of heights [-].
 _FLUSH, _ROUNDING = 5e-6, 1e-6
-#: Number of bits by which MuJoCo shifts the id of the first body in the signature of an excluded pair of bodies [-].
-_SIGNATURE_BITS = 16
-
-
-#: For every geom of a model, why it never touches an array; "" for geoms that can.
-Reasons = np.ndarray[Any, np.dtype[np.object_]]
 
 
 class OptionWarning(UserWarning):
@@ -292,42 +286,6 @@ def _check_facing_arrays(
     reasons = {_find_sensor(model, geom): obstacles[geom] for geom in found.nonzero()[0].tolist()}
     for other in sorted(set(reasons) - {""}):
         yield f"arrays {name!r} and {other!r} face one another but never touch: {reasons[other]}"
-
-
-def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
-    """Find why each geom of a model can never touch an array, and what to do about it; "" for geoms that can.
-
-    Source: MuJoCo documentation, Computation, section "Collision detection", selection of pairs.
-
-    Args:
-        model: The compiled model.
-        geoms: Ids of the geoms of the array.
-
-    Returns:
-        Sentences, shape (geoms of the model,).
-    """
-    first, body = geoms[0], model.geom_bodyid
-    found = np.full(model.ngeom, "", dtype=object)
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    common = (types & affinities[first]) | (affinities & types[first])
-    found[common == 0] = (
-        "no bit of contype and conaffinity is common; set one, or add a <pair> with each geom of the array"
-    )
-    pairs = np.sort(np.column_stack([body, np.full(model.ngeom, body[first])]), axis=1)
-    excluded = np.isin((pairs[:, 0] << _SIGNATURE_BITS) + pairs[:, 1], model.exclude_signature)
-    found[excluded] = "an <exclude> names both bodies; remove it"
-    weld = model.body_weldid[body]
-    parent = model.body_weldid[model.body_parentid[weld]]
-    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
-        moving = (weld != 0) & (weld[first] != 0)
-        found[moving & ((parent == weld[first]) | (parent[first] == weld))] = (
-            "MuJoCo lets no parent and child collide; add a <pair> with each geom of the array, or "
-            '<flag filterparent="disable"/>'
-        )
-    found[weld == weld[first]] = "no joint lies between; give the object or the array a joint"
-    for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
-        found[one[np.isin(other, geoms)]] = ""
-    return found
 
 
 def _find_colliding(model: mujoco.MjModel) -> BoolArray:

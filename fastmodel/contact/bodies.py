@@ -9,13 +9,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from fastmodel.contact.geoms import find_obstacles
 from fastmodel.errors import LifeCycleError
 from fastmodel.pressure.gap import describe_solid, find_vertices, is_solid
 from fastmodel.pressure.gap_sampling import BodyShape
-from meshes.array_types import BoolArray, FloatArray, IntArray
-
-#: Number of bits by which MuJoCo shifts the id of the first body in the signature of an excluded pair of bodies [-].
-_SIGNATURE_BITS = 16
+from meshes.array_types import FloatArray, IntArray
 
 
 class Bodies:
@@ -73,28 +71,17 @@ class Bodies:
 
     def find_shapes(self) -> None:
         """Describe the shapes of all bodies that can touch the array, so that none is described at its first touch."""
-        for body in np.unique(self.of_geom[:-1][self._collides()]).tolist():
-            if body >= 0 and body != self.of_geom[self._own[0]]:
+        for body in np.unique(self.of_geom[:-1][find_obstacles(self._model, self._own) == ""]).tolist():
+            if body >= 0:
                 self.find_shape(body)
 
     def find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
         """Find the ids of the geoms of a body that can collide with the array, and describe their shapes."""
         if body not in self._shapes:
-            geoms = (self._collides() & (self.of_geom[:-1] == body)).nonzero()[0]
+            touches = find_obstacles(self._model, self._own) == ""
+            geoms = (touches & (self.of_geom[:-1] == body)).nonzero()[0]
             for geom in geoms[self._model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_MESH].tolist():
                 self._vertices[geom] = find_vertices(self._model, geom)
             solids = tuple(describe_solid(self._model, int(geom), self._edge) for geom in geoms)
             self._shapes[body] = geoms, BodyShape(solids=solids, edge=self._edge)
         return self._shapes[body]
-
-    def _collides(self) -> BoolArray:
-        """Return which geoms collide with the array: by their masks or as an explicit pair, and not excluded."""
-        model, first = self._model, self._own[0]
-        types, affinities = model.geom_contype, model.geom_conaffinity
-        found = ((types & affinities[first]) | (affinities & types[first])) != 0
-        bodies = np.sort(np.column_stack([model.geom_bodyid, np.full(model.ngeom, model.geom_bodyid[first])]), axis=1)
-        found &= ~np.isin((bodies[:, 0] << _SIGNATURE_BITS) + bodies[:, 1], model.exclude_signature)
-        for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
-            found[one[np.isin(other, self._own)]] = True
-        found[self._own] = False
-        return np.asarray(found)

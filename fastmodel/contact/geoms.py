@@ -1,4 +1,4 @@
-"""Massless box geoms, from which the texels and plates of contact methods are made."""
+"""Massless box geoms, of which the texels and plates of contact methods are made, and what can touch them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from meshes.array_types import IntArray
 
 #: Colour of plates and of boxes of active texels: red, green, blue, opacity [-].
 _COLOUR = (0.25, 0.27, 0.3, 1.0)
+#: Number of bits by which MuJoCo shifts the id of the first body in the signature of an excluded pair of bodies [-].
+_SIGNATURE_BITS = 16
+#: For every geom of a model, why it never touches an array; "" for geoms that can.
+Reasons = np.ndarray[Any, np.dtype[np.object_]]
 #: Collision mask with every bit [-]; MuJoCo's masks are signed 32-bit numbers.
 EVERY = 0x7FFFFFFF
 
@@ -85,3 +89,39 @@ def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntA
             f"that sensor {sensor!r} was attached to"
         )
     return np.array(ids)
+
+
+def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
+    """Find why each geom of a model can never touch an array, and what to do about it; "" for geoms that can.
+
+    Source: MuJoCo documentation, Computation, section "Collision detection", selection of pairs.
+
+    Args:
+        model: The compiled model.
+        geoms: Ids of the geoms of the array.
+
+    Returns:
+        Sentences, shape (geoms of the model,).
+    """
+    first, body = geoms[0], model.geom_bodyid
+    found = np.full(model.ngeom, "", dtype=object)
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    common = (types & affinities[first]) | (affinities & types[first])
+    found[common == 0] = (
+        "no bit of contype and conaffinity is common; set one, or add a <pair> with each geom of the array"
+    )
+    pairs = np.sort(np.column_stack([body, np.full(model.ngeom, body[first])]), axis=1)
+    excluded = np.isin((pairs[:, 0] << _SIGNATURE_BITS) + pairs[:, 1], model.exclude_signature)
+    found[excluded] = "an <exclude> names both bodies; remove it"
+    weld = model.body_weldid[body]
+    parent = model.body_weldid[model.body_parentid[weld]]
+    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        moving = (weld != 0) & (weld[first] != 0)
+        found[moving & ((parent == weld[first]) | (parent[first] == weld))] = (
+            "MuJoCo lets no parent and child collide; add a <pair> with each geom of the array, or "
+            '<flag filterparent="disable"/>'
+        )
+    found[weld == weld[first]] = "no joint lies between; give the object or the array a joint"
+    for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
+        found[one[np.isin(other, geoms)]] = ""
+    return found

@@ -12,6 +12,7 @@ import pytest
 import fastmodel
 from fastmodel import METHODS, LifeCycleError
 from meshes import TexelArray
+from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters
 
 PARAMETERS = parameters()
@@ -79,6 +80,20 @@ def make_spec():
     return spec
 
 
+def simulate(spec, sensors, steps, push=lambda data: None):
+    """Compile a spec, bind its sensors, and step both; `push` sets applied forces before each step."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for sensor in sensors:
+        bind(sensor, model)
+    for _ in range(steps):
+        push(data)
+        mujoco.mj_step(model, data)
+        for sensor in sensors:
+            sensor.step(data)
+    return model, data
+
+
 def press(method, geoms, load=3.0, steps=250):
     """Let a guided body of some geoms, of which the first has the mass, rest on the array."""
     spec = make_spec()
@@ -87,12 +102,7 @@ def press(method, geoms, load=3.0, steps=250):
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
     for k, geom in enumerate(geoms):
         body.add_geom(mass=0.0 if k else load / 9.81, **geom)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    model, data = simulate(spec, [sensor], steps)
     return sensor, model, data
 
 
@@ -125,13 +135,11 @@ def test_fixed_geoms_behind_a_hand_load_no_texel(behind, method):
         spec.worldbody.add_geom(**box([0.5, 0.5, 20e-3], [0, 0, -70e-3]))
     if behind == "floor":
         spec.worldbody.add_geom(type=PLANE, size=[1, 1, 1], pos=[0, 0, -50e-3], quat=[1, 0.02, 0, 0])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(200):
+
+    def push(data):
         data.qfrc_applied[0] = 5.0
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+
+    model, data = simulate(spec, [sensor], 200, push)
     image = PAD.array.image(sensor.contact_forces())
     assert image[1:3].sum() == pytest.approx(5.0, rel=1e-2)
     assert image[[0, 3]].max() < 0.02
@@ -157,12 +165,7 @@ def build_flex(count=4, edge=8e-3):
 def test_a_soft_body_is_laid_out_at_its_contact_points(method):
     spec = build_flex()
     sensor = fastmodel.attach(spec, "pad", PARAMETERS, contact=method, every=1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(300):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    model, data = simulate(spec, [sensor], 300)
     force = measure_force(model, data)
     assert force == pytest.approx(0.3 * 9.81, rel=0.1)
     assert sensor.carried() == pytest.approx(force, rel=1e-5)
@@ -206,12 +209,7 @@ def test_a_height_field_is_laid_out_at_its_contact_points(method):
     hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
     hand.add_geom(type=BOX, size=[5e-3, 5e-3, 5e-3], pos=[0, 0, 20e-3], mass=0.3)
     sensor = fastmodel.attach(spec, hand, PAD, contact=method, every=1, quaternion=[0, 1, 0, 0])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(300):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    model, data = simulate(spec, [sensor], 300)
     assert sensor.carried() == pytest.approx(-measure_force(model, data), rel=1e-5)
     assert sensor.carried() == pytest.approx(0.3 * 9.81, rel=1e-2)
     image = PAD.array.image(sensor.contact_forces())
@@ -236,12 +234,7 @@ def test_a_geom_that_never_collides_meets_the_array_as_an_explicit_pair(method):
     body.add_geom(name="ball", type=SPHERE, size=[5e-3, 0, 0], mass=3 / 9.81, contype=0, conaffinity=0)
     for geom in [each.name for each in spec.geoms if each.name.startswith("sensor/")]:
         spec.add_pair(geomname1="ball", geomname2=geom, condim=3)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(250):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    model, data = simulate(spec, [sensor], 250)
     assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
 
 
@@ -257,12 +250,7 @@ def test_a_part_that_is_excluded_from_contact_loads_nothing(method):
     low = body.add_body(name="ghost")
     low.add_geom(type=BOX, size=[3e-3, 3e-3, 5e-3], pos=[-3.4e-3, 0, -1e-3], mass=0)
     spec.add_exclude(bodyname1="ghost", bodyname2="hand")
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(250):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    model, data = simulate(spec, [sensor], 250)
     image = PAD.array.image(sensor.contact_forces())
     assert image[:, 2:].sum() == pytest.approx(3.0, rel=1e-2)
     assert image[:, :2].max() == 0
@@ -276,14 +264,7 @@ def test_facing_arrays_press_on_one_another(method):
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
     body.add_geom(type=BOX, size=[5e-3, 5e-3, 5e-3], pos=[0, 0, 20e-3], mass=3 / 9.81)
     high = fastmodel.attach(spec, body, PAD, name="high", contact=method, every=1, quaternion=[0, 1, 0, 0])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for each in (low, high):
-        bind(each, model)
-    for _ in range(250):
-        mujoco.mj_step(model, data)
-        low.step(data)
-        high.step(data)
+    simulate(spec, [low, high], 250)
     assert low.carried() == pytest.approx(3.0, rel=1e-2)
     assert high.carried() == pytest.approx(low.carried(), rel=1e-5)
 
@@ -301,13 +282,11 @@ def test_friction_that_pulls_at_a_side_counts_with_its_sign(method):
     for axis in ([1, 0, 0], [0, 0, 1]):
         finger.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, damping=2.0)
     finger.add_geom(type=SPHERE, size=[5e-3, 0, 0], mass=0.2, friction=[1.0, 0, 0])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(250):
+
+    def push(data):
         data.qfrc_applied[1:] = [-4.0, 1.0]
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+
+    model, data = simulate(spec, [sensor], 250, push)
     force = measure_force(model, data)
     assert force == pytest.approx(2.0, rel=0.05)
     assert sensor.carried() == pytest.approx(force, rel=1e-5)
@@ -337,17 +316,6 @@ def test_changes_after_bind_are_followed(method):
         sensor.step(data)
 
 
-def measure_force(model, data):
-    """Sum of MuJoCo's contact forces on the geoms of the sensor, along z of the world."""
-    total, force = 0.0, np.zeros(6)
-    for k, contact in enumerate(data.contact):
-        mujoco.mj_contactForce(model, data, k, force)
-        for geom, sign in zip(contact.geom, (-1, 1), strict=True):
-            if geom >= 0 and model.geom(int(geom)).name.startswith("sensor/"):
-                total -= sign * (contact.frame.reshape(3, 3).T @ force[:3])[2]
-    return total
-
-
 @functools.cache
 def load_fields():
     """Load MuJoCo's plugin of signed distance fields, once in a process."""
@@ -369,12 +337,7 @@ def test_a_signed_distance_field_is_laid_out_at_its_contact_points(method):
       <worldbody><body name="pad"/><body name="ring" pos="0 0 0.0022"><joint type="slide" axis="0 0 1" damping="2"/>
         <geom type="sdf" mesh="torus" mass="0.3"><plugin instance="torus"/></geom></body></worldbody></mujoco>""")
     sensor = fastmodel.attach(spec, "pad", PARAMETERS, contact=method, every=1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    for _ in range(200):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    model, data = simulate(spec, [sensor], 200)
     assert sensor.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
     assert sensor.carried() == pytest.approx(0.3 * 9.81, rel=0.1)
     centres = PARAMETERS.array.centres[sensor.contact_forces() > 1e-3, :2]
