@@ -234,7 +234,7 @@ def test_a_geom_that_never_collides_meets_the_array_as_an_explicit_pair(method):
     body.add_geom(name="ball", type=SPHERE, size=[5e-3, 0, 0], mass=3 / 9.81, contype=0, conaffinity=0)
     for geom in [each.name for each in spec.geoms if each.name.startswith("sensor/")]:
         spec.add_pair(geomname1="ball", geomname2=geom, condim=3)
-    model, data = simulate(spec, [sensor], 250)
+    simulate(spec, [sensor], 250)
     assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
 
 
@@ -250,7 +250,7 @@ def test_a_part_that_is_excluded_from_contact_loads_nothing(method):
     low = body.add_body(name="ghost")
     low.add_geom(type=BOX, size=[3e-3, 3e-3, 5e-3], pos=[-3.4e-3, 0, -1e-3], mass=0)
     spec.add_exclude(bodyname1="ghost", bodyname2="hand")
-    model, data = simulate(spec, [sensor], 250)
+    simulate(spec, [sensor], 250)
     image = PAD.array.image(sensor.contact_forces())
     assert image[:, 2:].sum() == pytest.approx(3.0, rel=1e-2)
     assert image[:, :2].max() == 0
