@@ -1,9 +1,14 @@
-"""Young's modulus of a rubber, estimated from its hardness by two published relations.
+"""Young's modulus of a rubber, estimated from its hardness on the scale Shore A or Shore 00.
 
-Near 70 Shore A the moduli by the two relations differ by half of the modulus.  The estimate is the geometric mean of
-the two moduli: a band of +-50 % about this mean contains the two relations over the whole range of hardness, and the
-measured moduli of natural rubber.  Soft castable silicones are 1.5 to 2.5 times softer than either relation predicts;
-use a named material of `meshes.catalogue` for them.
+Shore A has two published relations.  Near 70 Shore A the moduli by the two relations differ by half of the modulus.
+The estimate is the geometric mean of the two moduli: a band of +-50 % about this mean contains the two relations over
+the whole range of hardness, and the measured moduli of natural rubber.  Soft castable silicones are 1.5 to 2.5 times
+softer than either relation predicts; use a named material of `meshes.catalogue` for them.
+
+Shore 00 has no accepted relation.  The estimate is the modulus of a half space into which the rounded tip of the
+durometer of ASTM D2240 sinks as deep as the reading says.  It agrees with the relations of Shore A within 25 % at the
+hardnesses that makers' charts equate (70 Shore 00 and 20 Shore A).  The castable silicones of the catalogue are 2.5 to
+4 times softer; the band of +-80 % contains them.
 """
 
 from __future__ import annotations
@@ -15,13 +20,26 @@ from types import MappingProxyType
 
 #: Least and greatest hardness for which the two relations were fitted [Shore A].
 RANGE = (20.0, 80.0)
+#: Least and greatest reading that ASTM D2240 counts as reliable [Shore 00].
+RANGE_00 = (20.0, 90.0)
+#: Scales by the name that is written in a sensor file, with the names for readers.
+SCALES = {"a": "Shore A", "00": "Shore 00"}
 #: Half-width of the band about the estimated Young's modulus, over that modulus; coverage factor 2.  The band contains
 #: the two relations and the measured moduli of natural rubber [-].
 SPREAD = 0.5
+#: The same for Shore 00; the band contains the castable silicones of the catalogue [-].
+SPREAD_00 = 0.8
+#: Durometer of type 00 in ASTM D2240: radius of the tip [m], depth at a reading of 0 [m], and force at a reading of 0
+#: and its increase per unit of the reading [N].
+_TIP_00, _DEPTH_00, _FORCE_00 = 1.19e-3, 2.5e-3, (0.203, 0.00908)
 
 SOURCE = (
     "from hardness: geometric mean of Gent 1958 and log10 E = 0.0235 S - 0.6403 (Qi, Joyce and Boyce 2003), "
     "+-50 % (k = 2); soft castable silicones are 1.5..2.5 times softer"
+)
+SOURCE_00 = (
+    "from hardness: ball of a Shore 00 durometer (ASTM D2240) on an incompressible half space, +-80 % (k = 2); "
+    "castable silicones are 2.5..4 times softer"
 )
 
 
@@ -30,18 +48,24 @@ class HardnessModulus:
     """Young's modulus of a rubber, estimated from its hardness.
 
     Attributes:
-        shore_a: Hardness [Shore A].
-        youngs_modulus: Estimate of Young's modulus, the geometric mean of the moduli by the two relations [Pa].
+        hardness: Hardness on the scale.
+        scale: Scale of the hardness, one of `SCALES`.
+        youngs_modulus: Estimate of Young's modulus, the geometric mean of the moduli by all relations [Pa].
         spread: Half-width of the band about the estimate, over the estimate; coverage factor 2 [-].
         by_relation: Young's modulus by each relation, under the name of the relation [Pa].
         source: Origin of the relations, for reports.
     """
 
-    shore_a: float
+    hardness: float
+    scale: str
     youngs_modulus: float
     spread: float
     by_relation: Mapping[str, float]
-    source: str = SOURCE
+    source: str
+
+    def __str__(self) -> str:
+        """Return hardness and scale."""
+        return f"{self.hardness:g} {SCALES[self.scale]}"
 
     @property
     def low(self) -> float:
@@ -54,20 +78,54 @@ class HardnessModulus:
         return self.youngs_modulus * (1 + self.spread)
 
 
-def modulus_from_hardness(shore_a: float) -> HardnessModulus:
-    """Estimate Young's modulus of a rubber, with a band, from its Shore A hardness.
+def modulus_from_hardness(hardness: float, scale: str = "a") -> HardnessModulus:
+    """Estimate Young's modulus of a rubber, with a band, from its hardness.
 
     Args:
-        shore_a: Hardness, within `RANGE` [Shore A].
+        hardness: Hardness, within `RANGE` or `RANGE_00`.
+        scale: Scale of the hardness: `a` or `00`.
 
     Raises:
-        ValueError: If the hardness lies outside the range of the relations.
+        ValueError: If the scale is unknown, or the hardness lies outside the range of the relations.
     """
-    if not RANGE[0] <= shore_a <= RANGE[1]:
-        raise ValueError(f"the relations hold for {RANGE[0]:g}..{RANGE[1]:g} Shore A, not for {shore_a:g}")
-    moduli = {"gent-1958": modulus_by_gent(shore_a), "logarithmic": modulus_by_qi(shore_a)}
-    mean = math.exp(sum(math.log(modulus) for modulus in moduli.values()) / len(moduli))
-    return HardnessModulus(shore_a=shore_a, youngs_modulus=mean, spread=SPREAD, by_relation=MappingProxyType(moduli))
+    if scale not in SCALES:
+        raise ValueError(f"the scale must be one of {', '.join(SCALES)}, not {scale!r}")
+    low, high = RANGE if scale == "a" else RANGE_00
+    if not low <= hardness <= high:
+        raise ValueError(f"the relations hold for {low:g}..{high:g} {SCALES[scale]}, not for {hardness:g}")
+    moduli = (
+        {"gent-1958": modulus_by_gent(hardness), "logarithmic": modulus_by_qi(hardness)}
+        if scale == "a"
+        else {"durometer-ball": modulus_by_ball(hardness)}
+    )
+    return HardnessModulus(
+        hardness=hardness,
+        scale=scale,
+        youngs_modulus=math.exp(sum(math.log(modulus) for modulus in moduli.values()) / len(moduli)),
+        spread=SPREAD if scale == "a" else SPREAD_00,
+        by_relation=MappingProxyType(moduli),
+        source=SOURCE if scale == "a" else SOURCE_00,
+    )
+
+
+def modulus_by_ball(shore_00: float) -> float:
+    """Compute Young's modulus [Pa] from Shore 00 hardness by the contact of the durometer's ball.
+
+    The rubber is an incompressible half space.
+
+    A ball of radius R that touches over a radius a is pressed in by d = a/2 ln((R + a) / (R - a)) under the force
+    F = 4/3 E [(R^2 + a^2)/2 ln((R + a) / (R - a)) - a R] (Sneddon 1965, Poisson ratio 0.5).
+
+    Args:
+        shore_00: Hardness [Shore 00].
+    """
+    depth = _DEPTH_00 * (1 - shore_00 / 100) / _TIP_00
+    low, high = 0.0, 1.0
+    for _ in range(60):  # bisection on a / R: the depth increases with it
+        ratio = (low + high) / 2
+        low, high = (ratio, high) if ratio * math.atanh(ratio) < depth else (low, ratio)
+    force = (1 + ratio**2) * math.atanh(ratio) - ratio
+    return (_FORCE_00[0] + _FORCE_00[1] * shore_00) / (4 / 3 * force * _TIP_00**2)
 
 
 def modulus_by_gent(shore_a: float) -> float:

@@ -22,6 +22,7 @@ from validation.derivation.derive import Derivation, derive
 from validation.derivation.quadrature import gauss_points
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
+from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
     from validation.calibration.stamp import StampScores
@@ -71,6 +72,7 @@ class Evaluation:
         return {
             "sensor": self.sensor.name,
             "cover_assumed": self.sensor.cover.assumed,
+            "friction": describe_friction(self.sensor.friction),
             "derive": self.derivation.as_json(),
             "verification": dict(self.verification),
             "campaign": self.campaign.as_json(),
@@ -94,7 +96,7 @@ def evaluate(
     does not change afterwards.
 
     Args:
-        sensor: Array, cover and electronics of the sensor.
+        sensor: Array, cover and electronics of the sensor, and friction for the finite elements of the campaign.
         recordings: Folder with recordings of the stamp, the flat square indenter, under a series of known weights; None
             to score nothing against recordings.
         recorded: The sensor that made the recordings; `sensor` if None.
@@ -124,7 +126,8 @@ def evaluate(
     clock.append(time.perf_counter())
     verification = verify(derivation)
     chosen = default_cases(sensor.array) if cases is None else cases
-    campaign = run_campaign(sensor.cover, derivation.parameters, chosen, progress=progress.step if progress else None)
+    step = progress.step if progress else None
+    campaign = run_campaign(sensor.cover, derivation.parameters, chosen, friction=sensor.friction, progress=step)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,

@@ -161,7 +161,12 @@ class CampaignResult:
 
 
 def run_campaign(
-    cover: Cover, parameters: Parameters, cases: Sequence[Case], *, progress: Progress | None = None
+    cover: Cover,
+    parameters: Parameters,
+    cases: Sequence[Case],
+    *,
+    friction: float = 0.0,
+    progress: Progress | None = None,
 ) -> CampaignResult:
     """Compute every case by finite elements and by the fast model, and score the fast model.
 
@@ -169,6 +174,7 @@ def run_campaign(
         cover: The cover in the finite-element model.
         parameters: Parameters of the fast model, already fitted; the campaign changes none of them.
         cases: The indentations.
+        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
         progress: Called before each case with (number of cases done, number of all cases, name of the next case).
 
     Raises:
@@ -181,7 +187,7 @@ def run_campaign(
         if progress:
             progress(number, len(cases), case.name)
         try:
-            results.append(run_case(cover, parameters, case))
+            results.append(run_case(cover, parameters, case, friction=friction))
         except (ValueError, ConvergenceError) as error:
             converged = not isinstance(error, ConvergenceError)
             skipped.append(SkippedCase(case=case, reason=str(error), converged=converged))
@@ -192,19 +198,20 @@ def run_campaign(
     return _summarise(results, skipped)
 
 
-def run_case(cover: Cover, parameters: Parameters, case: Case) -> CaseResult:
+def run_case(cover: Cover, parameters: Parameters, case: Case, *, friction: float = 0.0) -> CaseResult:
     """Compute one case by finite elements, the fast model and the null models, and score all but the finite elements.
 
     Args:
         cover: The cover in the finite-element model.
         parameters: Parameters of the fast model.
         case: The indentation.
+        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
     """
     from fastmodel import indent
     from fem_reference.indentation.press import press
 
     array = parameters.array
-    reference = press(cover, array, case.indenter, load=case.load, at=case.at, yaw=case.yaw)
+    reference = press(cover, array, case.indenter, load=case.load, at=case.at, yaw=case.yaw, friction=friction)
     fast, area, boxes = (
         indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
         for method in ("default", "area", "boxes")

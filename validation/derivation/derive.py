@@ -172,7 +172,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
     cells = None if sensor.spread else _tabulate_cells(sensor, influence)
     depth = fit_depth(cover) if wide else None
     tip = _press_tip(sensor, influence, tell)
-    undetermined = list_undetermined(cover, fit, depth)
+    undetermined = list_undetermined(cover, fit, depth, friction=sensor.friction)
     parameters = Parameters(
         array=array,
         spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),

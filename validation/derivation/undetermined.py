@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshes import Cover
+from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
     from fastmodel.fitting.gaussian import Fit
@@ -15,13 +16,14 @@ if TYPE_CHECKING:
 _NARROW_SIGMA = 0.27
 
 
-def list_undetermined(cover: Cover, fit: Fit, depth: DepthFits | None) -> tuple[str, ...]:
+def list_undetermined(cover: Cover, fit: Fit, depth: DepthFits | None, *, friction: float = 0.0) -> tuple[str, ...]:
     """List the quantities that the derivation of the fast model's parameters cannot determine, one line of text each.
 
     Args:
         cover: The cover.
         fit: The fitted spread kernel.
         depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
+        friction: Friction coefficient between indenter and cover in the sensor file, inf for no slip [-].
     """
     ratio = "" if len(cover.layers) == 1 else "; between layers the ratio of moduli does matter"
     lines = [
@@ -29,6 +31,11 @@ def list_undetermined(cover: Cover, fit: Fit, depth: DepthFits | None) -> tuple[
         "filter, noise, hysteresis, temperature gain, characteristic, gains: need a recording (`softcover calibrate`)",
         "shear, friction, rate and relaxation: the reference is one slow press along the normal",
     ]
+    if friction:
+        lines.append(
+            f"friction {describe_friction(friction)} of the sensor file: not used, since every indenter here is "
+            "frictionless; `press` and `validate` use it in the finite elements"
+        )
     if cover.assumed:
         lines.append("thickness and material of this cover: assumed, nobody measured them")
     if min(fit.gaussian.sigma_x, fit.gaussian.sigma_y) < _NARROW_SIGMA:

@@ -47,6 +47,8 @@ class SensorDescription:
         electronics: Conversion from texel forces to counts.
         filter: Low-pass filter before the electronics, or None.
         spread: Gaussian spread kernel that replaces the fitted kernel, or None.
+        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip.  A
+            derivation and the fast model have no friction [-].
         source: Path of the sensor file, or the name of the built-in sensor.
     """
 
@@ -56,6 +58,7 @@ class SensorDescription:
     electronics: Electronics
     filter: Butterworth | None = None
     spread: Gaussian | None = None
+    friction: float = 0.0
     source: str = ""
 
     def describe_cover(self) -> dict[str, Any]:
@@ -172,6 +175,7 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
         electronics=_build_electronics(tables.electronics),
         filter=None if low_pass is None else Butterworth(cutoff_hz=low_pass.cutoff, order=low_pass.order),
         spread=None if tables.spread is None else Gaussian(**dataclasses.asdict(tables.spread)),
+        friction=tables.contact.friction,
         source=str(source),
     )
 

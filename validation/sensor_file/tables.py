@@ -18,6 +18,7 @@ from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
 from meshes.material import MODELS, SERIES_MODELS, Material
 from validation.errors import InputError, match_name, nearest
+from validation.text.friction import read_friction
 from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.quantity import Kind, read_quantity
 
@@ -279,17 +280,15 @@ def _calibration(value: object) -> str:
     return f"through the cover, tip {1e3 * radius:.9g} mm"
 
 
-def _frictionless(value: object) -> float:
-    if isinstance(value, bool) or value != 0:
-        raise ValueError(f"friction is not yet supported; write 0 (frictionless), not {value!r}")
-    return 0.0
+def _friction(value: object) -> float:
+    return read_friction(value, example="friction = 0.4 or friction = 'no-slip'")
 
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ContactTable:
-    """Table `[contact]`: friction between indenter and cover."""
+    """Table `[contact]`: friction between indenter and cover in the finite elements, infinite for no slip."""
 
-    friction: Annotated[float, BeforeValidator(_frictionless)] = 0.0
+    friction: Annotated[float, BeforeValidator(_friction)] = 0.0
 
 
 @dataclass(config=_CONFIG, kw_only=True)

@@ -5,22 +5,22 @@ from __future__ import annotations
 import re
 
 from meshes import Material
-from meshes.hardness import HardnessModulus, modulus_from_hardness
+from meshes.hardness import SCALES, HardnessModulus, modulus_from_hardness
 from validation.errors import InputError
 
 #: Largest accepted number of characters of a hardness [-].
 _LONGEST = 40
-_HARDNESS = re.compile(r"([0-9]+(?:\.[0-9]+)?) *(?:shore)?[ -]*([a-z]*|0+)", re.IGNORECASE)
-_EXAMPLE = "write for example '30 shore-a'"
+_HARDNESS = re.compile(r"([0-9]+(?:\.[0-9]+)?) *(?:shore)?[ -]*([a-z]*|[0o]+)", re.IGNORECASE)
+_EXAMPLE = "write for example '30 shore-a' or '30 shore-00'"
 
 
 def read_hardness(value: object, *, place: str = "", bare: bool = False) -> HardnessModulus:
-    """Parse a Shore A hardness from text, and estimate Young's modulus from it.
+    """Parse a hardness, Shore A or Shore 00, from text, and estimate Young's modulus from it.
 
     Args:
-        value: The text, for example `30 A` or `30 shore-a`.
+        value: The text, for example `30 A`, `30 shore-a` or `30 shore-00`.
         place: Option or key that holds the text; error messages begin with it.
-        bare: Whether a number without the name of the scale is accepted.
+        bare: Whether a number without the name of the scale is accepted, as Shore A.
 
     Raises:
         InputError: If the text is no hardness, names another scale, or lies outside the range of `meshes.hardness`.
@@ -32,10 +32,12 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
         raise InputError(f"{where}{text[:_LONGEST] or type(value).__name__!r} is not a hardness; {_EXAMPLE}")
     if not match[2] and not bare:
         raise InputError(f"{where}{value!r} has no scale; {_EXAMPLE}")
-    if (match[2] or "a").lower() != "a":
-        raise InputError(f"{where}{value!r} is not on the Shore A scale, the only one that is supported; {_EXAMPLE}")
+    scale = (match[2] or "a").lower().replace("o", "0")
+    if scale not in SCALES:
+        names = " and ".join(SCALES.values())
+        raise InputError(f"{where}{value!r} is not on one of the scales that are supported, {names}; {_EXAMPLE}")
     try:
-        return modulus_from_hardness(float(match[1]))
+        return modulus_from_hardness(float(match[1]), scale)
     except ValueError as error:
         raise InputError(f"{where}{error}; take a named material (`softcover materials`) or give its modulus") from None
 
@@ -64,7 +66,7 @@ def material_from_hardness(
     if model not in parameters:
         raise InputError(f"a hardness gives one modulus; it goes with {' or '.join(parameters)}, not with {model}")
     return Material(
-        name=name or f"{model} of {hardness.shore_a:g} Shore A",
+        name=name or f"{model} of {hardness}",
         model=model,
         parameters=parameters[model],
         poisson_ratio=ratio,

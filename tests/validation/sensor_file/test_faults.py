@@ -29,7 +29,7 @@ rate = "271"
 sensitivity = "2665.7 1/N"
 
 [contact]
-friction = 0.3
+friction = -0.3
 """
     )
     listed = dict(fault.split(": ", 1) for fault in faults(path))
@@ -53,7 +53,7 @@ friction = 0.3
     assert "did you mean 'dragon-skin-30'" in listed["cover.layer[1].material"]
     assert "did you mean 'electronics'" in listed["electronic"]
     assert "has no unit" in listed["electronics.rate"]
-    assert "friction is not yet supported" in listed["contact.friction"]
+    assert "is not zero, a positive number or no-slip" in listed["contact.friction"]
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,13 @@ def test_hardness_stands_for_the_modulus_with_its_spread_and_source(material):
     assert (rubber.name, rubber.spread, rubber.source, rubber.poisson_ratio) == ("pad", 0.2, "mine", 0.5)
 
 
+def test_shore_00_stands_for_a_modulus_with_a_wider_band(material):
+    soft = material('{ model = "neo-hookean", hardness = "30 shore-00" }')
+    assert soft.youngs_modulus == pytest.approx(modulus_from_hardness(30, "00").youngs_modulus)
+    assert soft.spread == 0.8
+    assert "30 Shore 00" in soft.name
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -79,7 +86,10 @@ def test_hardness_stands_for_the_modulus_with_its_spread_and_source(material):
         ('{ model = "neo-hookean", hardness = "30" }', "material.hardness: '30' has no scale; write for example"),
         ('{ model = "neo-hookean", hardness = 30 }', "material.hardness: 30 has no scale"),
         ('{ model = "neo-hookean", hardness = "10 shore-a" }', "material.hardness: the relations hold for 20..80"),
-        ('{ model = "neo-hookean", hardness = "50 shore-00" }', "is not on the Shore A scale"),
+        (
+            '{ model = "neo-hookean", hardness = "50 shore-d" }',
+            "is not on one of the scales that are supported, Shore A and Shore 00",
+        ),
         ('{ model = "neo-hookean", hardness = "soft" }', "is not a hardness; write for example '30 shore-a'"),
         ('{ model = "linear-elastic", hardness = "30 shore-a" }', "poisson_ratio is missing"),
     ],

@@ -10,11 +10,41 @@ from validation.text.hardness import read_hardness
 
 @pytest.mark.parametrize("text", ["30", "30 A", "30a", "30 shore-a", "30 Shore A", "30.0 shore a", 30, 30.0])
 def test_hardness_is_read_as_people_write_it(text):
-    assert read_hardness(text, bare=True).shore_a == 30
+    found = read_hardness(text, bare=True)
+    assert (found.hardness, found.scale) == (30, "a")
+
+
+@pytest.mark.parametrize("text", ["30 shore-00", "30 Shore 00", "30 00", "30 shore-OO", "30 oo", "30.0 SHORE 00"])
+def test_shore_00_is_read_with_its_scale_only(text):
+    found = read_hardness(text)
+    assert (found.hardness, found.scale) == (30, "00")
+
+
+@pytest.mark.parametrize("text", ["10 shore-00", "95 00", "19 A", "85 shore-a", "0 A", "100 oo"])
+def test_hardness_outside_the_range_of_its_scale_is_refused_with_that_range(text):
+    with pytest.raises(InputError, match=r"the relations hold for 20\.\.[89]0 Shore (A|00), not for"):
+        read_hardness(text)
 
 
 @pytest.mark.parametrize(
-    "text", ["", "A", "-30", "30 mm", "shore-a 30", "30 shore-d", "50 00", True, None, "1e9", "nan"]
+    "text",
+    [
+        "",
+        "A",
+        "-30",
+        "30 mm",
+        "shore-a 30",
+        "30 shore-d",
+        "50 0",
+        "50 000",
+        "50 shore-a0",
+        "00-30",
+        "30 a 00",
+        True,
+        None,
+        "1e9",
+        "nan",
+    ],
 )
 def test_what_is_no_hardness_is_refused(text):
     with pytest.raises(InputError, match="--hardness: "):

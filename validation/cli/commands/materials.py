@@ -38,6 +38,7 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json =
         softcover materials
         softcover materials dragon-skin-30
         softcover materials --hardness 30
+        softcover materials --hardness "30 shore-00"
         softcover materials --json
     """
     from meshes.catalogue import MATERIALS
@@ -109,9 +110,11 @@ def _show_hardness(found: HardnessModulus) -> None:
         "source": found.source,
         "PSF": PSF_NOTE,
     }
-    print_rows(rows.items(), title=f"{found.shore_a:g} Shore A")
+    print_rows(rows.items(), title=str(found))
     show("")
-    show(f'In a sensor file: material = {{ model = "neo-hookean", hardness = "{found.shore_a:g} shore-a" }}')
+    show(
+        f'In a sensor file: material = {{ model = "neo-hookean", hardness = "{found.hardness:g} shore-{found.scale}" }}'
+    )
 
 
 def _describe_psf(material: Material) -> str:

@@ -17,6 +17,7 @@ from validation.cli.output import print_json, print_table, say
 from validation.cli.press_table import print_comparison
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
+from validation.text.friction import describe_friction, read_friction
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -44,9 +45,10 @@ _Tilt = Annotated[
     ),
 ]
 _Friction = Annotated[
-    str,
+    str | None,
     Parameter(
-        help="Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip.",
+        help="Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip; that of "
+        "the sensor file if left out.",
         allow_leading_hyphen=True,
     ),
 ]
@@ -74,7 +76,7 @@ def press(
     at: _At = "0mm,0mm",
     yaw: _Yaw = "0deg",
     tilt: _Tilt = "0deg,0deg",
-    friction: _Friction = "0",
+    friction: _Friction = None,
     accuracy: _Accuracy = None,
     model: _Model = "fem,fast",
     method: Method = "default",
@@ -139,7 +141,7 @@ def _read_request(
     indenter: str,
     force: tuple[str | None, str | None],
     pose: tuple[str, str, str],
-    friction: str,
+    friction: str | None,
     accuracy: str | None,
     model: str,
     method: str,
@@ -171,14 +173,14 @@ def _read_request(
     if found and position:
         collect(faults, lambda: _check_position(found.array, position))
     collect(faults, lambda: _check_files(*files, models))
-    if faults or not (found and shape and position and models) or angle is None or coefficient is None or tilt is None:
+    if faults or not (found and shape and position and models) or angle is None or tilt is None:
         raise InputError(*faults)
     case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle, tilt=tilt)
     return _Request(
         sensor=found,
         case=case,
         depth=depth,
-        friction=coefficient,
+        friction=coefficient if coefficient is not None else getattr(found, "friction", 0.0),
         accuracy=wanted,
         models=models,
         method=method,
@@ -194,6 +196,11 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     from validation.press.fields_file import write_indentation
 
     files: tuple[str, ...] = ()
+    if request.friction and "fast" in request.models:
+        say(
+            f"softcover: warning: the fast model has no friction; {describe_friction(request.friction)} is used by the "
+            "finite elements alone"
+        )
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
         with Progress() as progress:
@@ -328,27 +335,20 @@ def _read_models(text: str) -> tuple[str, ...]:
     return names
 
 
-def _read_friction(text: str, *, used: bool) -> float:
+def _read_friction(text: str | None, *, used: bool) -> float | None:
     """Parse the friction coefficient between indenter and cover; infinite for `no-slip` [-].
 
     Args:
-        text: Value of the option `--friction`.
+        text: Value of the option `--friction`, None if it is not given.
         used: Whether finite elements are computed; the fast model has no friction.
 
     Raises:
         InputError: If the text is not a coefficient, or the coefficient is not zero and no finite elements are
             computed.
     """
-    value = math.inf
-    if text.strip() != "no-slip":
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not 0 <= value < math.inf:
-            raise InputError(
-                f"--friction: {text!r} is not zero, a positive number or no-slip; for example --friction 0.4"
-            )
+    if text is None:
+        return None
+    value = read_friction(text, place="--friction", example="--friction 0.4")
     if value and not used:
         raise InputError("--friction: the fast model has none; leave it out, or let --model name fem")
     return value

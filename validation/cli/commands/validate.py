@@ -92,9 +92,15 @@ def _evaluate(
     from validation.campaign.evaluation import evaluate
     from validation.output_folder import new_folder
     from validation.report import require, write_report
+    from validation.text.friction import describe_friction
 
     started = time.perf_counter()
     require()
+    if sensor.friction:
+        say(
+            f"friction {describe_friction(sensor.friction)} from {sensor.source} in the finite elements of every case, "
+            "which takes minutes for each flat face; the fast model has none"
+        )
     with new_folder(out) as folder, Progress() as progress:
         evaluation = evaluate(sensor, recordings=recordings, recorded=recorded, progress=progress)
         progress("report")

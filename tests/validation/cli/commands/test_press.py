@@ -119,5 +119,6 @@ def test_what_is_no_coefficient_of_friction_is_refused(text):
 def test_no_slip_is_an_infinite_coefficient_that_only_the_finite_elements_use():
     assert _read_friction("no-slip", used=True) == np.inf
     assert _read_friction("0", used=False) == 0
+    assert _read_friction(None, used=False) is None
     with pytest.raises(InputError, match="the fast model has none"):
         _read_friction("no-slip", used=False)
