@@ -1,9 +1,9 @@
 """Damaged files of strangers, read in worker processes: `python benchmarks/fuzz_inputs.py --files 10000`.
 
-Each file is a good sensor file, parameters folder, MCAP or CSV recording, npz file, or STL file that was damaged at
-random: flipped bits, cut ends, repeated or removed parts, and extreme numbers, names and brackets in the place of
-words.  A file passes if it is read, or refused by a documented error, within 2 s of processor time and 500 MB above the
-memory of the process at its start, and if nothing is written outside the output folder.
+Each file is a good sensor file, parameters folder, MCAP or CSV recording, bag of another program, npz file, or STL file
+that was damaged at random: flipped bits, cut ends, repeated or removed parts, and extreme numbers, names and brackets
+in the place of words.  A file passes if it is read, or refused by a documented error, within 2 s of processor time and
+500 MB above the memory of the process at its start, and if nothing is written outside the output folder.
 """
 
 from __future__ import annotations
@@ -105,7 +105,46 @@ def make_good_files() -> dict[str, dict[str, bytes]]:
         "csv": {"a.csv": csv},
         "binary stl": {"a.stl": make_stl(binary=True)},
         "ascii stl": {"a.stl": make_stl(binary=False)},
+        **make_bags(),
     }  # fmt: skip
+
+
+def make_bags() -> dict[str, dict[str, bytes]]:
+    """Make recordings of 3 x 2 texels as other programs write them: a ROS 1 file, a ROS 2 folder and an MCAP file."""
+    import numpy as np
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    kind = "std_msgs/msg/UInt8MultiArray"
+
+    def fill(writer: Writer1 | Writer2, store: Stores, encode: str) -> None:
+        types = get_typestore(store)
+        side, layout = (types.types[f"std_msgs/msg/MultiArray{name}"] for name in ("Dimension", "Layout"))
+        sides = [side(label=name, size=size, stride=1) for name, size in (("rows", 3), ("columns", 2))]
+        with writer:
+            connection = writer.add_connection("/pad", kind, typestore=types)
+            for k in range(20):
+                data = np.arange(k, k + 6, dtype=np.uint8)
+                message = types.types[kind](layout=layout(dim=sides, data_offset=0), data=data)
+                writer.write(connection, k * 10**7, bytes(getattr(types, encode)(message, kind)))
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        first = Writer1(folder / "a.bag")
+        first.set_compression(first.CompressionFormat.BZ2)
+        fill(first, Stores.ROS1_NOETIC, "serialize_ros1")
+        for plugin in (StoragePlugin.SQLITE3, StoragePlugin.MCAP):
+            second = Writer2(folder / plugin.name, version=9, storage_plugin=plugin)
+            fill(second, Stores.ROS2_JAZZY, "serialize_cdr")
+        files = {file.name: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+        metadata = (folder / "SQLITE3" / "metadata.yaml").read_bytes()
+    return {
+        "ros1 bag": {"a.bag": files["a.bag"]},
+        "ros2 folder": {"SQLITE3.db3": files["SQLITE3.db3"], "metadata.yaml": metadata},
+        "ros2 mcap": {"b.mcap": files["MCAP.mcap"]},
+    }
 
 
 def make_stl(*, binary: bool) -> bytes:
@@ -151,13 +190,18 @@ def write_damaged(kind: str, random: Random, folder: Path) -> Path:
     """Write a damaged input of a kind; return the path that a command names."""
     files = dict(make_good_files()[kind])
     name = "cover.npz" if kind == "npz" else random.choice([each for each in files if each != "cover.npz"])
-    files[name] = damage(files[name], random, text=name.endswith((".toml", ".csv")) or kind == "ascii stl")
+    files[name] = damage(files[name], random, text=name.endswith((".toml", ".csv", ".yaml")) or kind == "ascii stl")
     if kind == "npz":  # with the right hash, so that the content is read
         stated = f'sha256 = "{hashlib.sha256(files[name]).hexdigest()}"'.encode()
         files["parameters.toml"] = re.sub(rb'sha256 = ".*"', stated, files["parameters.toml"])
     for each, content in files.items():
         (folder / each).write_bytes(content)
-    return folder if "parameters.toml" in files else folder / next(iter(files))
+    return find_input(files, folder)
+
+
+def find_input(files: dict[str, bytes], folder: Path) -> Path:
+    """Return the path that a command names: the folder, if the files are one input together, else the first file."""
+    return folder if files.keys() & {"parameters.toml", "metadata.yaml"} else folder / next(iter(files))
 
 
 def read_damaged(kind: str, path: Path, out: Path) -> str:
@@ -169,7 +213,7 @@ def read_damaged(kind: str, path: Path, out: Path) -> str:
 
     if kind in ("parameters", "npz"):
         return run(main, ["export", str(path), "--format", "gazebo", "--out", str(out)])
-    if kind in ("mcap", "csv"):
+    if kind in ("mcap", "csv") or kind.startswith("ros"):
         return run(main, ["import", str(path), "--out", str(out), "--json"])
     try:
         load(path) if kind in ("sensor file", "positions") else read_indenter(f"mesh:path={path}")
@@ -221,11 +265,10 @@ def try_file(kind: str, seed: int) -> tuple[str, str, float, float]:
 def warm_up() -> None:
     """Read one good file of each kind, so that imports do not count."""
     for kind, files in make_good_files().items():
-        with tempfile.TemporaryDirectory() as name:
+        with tempfile.TemporaryDirectory() as name, tempfile.TemporaryDirectory() as out:
             for each, content in files.items():
                 (Path(name) / each).write_bytes(content)
-            first = Path(name) if "parameters.toml" in files else Path(name) / next(iter(files))
-            outcome = read_damaged(kind, first, Path(name) / "out")
+            outcome = read_damaged(kind, find_input(files, Path(name)), Path(out) / "out")
             if outcome != "read":
                 raise RuntimeError(f"the good {kind} is {outcome}")
 

@@ -10,6 +10,7 @@ import pytest
 
 PATH = Path(__file__).parents[2] / "benchmarks" / "fuzz_inputs.py"
 KINDS = ("sensor file", "positions", "parameters", "npz", "mcap", "csv", "binary stl", "ascii stl")
+BAGS = ("ros1 bag", "ros2 folder", "ros2 mcap")
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def fuzzer():
     return module
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS + BAGS)
 def test_damaged_files_are_read_or_refused(fuzzer, kind, caplog):
     assert kind in fuzzer.make_good_files()
     for seed in range(6):

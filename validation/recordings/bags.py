@@ -8,14 +8,16 @@ multi-arrays with two dimensions.  The z component of a wrench is taken as the r
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from meshes.array import MOST_TEXELS
 from validation.errors import MissingExtraError
+from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
     CountArray,
     FloatArray,
@@ -27,6 +29,7 @@ from validation.recordings.recording import (
     hash_contents,
     make_array,
 )
+from validation.recordings.unpacking import MessageBudget, bag_limits, measure_bag
 
 #: Names of the message fields in which public tactile drivers give the number of rows, the number of columns and the
 #: counts.  Of several names that a message has, the first in the list is used.
@@ -84,12 +87,15 @@ def read(
     """
     path = Path(path)
     collector = _Collector()
-    for name, time, message in _read_messages(path):
+
+    def collect(name: str, time: int, message: object) -> None:
         force = _find_force(message)
         if force is not None:
             collector.forces.append((time, force))
         elif topic is None or name == topic:
             _add_frames(path, collector, time, _find_frames(path, name, message, rows, columns))
+
+    _read_messages(path, collect)
     return _make_recording(path, collector, topic)
 
 
@@ -103,19 +109,29 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
         RecordingError: If the bag cannot be read or holds no wrench messages.
     """
     path = Path(path)
-    forces = ((time, _find_force(message)) for _, time, message in _read_messages(path))
-    found = [(time * _SECONDS_PER_NANOSECOND, force) for time, force in forces if force is not None]
+    found: list[tuple[float, float]] = []
+
+    def collect(_: str, time: int, message: object) -> None:
+        force = _find_force(message)
+        if force is not None:
+            found.append((time * _SECONDS_PER_NANOSECOND, force))
+
+    _read_messages(path, collect)
     if not found:
         raise RecordingError(f"{path}: no forces; expected a topic of wrenches")
     times, values = np.array(sorted(found)).T
     return times, values
 
 
-def _read_messages(path: Path) -> Iterator[tuple[str, int, Any]]:
-    """Yield topic, time [ns] and content of each message in a bag, in order of time, without messages of unknown type.
+def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> None:
+    """Read each message in a bag, in order of time, without messages of unknown type.
+
+    Args:
+        path: The bag.
+        collect: Called with topic, time [ns] and content of each message.
 
     Raises:
-        RecordingError: If the bag is missing or damaged.
+        RecordingError: If the bag is missing, damaged or larger than is accepted.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -124,12 +140,16 @@ def _read_messages(path: Path) -> Iterator[tuple[str, int, Any]]:
         raise MissingExtraError("device", "rosbags") from error
     if not path.exists():
         raise RecordingError(f"{path}: no such file; expected a ROS bag")
+    size = measure_bag(path)
+    budget = MessageBudget(path, size)
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        with bag_limits(path, size), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             known = [connection for connection in reader.connections if connection.msgtype in reader.typestore.types]
             for connection, received, data in reader.messages(connections=known):
                 message = reader.deserialize(data, connection.msgtype)
-                yield connection.topic, _find_time(message, received), message
+                time = _find_time(message, received)
+                budget.spend(connection.topic, len(data), (received, time))
+                collect(connection.topic, time, message)
     except RecordingError:
         raise
     except Exception as error:
@@ -168,9 +188,11 @@ def _find_frames(
     """
     encoding = getattr(message, "encoding", None)
     if encoding is not None:
-        return [_read_image(path, name, message)] if encoding in _PIXEL_TYPES else []
+        return _read_image(path, name, message) if encoding in _PIXEL_TYPES else []
     parts = getattr(message, "tactile_matrix", None)
     if parts is not None:
+        if len(parts) > MOST_ARRAYS:
+            raise RecordingError(f"{path}: {name}: holds {len(parts)} arrays; at most {MOST_ARRAYS} are accepted")
         return [
             frame
             for number, part in enumerate(parts)
@@ -180,21 +202,27 @@ def _find_frames(
     shape = _find_shape(message, rows, columns)
     if shape is None or not isinstance(values, np.ndarray) or values.size != shape[0] * shape[1]:
         return []
+    if not 1 <= values.size <= MOST_TEXELS:
+        return []
     if not np.isfinite(values).all() or (values < 0).any() or (values != np.round(values)).any():
         raise RecordingError(f"{path}: {name}: values are no counts; expected whole numbers of 0 or more")
+    if values.max() > MOST_FULL_SCALE:
+        raise RecordingError(f"{path}: {name}: a count of {values.max()}; at most {MOST_FULL_SCALE} are accepted")
     return [_ArrayFrame(name, shape, values.astype(np.int32))]
 
 
-def _read_image(path: Path, name: str, message: Any) -> _ArrayFrame:  # noqa: ANN401 -- rosbags creates message types at run time
+def _read_image(path: Path, name: str, message: Any) -> list[_ArrayFrame]:  # noqa: ANN401 -- rosbags creates message types at run time
     pixel = np.dtype(_PIXEL_TYPES[message.encoding]).newbyteorder(">" if message.is_bigendian else "<")
     rows, columns, step = int(message.height), int(message.width), int(message.step)
+    if rows * columns > MOST_TEXELS:  # the picture of a camera
+        return []
     if step < columns * pixel.itemsize or len(message.data) != rows * step:
         raise RecordingError(
             f"{path}: {name}: an image of {rows} x {columns} pixels has {len(message.data)} bytes; "
             f"expected {rows} rows of {step} bytes"
         )
     lines = np.asarray(message.data).reshape(rows, step)[:, : columns * pixel.itemsize]
-    return _ArrayFrame(name, (rows, columns), np.ascontiguousarray(lines).view(pixel).astype(np.int32).ravel())
+    return [_ArrayFrame(name, (rows, columns), np.ascontiguousarray(lines).view(pixel).astype(np.int32).ravel())]
 
 
 def _find_shape(message: object, rows: int | None, columns: int | None) -> tuple[int, int] | None:
@@ -223,6 +251,8 @@ def _add_frames(path: Path, collector: _Collector, time: int, frames: Sequence[_
                 f"{frame.shape[0]} x {frame.shape[1]} texels; expected the same size in all frames"
             )
         collector.frames[frame.array].append((time, frame.counts))
+    if len(collector.shapes) > MOST_ARRAYS:
+        raise RecordingError(f"{path}: holds frames of more than {MOST_ARRAYS} arrays")
 
 
 def _make_recording(path: Path, collector: _Collector, topic: str | None) -> Recording:
@@ -231,7 +261,10 @@ def _make_recording(path: Path, collector: _Collector, topic: str | None) -> Rec
     topics = {name if name.count("/") == 1 else name.rsplit("/", 1)[0] for name in names}
     counts = {len(collector.frames[name]) for name in names}
     if not names:
-        raise RecordingError(f"{path}: no tactile frames{f' on {topic}' if topic else ''}; known are images and grids")
+        raise RecordingError(
+            f"{path}: no tactile frames{f' on {topic}' if topic else ''}; known are images and grids of at most "
+            f"{MOST_TEXELS} texels"
+        )
     if len(counts) > 1 or (len(names) > 1 and len(topics) > 1):
         raise RecordingError(f"{path}: frames on several topics; name one of {', '.join(sorted(names))}")
     series = [sorted(collector.frames[name], key=lambda frame: frame[0]) for name in names]

@@ -38,7 +38,7 @@ from validation.recordings.recording import (
     count_seconds,
     hash_contents,
 )
-from validation.recordings.unpacking import open_recorded, unpack_records
+from validation.recordings.unpacking import MessageBudget, open_recorded, unpack_records
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord, Message
@@ -52,13 +52,6 @@ _FOOTER = 0x02
 #: Largest size of a record that is read [bytes].  A damaged length field could otherwise claim all memory; the chunks
 #: that this program writes hold about 1 MiB.
 _LARGEST_RECORD = 2**27
-#: Largest amount of messages that is collected: this many bytes, and this many times the size of the file.  Frames of
-#: an idle sensor unpack to 30 times their size in the file.
-_MOST_COLLECTED, _MOST_RATIO = 2**28, 64
-#: Memory that a collected message takes besides its data [bytes].
-_MESSAGE_BYTES = 300
-#: Latest time of a frame, in the year 2262, the largest that 64 bits hold [ns since 1970].
-_LATEST = 2**63 - 1
 
 
 def read(path: str | Path) -> Recording:
@@ -72,13 +65,9 @@ def read(path: str | Path) -> Recording:
     """
     path = Path(path)
     collector = _Collector(path, complete=is_complete(path))
-    budget = _MOST_COLLECTED + _MOST_RATIO * path.stat().st_size
+    budget = MessageBudget(path, path.stat().st_size)
     for topic, message in _read_messages(path):
-        budget -= len(message.data) + _MESSAGE_BYTES
-        if budget < 0:
-            raise RecordingError(f"{path}: holds far more messages than a recording of its size")
-        if max(message.log_time, message.publish_time) > _LATEST:
-            raise RecordingError(f"{path}: damaged: a message of {topic} has no possible time")
+        budget.spend(topic, len(message.data), (message.log_time, message.publish_time))
         try:
             collector.add(topic, message)
         except RecordingError:

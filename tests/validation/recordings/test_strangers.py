@@ -14,7 +14,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import lz4, zstandard
 from mcap.writer import CompressionType, Writer
 
-from validation.recordings import labels, mcap_reader
+from validation.recordings import labels, unpacking
 from validation.recordings.importing import open_recording, save
 from validation.recordings.mcap_writer import FORCE_TOPIC, GAP_TOPIC, SETUP_TOPIC, TEMPERATURE_TOPIC, name_topics
 from validation.recordings.recording import Recording, RecordingError, make_array
@@ -229,8 +229,8 @@ def test_a_small_file_with_a_large_chunk_is_refused(tmp_path):
 
 
 def test_more_messages_than_a_file_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(mcap_reader, "_MOST_COLLECTED", 10_000)
-    monkeypatch.setattr(mcap_reader, "_MOST_RATIO", 0)
+    monkeypatch.setattr(unpacking, "_MOST_COLLECTED", 10_000)
+    monkeypatch.setattr(unpacking, "_MOST_RATIO", 0)
     save(simple_recording(frames=100), tmp_path / "a.mcap")
     refuse(tmp_path / "a.mcap", "far more messages")
 
