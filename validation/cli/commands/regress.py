@@ -1,8 +1,8 @@
-"""The command `softcover regress`, which compares the accuracy of a sensor's fast model with stored scores."""
+"""The command `softcover regress`, which compares everything that a sensor's fast model does with stored values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,68 +10,119 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.failures import CHECK_FAILED, DONE
-from validation.cli.options import Json, SensorFile
-from validation.cli.output import print_json, print_table, say, show
+from validation.cli.options import Json, Sensor
+from validation.cli.output import print_json, say, show
 from validation.cli.progress import Progress
+from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.text import Text
+    from fastmodel import Parameters
+    from validation.regression.baseline import Baseline
+    from validation.regression.subject import Subject
+    from validation.sensor_file import SensorDescription
 
-    from validation.regress import Change
+_BaselineFile = Annotated[Path, Parameter(help="File with the stored values.")]
+_Update = Annotated[bool, Parameter(help="Store the present values and print what changed, instead of checking.")]
+_Junit = Annotated[Path | None, Parameter(help="File for the verdict as JUnit XML, one test case per quantity.")]
+_Seed = Annotated[int, Parameter(help="Seed of the noise, from 0 on; no seed changes the verdict.")]
 
 
 def regress(
-    sensor: SensorFile,
+    sensor: Sensor,
     *,
-    baseline: Annotated[Path, Parameter(help="File with the stored scores.")] = Path("baseline.json"),
-    update: Annotated[bool, Parameter(help="Store the present scores instead of comparing.")] = False,
+    baseline: _BaselineFile = Path("baseline.json"),
+    update: _Update = False,
+    junit: _Junit = None,
+    seed: _Seed = 0,
     json: Json = False,
 ) -> int:
-    """Compare the fast model's accuracy with a stored baseline; exit with 1 if it dropped.
+    """Compare what the fast model of a sensor measures with a stored baseline; exit with 1 if anything changed.
+
+    Checks the fitted kernel, the filter under a load step, noise, characteristic, saturation, frames, the orientation
+    of images, all contact methods, the metrics, and the accuracy against finite elements.  It prints one line for each
+    quantity that changed.  For a folder that `derive --out` wrote, what needs finite elements is left out.
 
     Examples of use:
 
-        softcover regress wts-0614-34 --baseline baseline.json --update
-        softcover regress wts-0614-34 --baseline baseline.json
+        softcover regress wts-0614-34 --update
+        softcover regress wts-0614-34
+        softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
+        softcover regress my-parameters --baseline ci/parameters.json
     """
-    from validation.campaign.case import default_cases
-    from validation.campaign.run import run_campaign
-    from validation.cli.sensors import read_description
-    from validation.derivation.derive import derive
-    from validation.regress import compare_baselines, load_baseline, make_baseline
+    from validation.cli.sensors import read_sensor
+    from validation.regression.baseline import compare, make_baseline, merge, read_baseline
+    from validation.regression.junit import write_junit
+    from validation.regression.quantities import measure
+    from validation.regression.subject import describe_sensor
+    from validation.sensor_file import SensorDescription
 
-    description = read_description(sensor)
-    # Read the baseline first, so that a fault in it is reported before the long computation.
-    stored = None if update else load_baseline(baseline)
+    started = time.perf_counter()
+    _check_options(baseline, junit, seed, update=update)
+    source = read_sensor(sensor)
+    derived = isinstance(source, SensorDescription)
+    name = source.name if isinstance(source, SensorDescription) else source.array.name
+    described = describe_sensor(name, source.array, derived=derived)
+    # The baseline is read before the long computation, so that a fault in it is reported at once.
+    stored = None if update and not baseline.exists() else read_baseline(baseline, described)
     with Progress() as progress:
-        parameters = derive(description, progress=progress).parameters
-        campaign = run_campaign(description.cover, parameters, default_cases(description.array), progress=progress.step)
-    now = make_baseline(description, campaign)
-    cases = len(now.scores) - 1
-    if stored is None:
-        now.save(baseline)
-        say(f"wrote {baseline}: {cases} cases")
-        return DONE
-    changes = compare_baselines(stored, now)
-    worse = sum(change.worse for change in changes)
+        readings, failures = measure(_make_subject(source, seed, progress), progress=progress)
+    now = make_baseline(described, readings)
+    changes = [] if stored is None else compare(stored, now, failures)
+    if update:
+        merge(stored, now, changes).write(baseline)
     if json:
-        print_json({"worse": worse, "changes": [asdict(change) for change in changes], "scores": now.scores})
-        return CHECK_FAILED if worse else DONE
-    if changes:
-        headings = ("case", "metric", "before", "now", "tolerance", "")
-        print_table(headings, _list_changes(changes), title="Scores that moved by more than their tolerance", left=2)
-    show(f"{cases} cases: {f'{worse} scores became worse' if worse else 'no score became worse'}")
-    if changes and not worse:
-        show("accuracy rose: store it with --update")
-    return CHECK_FAILED if worse else DONE
+        print_json({"changed": len(changes), "changes": [asdict(each) for each in changes], **now.as_json()})
+    else:
+        for change in changes:
+            show(f"{change.quantity}: {change.text}")
+    for title, reason in failures.items():
+        say(f"not measured: {title}: {reason}")
+    if update:
+        say(f"wrote {baseline}: {len(readings)} quantities, {len(changes) if stored else 'all'} changed or new")
+        return DONE
+    seconds = time.perf_counter() - started
+    say(f"{len(readings)} quantities of {name} measured in {seconds:.1f} s: {len(changes) or 'none'} changed")
+    if changes and stored is not None:
+        _advise(stored, now, sensor, baseline)
+    if junit is not None:
+        write_junit(junit, described, now.readings, changes, seconds=seconds)
+    return CHECK_FAILED if changes else DONE
 
 
-def _list_changes(changes: Sequence[Change]) -> Iterator[tuple[str | Text, ...]]:
-    from rich.text import Text
+def _check_options(baseline: Path, junit: Path | None, seed: int, *, update: bool) -> None:
+    """Refuse options that cannot be carried out, before the long computation."""
+    faults = []
+    if update and junit is not None:
+        faults.append("--junit, --update: give one of the two; --update checks nothing")
+    if seed < 0:
+        faults.append(f"--seed: accepted: 0 or more, not {seed}")
+    for option, path in (("--baseline", baseline if update else None), ("--junit", junit)):
+        if path is not None and path.is_dir():
+            faults.append(f"{option}: {path} is a folder; name a file")
+    if faults:
+        raise InputError(*faults)
 
-    from validation.regress import TOLERANCES
 
-    for change in changes:
-        numbers = (change.before, change.now, TOLERANCES[change.metric])
-        verdict = Text("worse", style="red") if change.worse else Text("better", style="green")
-        yield change.case, change.metric, *("none" if value is None else f"{value:.4g}" for value in numbers), verdict
+def _make_subject(source: SensorDescription | Parameters, seed: int, progress: Progress) -> Subject:
+    """Derive the parameters of a described sensor, and make the subject of the measurement."""
+    from validation.regression.subject import Subject
+    from validation.sensor_file import SensorDescription
+
+    if not isinstance(source, SensorDescription):
+        return Subject(parameters=source, seed=seed)
+    from validation.derivation.derive import derive
+
+    found = derive(source, progress=progress)
+    return Subject(parameters=found.parameters, derivation=found, seed=seed, progress=progress.step)
+
+
+def _advise(stored: Baseline, now: Baseline, sensor: str, baseline: Path) -> None:
+    """Say what may have caused the changes, and what to do."""
+    others = ", ".join(
+        f"{name} {stored.versions.get(name, 'none')} -> {version}"
+        for name, version in now.versions.items()
+        if stored.versions.get(name) != version
+    )
+    if others:
+        say(f"other versions than in the baseline: {others}")
+    say(f"if the changes are meant: softcover regress {sensor} --baseline {baseline} --update")

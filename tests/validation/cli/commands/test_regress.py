@@ -1,0 +1,159 @@
+"""The command `softcover regress`, on folders of parameters and on sensors that are derived."""
+
+import json
+import os
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import fastmodel
+from fastmodel import Butterworth, Electronics, Gaussian, Parameters
+from meshes import TexelArray
+
+
+@pytest.fixture
+def parameters():
+    """Parameters of a small array without a cover."""
+    return Parameters(
+        array=TexelArray.grid(8, 5, 3e-3, name="small"),
+        spread=Gaussian.from_sigma(0.5),
+        electronics=Electronics(rate_hz=100.0, sensitivity=1000.0),
+        filter=Butterworth(cutoff_hz=30.0),
+    )
+
+
+@pytest.fixture
+def regress(softcover, parameters, tmp_path):
+    """Run the command on a folder of these parameters or of changed ones."""
+
+    def run(*words, changed=parameters):
+        changed.save(tmp_path / "folder")
+        return softcover("regress", tmp_path / "folder", *words)
+
+    return run
+
+
+def test_verdict_on_a_folder_of_parameters(regress, parameters, tmp_path):
+    status, out, err = regress()
+    assert (status, out) == (2, "")
+    assert "no such file; write one with --update" in err
+    status, out, err = regress("--update")
+    assert (status, out) == (0, "")
+    assert "all changed or new" in err
+    stored = (tmp_path / "baseline.json").read_text()
+    status, out, err = regress("--junit", "report/junit.xml")
+    assert (status, out) == (0, "")
+    assert "none changed" in err
+    suite = ET.parse(tmp_path / "report" / "junit.xml").getroot()[0]  # noqa: S314 -- ours
+    assert suite.get("failures") == "0"
+    assert int(suite.get("tests")) == len(json.loads(stored)["quantities"]) == len(suite)
+    assert "accuracy" not in stored
+    assert "cover" not in {
+        title.split(":")[1].split(",")[0].strip()
+        for title in json.loads(stored)["quantities"]
+        if title.startswith("H:")
+    }
+
+
+def test_a_change_is_told_stored_and_then_passes(regress, parameters, tmp_path):
+    regress("--update")
+    before = (tmp_path / "baseline.json").read_text().splitlines()
+    other = replace(parameters, electronics=replace(parameters.electronics, sensitivity=1050.0))
+    status, out, err = regress("--junit", "junit.xml", changed=other)
+    assert status == 1
+    assert "characteristic: sensitivity: rose from 999.76 to 1049.7 counts/N (+5 %), tolerance 0.5 % of value" in out
+    assert {line.split(":")[0] for line in out.splitlines()} == {"characteristic"}
+    assert "if the changes are meant: softcover regress" in err
+    failures = ET.parse(tmp_path / "junit.xml").getroot().findall(".//failure")  # noqa: S314 -- ours
+    assert [each.get("message") for each in failures] == out.splitlines()
+    status, out, err = regress("--update", changed=other)
+    assert status == 0
+    assert "characteristic: sensitivity: rose from 999.76 to 1049.7 counts/N" in out
+    after = (tmp_path / "baseline.json").read_text().splitlines()
+    changed = [line for line in after if line not in before]
+    assert any('"characteristic: sensitivity"' in line for line in changed)
+    assert len(changed) < 10
+    assert regress(changed=other)[0] == 0
+
+
+def test_json_holds_changes_and_all_values(regress, parameters):
+    regress("--update")
+    other = replace(parameters, filter=Butterworth(cutoff_hz=31.5))
+    status, out, _ = regress("--json", changed=other)
+    found = json.loads(out)
+    assert status == 1
+    assert found["changed"] == len(found["changes"]) == 1
+    assert found["changes"][0]["quantity"] == "filter: rise time"
+    assert found["changes"][0]["now"] < found["changes"][0]["before"]
+    assert found["quantities"]["filter: rise time"]["unit"] == "ms"
+
+
+def test_bad_options_are_refused_before_anything_is_measured(regress, softcover, tmp_path):
+    (tmp_path / "folder").mkdir()
+    for words, fault in (
+        (("--update", "--junit", "a.xml"), "give one of the two"),
+        (("--seed=-1",), "--seed: accepted: 0 or more"),
+        (("--update", "--baseline", "."), "is a folder; name a file"),
+        (("--junit", "."), "is a folder; name a file"),
+    ):
+        status, out, err = regress(*words)
+        assert (status, out) == (2, "")
+        assert fault in err
+    assert softcover("regress")[0] == 2
+    assert softcover("regress", "nosuch")[0] == 2
+
+
+def test_a_baseline_of_another_sensor_is_neither_compared_nor_replaced(regress, parameters, tmp_path):
+    path = tmp_path / "baseline.json"
+    regress("--update")
+    before = path.read_bytes()
+    other = replace(parameters, array=TexelArray.grid(5, 8, 3e-3, name="small"))
+    for words in ((), ("--update",)):
+        status, out, err = regress(*words, changed=other)
+        assert (status, out) == (2, "")
+        assert "belongs to 'small: 8 rows x 5 columns" in err
+    path.write_text('{"name": "of another program"}')
+    assert regress("--update")[0] == 2
+    assert path.read_text() == '{"name": "of another program"}'
+    path.write_bytes(before)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_an_unwritable_folder_is_told(regress, tmp_path):
+    (tmp_path / "locked").mkdir(mode=0o500)
+    status, _, err = regress("--update", "--baseline", "locked/baseline.json")
+    assert status == 3
+    assert "locked" in err
+
+
+def test_a_file_that_cannot_be_written_leaves_the_old_one(regress, softcover, parameters, tmp_path, monkeypatch):
+    regress("--update")
+    replace(parameters, filter=None).save(tmp_path / "folder")
+    before = (tmp_path / "baseline.json").read_bytes()
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    status, _, err = softcover("regress", tmp_path / "folder", "--update")
+    assert status == 3
+    assert "No space left on device" in err
+    assert (tmp_path / "baseline.json").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_a_built_in_sensor_is_derived_and_scored(softcover, tmp_path):
+    assert softcover("regress", "wts-0614-34", "--update")[0] == 0
+    status, out, err = softcover("regress", "wts-0614-34", "--seed", "3")
+    assert (status, out) == (0, "")
+    data = json.loads((tmp_path / "baseline.json").read_text())
+    data["quantities"]["accuracy: misplaced force"]["value"]["sphere, texel"] -= 1.0
+    (tmp_path / "baseline.json").write_text(json.dumps(data))
+    status, out, err = softcover("regress", "wts-0614-34")
+    assert status == 1
+    assert out.startswith("accuracy: misplaced force: 1 of 17 numbers changed, most: sphere, texel rose from")
+    fastmodel.load("wts-0614-34").save(tmp_path / "folder")
+    status, _, err = softcover("regress", tmp_path / "folder")
+    assert status == 2
+    assert "without finite elements" in err

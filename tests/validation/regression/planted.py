@@ -1,0 +1,311 @@
+# ruff: noqa: E501 -- one plant per line
+"""Planted changes of the product: each one patches the code, or changes the parameters of the fast model.
+
+A plant takes pytest's `monkeypatch` and the healthy parameters, and returns the parameters to measure.
+"""
+
+import inspect
+import textwrap
+from dataclasses import replace
+
+import numpy as np
+
+import fastmodel.bench
+import fastmodel.contact.area
+import fastmodel.pressure.cell_grid
+import fastmodel.signal.electronics
+import fastmodel.signal.point_spread
+import validation.campaign.pooling
+import validation.metrics
+from fastmodel import Butterworth, ChainFunctions, CoverCells, Electronics, Gaussian
+from fastmodel.contact.area import AreaReader
+from fastmodel.contact.boxes import BoxReader
+from fastmodel.contact.cover import _PressureReader
+from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.running import RunningSensor
+from fastmodel.signal.chain import SignalChain
+from fem_reference.indentation import press
+from validation.campaign import case
+from validation.regression import fixed_images
+
+
+def rewrite(monkeypatch, owner, name, old, new):
+    """Replace a piece of the source of a function or method, as an edit of the file would."""
+    module = inspect.getmodule(getattr(owner, name))
+    source = textwrap.dedent(inspect.getsource(getattr(owner, name)))
+    assert source.count(old) == 1, f"{name}: {old!r} stands {source.count(old)} times in the source"
+    names = {}
+    exec(compile(source.replace(old, new), module.__file__, "exec"), vars(module) | {}, names)  # noqa: S102 -- ours
+    monkeypatch.setattr(owner, name, names[name])
+
+
+def edit(owner, name, old, new):
+    def plant(monkeypatch, parameters):
+        rewrite(monkeypatch, owner, name, old, new)
+        return parameters
+
+    return plant
+
+
+def scale_result(owner, name, factor):
+    def plant(monkeypatch, parameters):
+        healthy = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *args, **options: factor * healthy(*args, **options))
+        return parameters
+
+    return plant
+
+
+def change(**parts):
+    """Change fields of parts of the parameters, as an edit of `parameters.toml` would."""
+
+    def plant(monkeypatch, parameters):
+        return replace(parameters, **{part: replace(getattr(parameters, part), **each) for part, each in parts.items()})
+
+    return plant
+
+
+def own_filter(**values):
+    return lambda monkeypatch, parameters: replace(parameters, filter=Butterworth(**values))
+
+
+def kernel_sigma(factor):
+    def plant(monkeypatch, parameters):
+        healthy = fastmodel.signal.point_spread.sample_gaussian
+        monkeypatch.setattr(
+            fastmodel.signal.point_spread, "sample_gaussian", lambda at, sigma, size: healthy(at, factor * sigma, size)
+        )
+        return parameters
+
+    return plant
+
+
+def fitted_sigma(factor):
+    def plant(monkeypatch, parameters):
+        kernel = parameters.spread
+        spread = replace(kernel, sigma_x=factor * kernel.sigma_x, sigma_y=factor * kernel.sigma_y)
+        return replace(parameters, spread=spread)
+
+    return plant
+
+
+def change_image(turn):
+    def plant(monkeypatch, parameters):
+        healthy = ChainFunctions.frame
+
+        def frame(self, state, noise=None):
+            state, output = healthy(self, state, noise)
+            return state, output._replace(image=np.array(turn(output.image)))
+
+        monkeypatch.setattr(ChainFunctions, "frame", frame)
+        return parameters
+
+    return plant
+
+
+def change_texel(factor, texel=17):
+    def plant(monkeypatch, parameters):
+        gains = np.ones(parameters.array.count)
+        gains[texel] = factor
+        return replace(parameters, electronics=replace(parameters.electronics, gains=tuple(gains)))
+
+    return plant
+
+
+def lag(monkeypatch, parameters):
+    """Make the chain pass each sample on only when the next one arrives."""
+    healthy = SignalChain.take
+
+    def take(self, reading):
+        before, self.waiting = getattr(self, "waiting", reading), reading
+        healthy(self, before)
+
+    monkeypatch.setattr(SignalChain, "take", take)
+    return parameters
+
+
+def shift_shares(monkeypatch, parameters):
+    """Move the force of texels under a body by 5 %, up and down in turn, with the sum as it was."""
+    healthy = AreaReader._redistribute
+
+    def redistribute(self, texel, force, place, *, tilts):
+        shared = healthy(self, texel, force, place, tilts=tilts)
+        moved = shared * np.where(np.arange(len(shared)) % 2, 0.95, 1.05)
+        return moved * shared.sum() / moved.sum()
+
+    monkeypatch.setattr(AreaReader, "_redistribute", redistribute)
+    return parameters
+
+
+def shares_by_power(monkeypatch, parameters):
+    """Share forces by area to the power of 1.05."""
+    healthy = fastmodel.contact.area._measure_polygon
+
+    def measure(points):
+        area, x, y = healthy(points)
+        return (area / 1e-5) ** 1.05 * 1e-5, x, y
+
+    monkeypatch.setattr(fastmodel.contact.area, "_measure_polygon", measure)
+    return parameters
+
+
+def dead_texel(monkeypatch, parameters):
+    """Make the electronics lose the counts of one texel."""
+    healthy = Electronics.counts
+
+    def counts(self, forces, noise=None):
+        found = healthy(self, forces, noise)
+        found[..., 5] = 0
+        return found
+
+    monkeypatch.setattr(Electronics, "counts", counts)
+    return parameters
+
+
+def cover_depth(monkeypatch, parameters):
+    healthy = _PressureReader._sum
+
+    def total(self, *args):
+        reading = healthy(self, *args)
+        return reading if reading.approach is None else reading._replace(approach=1.05 * reading.approach)
+
+    monkeypatch.setattr(_PressureReader, "_sum", total)
+    return parameters
+
+
+def transposed_influence(monkeypatch, parameters):
+    """Take the influence of a cell with rows and columns exchanged."""
+    healthy = CoverCells.influence_factors.func
+    monkeypatch.setattr(CoverCells, "influence_factors", property(lambda self: healthy(self)[::-1]))
+    return parameters
+
+
+FLOAT = "measured = as_floats(xp, forces)"
+#: Plants that are asked for by name, with the group and words of the title of a quantity that must be red.
+REQUIRED = {
+    "sigma of the kernel +3 %": (kernel_sigma(1.03), "spread: share"),
+    "fitted sigma +3 %": (fitted_sigma(1.03), "spread: share"),
+    "cut-off +5 %": (edit(Butterworth, "sections", "np.pi * self.cutoff_hz", "1.05 * np.pi * self.cutoff_hz"), "filter: rise time"),
+    "cut-off +5 %, of the sensor": (own_filter(cutoff_hz=31.5, order=2), "filter: rise time"),
+    "sensitivity +5 %": (change(electronics={"sensitivity": 1.05 * 2665.7}), "characteristic: sensitivity"),
+    "sensitivity +5 %, in the code": (
+        edit(Electronics, "counts", "self.sensitivity * applied", "1.05 * self.sensitivity * applied"),
+        "characteristic: sensitivity",
+    ),
+    "one texel dead": (dead_texel, "characteristic: counts of each texel"),
+    "one texel dead, by its gain": (change_texel(0.0), "characteristic: counts of each texel"),
+    "image transposed": (change_image(np.transpose), "orientation: image"),
+    "filter order one too high": (edit(Butterworth, "sections", "angles = np.pi", "self = type(self)(cutoff_hz=self.cutoff_hz, order=self.order + 1); rows = [_first_order(K)] if self.order % 2 else []; angles = np.pi"), "filter: overshoot"),
+    "filter order one too low, of the sensor": (own_filter(cutoff_hz=30.0, order=1), "filter: overshoot"),
+    "load +3 %": (edit(fastmodel.bench, "add_indenter", "= load / STANDARD_GRAVITY", "= 1.03 * load / STANDARD_GRAVITY"), "H: cover, load carried"),
+    "saturation 5 % low": (
+        edit(fastmodel.signal.electronics, "saturate", "xp = find", "output_max = 0.95 * output_max; xp = find"),
+        "characteristic: largest count (saturation)",
+    ),
+    "saturation 5 % low, of the sensor": (
+        change(electronics={"output_max": round(0.95 * 3895)}),
+        "characteristic: largest count (saturation)",
+    ),
+    "noise doubled": (edit(Electronics, "counts", "self.noise * drawn", "2 * self.noise * drawn"), "noise: standard deviation"),
+    "frame one step late": (lag, "frames: delay of the force"),
+    "frame one step late, in its time": (
+        edit(RunningSensor, "_count_due", "(time - self._start)", "(time - self._start - self._timestep)"),
+        "frames: time of the first frames",
+    ),
+    "area shares 5 %": (shift_shares, "H: area, force of each texel"),
+    "area shares by a power of 1.05": (shares_by_power, "H: area, force of each texel"),
+    "misplaced force 5 % small": (scale_result(validation.metrics, "misplaced_force", 0.95), "metric: misplaced force"),
+    "relative L2 5 % small": (scale_result(validation.metrics, "relative_l2", 0.95), "metric: relative l2"),
+    "total force error 5 % small": (scale_result(validation.metrics, "total_force_error", 0.95), "metric: total force error"),
+    "centre of pressure 5 % small": (scale_result(validation.metrics, "centre_of_pressure_error", 0.95), "metric: centre of pressure"),
+    "Wasserstein 5 % small": (scale_result(validation.metrics, "wasserstein", 0.95), "metric: wasserstein"),
+    "peak error 5 % small": (scale_result(validation.metrics, "peak_error", 0.95), "metric: peak error"),
+    "image changed 5 % small": (edit(validation.metrics, "score_images", "100 * difference", "95 * difference"), "metric: image changed"),
+}  # fmt: skip
+#: Further plants of the same classes.
+NEIGHBOURS = {
+    "sigma of the kernel -3 %": (kernel_sigma(0.97), "spread: share"),
+    "fitted sigma -3 %": (fitted_sigma(0.97), "spread: share"),
+    "sigma along x and y exchanged": (edit(Gaussian, "operator", "sample_gaussian(offset_x, self.sigma_x", "sample_gaussian(offset_x, self.sigma_y"), "oblong texels: boxes, largest force after spread"),
+    "force outside lost": (edit(fastmodel.bench, "indent_together", "reading.carried - texel_forces.sum()", "0.0"), "H: boxes, force outside"),
+    "image upside down": (change_image(np.flipud), "orientation: image"),
+    "image mirrored": (change_image(np.fliplr), "orientation: image"),
+    "image turned by half a turn": (change_image(lambda image: np.rot90(image, 2)), "orientation: image"),
+    "cut-off -5 %": (edit(Butterworth, "sections", "np.pi * self.cutoff_hz", "0.95 * np.pi * self.cutoff_hz"), "filter: rise time"),
+    "filter of the sensor lost": (lambda monkeypatch, parameters: replace(parameters, filter=None), "filter: rise time"),
+    "offset +5 %": (change(electronics={"offset": -1.05 * 493.87}), "characteristic: force"),
+    "share of the calibration tip -1 %": (change(electronics={"tip_share": 0.99 * 0.7646}), "characteristic: sensitivity"),
+    "gain of one texel +3 %": (change_texel(1.03), "characteristic: counts of each texel"),
+    "frame rate +1 %": (change(electronics={"rate_hz": 1.01 * 271}), "characteristic: frame rate"),
+    "counts cut instead of rounded": (edit(Electronics, "counts", "round_half_to_even(xp, limited)", "limited"), "electronics: gains of texels"),
+    "threshold lost": (edit(Electronics, "counts", "signal - self.threshold", "signal"), "electronics: threshold"),
+    "hysteresis halved": (edit(Electronics, "apply_hysteresis", "forces - self.hysteresis_width, forces", "forces - 0.5 * self.hysteresis_width, forces"), "electronics: hysteresis"),
+    "hysteresis not reset": (
+        edit(SignalChain, "settle", "reading.carried)\n", "reading.carried)._replace(play=self._state.play) if hasattr(self, '_state') else self._functions.settle(_pressing(reading), reading.carried)\n"),
+        "reset: trace of the load before",
+    ),
+    "noise +10 %": (edit(Electronics, "counts", "self.noise * drawn", "1.1 * self.noise * drawn"), "noise: standard deviation"),
+    "noise with a mean": (edit(Electronics, "counts", "self.noise * drawn", "self.noise * (drawn + 0.1)"), "noise: mean"),
+    "noise lost": (edit(Electronics, "counts", "self.noise * drawn", "0"), "noise: standard deviation"),
+    "noise of all texels the same": (edit(Electronics, "counts", "standard_normal(measured.shape)", "standard_normal(measured.shape)[..., :1]"), "noise: correlation"),
+    "seed ignored": (edit(RunningSensor, "seed", "make_generator(seed,", "make_generator(0,"), "noise: correlation"),
+    "seed never the same": (edit(RunningSensor, "seed", "make_generator(seed, self._name)", "np.random.default_rng()"), "noise: difference for the same seed"),
+    "frame stamped one step late": (edit(RunningSensor, "step", "self.reading, self._sampled_at = reading, now", "self.reading, self._sampled_at = reading, now + self._timestep"), "frames: delay of the time"),
+    "load carried by the boxes +5 %": (edit(BoxReader, "read", "float(total.sum()) + beside", "1.05 * float(total.sum()) + beside"), "H: boxes, load carried"),
+    "cover: depth +5 %": (cover_depth, "ball: cover, depth"),
+    "foundation modulus +5 %": (scale_result(CoverCells, "foundation_modulus", 1.05), "spread: foundation modulus"),
+    "cells of the cover along x and y exchanged": (edit(CellGrid, "over", "(array.pitch[0] / per_texel, array.pitch[1] / per_texel)", "(array.pitch[1] / per_texel, array.pitch[0] / per_texel)"), "oblong texels: cover, force of each texel"),
+    "influence of the cover transposed": (transposed_influence, "oblong texels: cover, force of each texel"),
+    "force on masked texels lost": (edit(fixed_images, "score", " + float(f_all[~array.active].sum())", ""), "metric: misplaced force"),
+    "interval of pooled scores too narrow": (edit(validation.campaign.pooling, "_with_interval", "(1 - level) / 2, (1 + level) / 2", "(1 - level), level"), "pooling: mean"),
+    "skill against the own error": (edit(fixed_images, "skill", "e.mean() / c.mean()", "c.mean() / e.mean()"), "pooling: skill"),
+}  # fmt: skip
+
+
+def change_reference(**factors):
+    """Multiply results of the finite elements by factors."""
+
+    def plant(monkeypatch, parameters):
+        healthy = press.press
+
+        def changed(*args, **options):
+            found = healthy(*args, **options)
+            return replace(found, **{name: factor * getattr(found, name) for name, factor in factors.items()})
+
+        monkeypatch.setattr(press, "press", changed)
+        return parameters
+
+    return plant
+
+
+def halve_estimates(monkeypatch, parameters):
+    healthy = press.press
+
+    def changed(*args, **options):
+        found = healthy(*args, **options)
+        return replace(found, error_estimate={name: 0.5 * value for name, value in found.error_estimate.items()})
+
+    monkeypatch.setattr(press, "press", changed)
+    return parameters
+
+
+#: Plants that only sensors under a known cover show, with all titles that must be red.
+REFERENCE = {
+    "load +3 %, as read": (
+        scale_result(case, "read_load", 1.03),
+        {"reference: load", "reference: largest texel force"},
+    ),
+    "reference: texel forces +1 %": (change_reference(texel_forces=1.01), {"reference: largest texel force"}),
+    "reference: force outside +20 %": (change_reference(outside=1.2), {"reference: force outside"}),
+    "reference: depth +1 %": (change_reference(depth=1.01), {"reference: depth"}),
+    "reference: contact area +2 %": (change_reference(contact_area=1.02), {"reference: contact area"}),
+    "reference: error estimates halved": (halve_estimates, {"reference: estimated error"}),
+    "load of the fast model +3 %": (
+        edit(fastmodel.bench, "add_indenter", "= load / STANDARD_GRAVITY", "= 1.03 * load / STANDARD_GRAVITY"),
+        {"accuracy: misplaced force", "accuracy: total force error"},
+    ),
+    "metric 5 % small": (
+        scale_result(validation.metrics, "misplaced_force", 0.5),
+        {"accuracy: mean misplaced force of each method"},
+    ),
+}

@@ -1,0 +1,169 @@
+"""Baselines: their file, what is refused, comparison and update."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from validation.errors import InputError
+from validation.regression.baseline import Baseline, compare, make_baseline, merge, read_baseline
+from validation.regression.quantities import Quantity, make_reading
+
+SENSOR = "some sensor"
+
+
+def reading(value, tolerance=0.5, unit="N"):
+    return make_reading(Quantity(group="a", name="b", unit=unit, tolerance=tolerance), value)
+
+
+READINGS = {
+    "a: number": reading(3.25),
+    "a: each": reading({"light": 1.0, "heavy": 100.0}, "1 % of each"),
+    "a: image": reading({"row 0": [0.0, 1.0], "row 1": [2.0, 4.0]}, "1 % of largest"),
+    "a: zero": reading(0.0, "1 % of largest"),
+}
+STORED = make_baseline(SENSOR, READINGS)
+
+
+def with_reading(title, value):
+    return replace(STORED, readings={**READINGS, title: value})
+
+
+def test_a_baseline_survives_its_file(tmp_path):
+    STORED.write(tmp_path / "new" / "baseline.json")
+    assert read_baseline(tmp_path / "new" / "baseline.json", SENSOR) == STORED
+
+
+def test_the_file_has_a_line_for_each_number_and_row_in_order_of_titles(tmp_path):
+    STORED.write(tmp_path / "baseline.json")
+    text = (tmp_path / "baseline.json").read_text()
+    assert text.split('"quantities": {\n')[1] == (
+        '  "a: each": {"unit": "N", "tolerance": "1 % of value", "value": {\n'
+        '   "light": 1,\n'
+        '   "heavy": 100\n'
+        "  }},\n"
+        '  "a: image": {"unit": "N", "tolerance": 0.04, "value": {\n'
+        '   "row 0": [0, 1],\n'
+        '   "row 1": [2, 4]\n'
+        "  }},\n"
+        '  "a: number": {"unit": "N", "tolerance": 0.5, "value": 3.25},\n'
+        '  "a: zero": {"unit": "N", "tolerance": 1e-09, "value": 0}\n'
+        " }\n}\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("title", "within", "beyond", "words"),
+    [
+        ("a: number", reading(3.74), reading(3.76), "rose from 3.25 to 3.76 N (+15.7 %), tolerance 0.5 N"),
+        (
+            "a: each",
+            reading({"light": 1.0099, "heavy": 99.01}, "1 % of each"),
+            reading({"light": 1.0, "heavy": 98.9}, "1 % of each"),
+            "1 of 2 numbers changed, most: heavy fell from 100 to 98.9 N (-1.1 %), tolerance 1 % of value",
+        ),
+        (
+            "a: image",
+            reading({"row 0": [0.039, 1.0], "row 1": [2.0, 3.97]}),
+            reading({"row 0": [0.05, 1.0], "row 1": [2.1, 4.0]}),
+            "2 of 4 numbers changed, most: row 1, column 0 rose from 2 to 2.1 N (+5 %), tolerance 0.04 N",
+        ),
+        ("a: zero", reading(0.0), reading(-1e-6, 1e-9), "fell from 0 to -1e-06 N, tolerance 1e-09 N"),
+        ("a: number", reading(3.25), reading(float("nan")), "is not a finite number any more; it was 3.25 N"),
+        ("a: number", reading(3.25), reading(3.25, unit="-"), "has another form"),
+        ("a: image", READINGS["a: image"], reading({"row 0": [0.0, 1.0]}), "has another form"),
+        ("a: each", READINGS["a: each"], reading({"light": 1.0}), "has another form"),
+    ],
+)
+def test_changes_beyond_the_tolerance_are_told_in_words(title, within, beyond, words):
+    assert compare(STORED, with_reading(title, within), {}) == []
+    (change,) = compare(STORED, with_reading(title, beyond), {})
+    assert change.quantity == title
+    assert words in change.text
+
+
+def test_what_only_one_side_has_is_a_change():
+    fewer = replace(STORED, readings={title: each for title, each in READINGS.items() if title != "a: zero"})
+    (gone,) = compare(STORED, fewer, {"a: zero": "no contact"})
+    assert gone.text == "could not be measured: no contact"
+    (new,) = compare(fewer, STORED, {})
+    assert new.text == "is not in the baseline"
+
+
+def test_an_update_keeps_what_is_within_tolerance_and_every_tolerance_of_the_file():
+    stored = replace(STORED, readings={**READINGS, "a: gone": reading(1.0), "a: wide": reading(1.0, 2.0)})
+    now = replace(
+        STORED, readings={**READINGS, "a: number": reading(3.3), "a: wide": reading(4.0), "a: new": reading(5.0)}
+    )
+    merged = merge(stored, now, compare(stored, now, {}))
+    assert merged.readings == {**READINGS, "a: wide": reading(4.0, 2.0), "a: new": reading(5.0)}
+    assert compare(merged, now, {}) == []
+
+
+def test_a_number_that_is_not_finite_is_never_written(tmp_path):
+    path = tmp_path / "baseline.json"
+    STORED.write(path)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="a: number is not a finite number"):
+        with_reading("a: number", reading(float("nan"))).write(path)
+    assert path.read_bytes() == before
+    assert [each.name for each in tmp_path.iterdir()] == ["baseline.json"]
+
+
+def spoil(change):
+    data = {"format": 2, "versions": {}, **STORED.as_json()}
+    change(data)
+    return json.dumps(data)
+
+
+ENTRY = {"unit": "N", "tolerance": 1, "value": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "not readable as JSON"),
+        ("{", "not readable as JSON"),
+        ("[" * 1000, "32 deep"),
+        ("{}", "it has no format"),
+        ("[]", "it has no format"),
+        ('{"name": "package", "version": "1.0"}', "it has no format"),
+        ('{"format": 1}', "its format is '1'"),
+        (spoil(lambda data: data.pop("sensor")), "'sensor'"),
+        (spoil(lambda data: data.pop("quantities")), "'quantities'"),
+        (spoil(lambda data: data.update(quantities=[])), "not a baseline"),
+        (spoil(lambda data: data.update(versions=3)), "not a baseline"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": float("nan")})), "x: 'nan' is not a finite"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": "much"})), "x: 'much' is not a finite"),
+        (
+            spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": {"row": [True]}})),
+            "'True' is not a finite",
+        ),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "much"})), "'much' is not a finite"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "nan % of value"})), "not a finite"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": -1})), "x: tolerance must be positive"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "unit": 1})), "unit a text"),
+        (spoil(lambda data: data["quantities"].update(x={"unit": "N"})), "not a baseline"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": 1 << 70})), "64 bits"),
+        (spoil(lambda data: data.update(sensor="another")), "belongs to 'another', not to 'some sensor'"),
+    ],
+)
+def test_a_bad_file_is_bad_input(tmp_path, text, words):
+    path = tmp_path / "baseline.json"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_baseline(path, SENSOR)
+    assert words in str(refused.value)
+    assert "--baseline" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_file_is_bad_input(tmp_path):
+    with pytest.raises(InputError, match="no such file; write one with --update"):
+        read_baseline(tmp_path / "baseline.json", SENSOR)
+
+
+def test_the_healthy_spoiled_file_is_read(tmp_path):
+    path = tmp_path / "baseline.json"
+    path.write_text(spoil(lambda data: data["quantities"].update(x=ENTRY)))
+    assert isinstance(read_baseline(path, SENSOR), Baseline)

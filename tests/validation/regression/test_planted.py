@@ -1,0 +1,132 @@
+"""Every planted change makes the check red and is named by it."""
+
+import functools
+from dataclasses import replace
+
+import pytest
+
+import fastmodel
+from fastmodel import Butterworth
+from fem_reference import point_spread
+from tests.validation.regression.planted import NEIGHBOURS, REFERENCE, REQUIRED
+from validation.derivation import kernel_fit
+from validation.derivation.cover_kernels import cover_cells
+from validation.regression.baseline import compare, make_baseline
+from validation.regression.quantities import EXPERIMENTS, QUANTITIES, measure
+from validation.regression.subject import Subject
+from validation.sensor_file import load
+
+#: Groups of quantities that need no finite elements.
+FAST = tuple(EXPERIMENTS)[:13]
+
+
+def healthy_parameters():
+    return replace(fastmodel.load("wts-0614-34"), filter=Butterworth(cutoff_hz=30.0, order=2))
+
+
+def measured(parameters, groups):
+    subject = Subject(parameters=parameters)
+    return measure(subject, groups={group: EXPERIMENTS[group] for group in groups}, progress=lambda _: None)
+
+
+@functools.cache
+def healthy(group):
+    readings, failures = measured(healthy_parameters(), [group])
+    assert not failures
+    return make_baseline("sensor", readings)
+
+
+def find_changes(parameters, *groups):
+    changes = {}
+    for group in groups:
+        readings, failures = measured(parameters, [group])
+        changes |= {
+            each.quantity: each for each in compare(healthy(group), make_baseline("sensor", readings), failures)
+        }
+    return changes
+
+
+@pytest.mark.parametrize("name", [*REQUIRED, *NEIGHBOURS])
+def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
+    plant, title = (REQUIRED | NEIGHBOURS)[name]
+    group = title.split(":")[0]
+    healthy(group)
+    parameters = plant(monkeypatch, healthy_parameters())
+    assert title in find_changes(parameters, group)
+
+
+@pytest.mark.parametrize("group", FAST)
+def test_unchanged_is_green(group):
+    assert find_changes(healthy_parameters(), group) == {}
+
+
+def test_every_quantity_of_the_table_is_measured():
+    titles = {quantity.title for quantity in QUANTITIES if quantity.group in FAST}
+    assert titles - {title for group in FAST for title in healthy(group).readings} == {
+        # these methods do not know how deep a body sinks
+        *(
+            f"{group}: {method}, depth"
+            for group in ("H", "oblong texels")
+            for method in ("boxes", "area", "foundation")
+        ),
+        "ball: foundation, depth",
+    }
+
+
+def measured_reference(derivation, groups):
+    subject = Subject(parameters=derivation.parameters, derivation=derivation)
+    readings, failures = measure(
+        subject, groups={group: EXPERIMENTS[group] for group in groups}, progress=lambda _: None
+    )
+    assert not failures
+    return make_baseline("sensor", readings)
+
+
+@pytest.mark.parametrize("factor", [1.03, 0.97])
+def test_a_fit_that_gives_another_sigma_is_named(wts_derivation, factor, monkeypatch):
+    before = measured_reference(wts_derivation, ["kernel"])
+    healthy_fit = kernel_fit.fit_gaussian
+
+    def fit_gaussian(*args, **options):
+        fit = healthy_fit(*args, **options)
+        gaussian = replace(fit.gaussian, sigma_x=factor * fit.gaussian.sigma_x, sigma_y=factor * fit.gaussian.sigma_y)
+        return replace(fit, gaussian=gaussian)
+
+    monkeypatch.setattr(kernel_fit, "fit_gaussian", fit_gaussian)
+    fit = kernel_fit.fit_kernel(wts_derivation.influence, wts_derivation.sensor.array)
+    after = measured_reference(replace(wts_derivation, fit=fit), ["kernel"])
+    assert [each.quantity for each in compare(before, after, {})] == ["kernel: sigma"]
+
+
+def test_shipped_parameters_that_are_not_those_derived_are_named(wts_derivation, monkeypatch):
+    before = measured_reference(wts_derivation, ["shipped parameters"])
+    shipped = fastmodel.load("wts-0614-34")
+    other = replace(shipped, spread=replace(shipped.spread, sigma_x=1.03 * shipped.spread.sigma_x))
+    monkeypatch.setattr(fastmodel, "load", lambda _: other)
+    after = measured_reference(wts_derivation, ["shipped parameters"])
+    (change,) = compare(before, after, {})
+    assert (change.quantity, change.label) == ("shipped parameters: difference", "spread")
+
+
+@pytest.fixture(scope="module")
+def campaign(wts_derivation):
+    return measured_reference(wts_derivation, ["reference", "accuracy"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REFERENCE)
+def test_changes_of_the_reference_and_of_accuracy_are_named(name, wts_derivation, campaign, monkeypatch):
+    plant, titles = REFERENCE[name]
+    plant(monkeypatch, wts_derivation.parameters)
+    after = measured_reference(wts_derivation, ["reference", "accuracy"])
+    assert titles <= {each.quantity for each in compare(campaign, after, {})}
+
+
+@pytest.mark.slow
+def test_another_cover_moves_the_accuracy(wts_derivation, campaign):
+    sensor = load("wts-0614-34", thickness="1.8mm")
+    cells = cover_cells(sensor.cover, sensor.array, point_spread(sensor.cover))
+    spoilt = replace(wts_derivation, parameters=replace(wts_derivation.parameters, cells=cells))
+    changes = compare(campaign, measured_reference(spoilt, ["reference", "accuracy"]), {})
+    assert "accuracy: misplaced force" in {each.quantity for each in changes}
+    assert not any(each.quantity.startswith("reference") for each in changes)

@@ -1,0 +1,318 @@
+"""The stored values of a sensor's quantities, and their comparison with new ones.
+
+A baseline is a JSON file that people read and review: one line for each number or row of an image, sorted by name, with
+unit and tolerance.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from meshes.bounded_file import FileLimitError, parse_json, read_bytes
+from validation.errors import InputError
+from validation.output_folder import write_text
+from validation.regression.quantities import Reading
+
+#: Version of the format of baseline files; files of other versions are refused [-].
+FORMAT = 2
+#: Largest accepted size of a baseline [bytes]; that of an array of 10 000 texels takes about a megabyte.
+_MOST_BYTES = 2**24
+#: Packages whose versions a baseline states, because values depend on them.
+_PACKAGES = ("softcover", "mujoco", "numba", "numpy", "scipy")
+#: Smallest tolerance of a number, in its unit; it stands for rounding in files where the number is zero.
+_LEAST = 1e-9
+#: End of a tolerance that is a share of each number.
+_OF_VALUE = " % of value"
+_OPTION = "--baseline"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """Values of all quantities of a sensor.
+
+    Attributes:
+        sensor: The sensor in one line, see `Subject.describe`.
+        versions: Versions of packages by name.
+        readings: Value, unit and tolerance by title of the quantity.
+    """
+
+    sensor: str
+    versions: Mapping[str, str]
+    readings: Mapping[str, Reading]
+
+    def write(self, path: Path) -> None:
+        """Write the baseline, completely or not at all.
+
+        Raises:
+            InputError: If a number is not finite.
+            OSError: If the file cannot be written.
+        """
+        if faults := [
+            f"{_OPTION}: {path} is not written: {title} is not a finite number"
+            for title, reading in self.readings.items()
+            if not all(math.isfinite(number) for row in reading.numbers.values() for number in row)
+        ]:
+            raise InputError(*faults)
+        write_text(path, "\n".join(self._lines()) + "\n")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return sensor, versions and quantities as a dictionary of JSON values."""
+        quantities = {
+            title: {
+                "unit": reading.unit,
+                "tolerance": _format_tolerance(reading),
+                "value": _unpack_rows(reading.numbers),
+            }
+            for title, reading in sorted(self.readings.items())
+        }
+        return {"sensor": self.sensor, "versions": dict(self.versions), "quantities": quantities}
+
+    def _lines(self) -> Iterator[str]:
+        """Yield the lines of the file."""
+        yield "{"
+        yield f' "format": {FORMAT},'
+        yield f' "sensor": {json.dumps(self.sensor)},'
+        yield ' "versions": {'
+        yield from _separate(
+            f"  {json.dumps(name)}: {json.dumps(each)}" for name, each in sorted(self.versions.items())
+        )
+        yield " },"
+        yield ' "quantities": {'
+        yield from _separate(_format_reading(title, self.readings[title]) for title in sorted(self.readings))
+        yield " }"
+        yield "}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A quantity that differs from its stored value by more than its tolerance, or that only one side has.
+
+    Attributes:
+        quantity: Title of the quantity.
+        text: What changed and by how much, in one line.
+        label: Label of the number that changed most, and for an image its column; empty for a single number.
+        before: That number in the baseline; None if the quantity is not there, or has another form.
+        now: The number measured; None if the quantity was not measured, or has another form.
+        unit: Unit of the numbers.
+        tolerance: Largest difference that counts as none.
+    """
+
+    quantity: str
+    text: str
+    label: str = ""
+    before: float | None = None
+    now: float | None = None
+    unit: str = ""
+    tolerance: float = 0.0
+
+
+def make_baseline(sensor: str, readings: Mapping[str, Reading]) -> Baseline:
+    """Make a baseline of measured readings, with the versions of the packages that are installed."""
+    return Baseline(sensor=sensor, versions={name: version(name) for name in _PACKAGES}, readings=readings)
+
+
+def read_baseline(path: Path, sensor: str) -> Baseline:
+    """Read a baseline.
+
+    Args:
+        path: The file.
+        sensor: The sensor in one line, to which the baseline must belong.
+
+    Raises:
+        InputError: If the file does not exist, is no baseline, or belongs to another sensor.
+        OSError: If the file cannot be read.
+    """
+    advice = f"name another file, or remove it and write it anew: softcover regress SENSOR {_OPTION} {path} --update"
+    if not path.exists():
+        raise InputError(f"{_OPTION}: {path}: no such file; write one with --update")
+    try:
+        data = parse_json(read_bytes(path, most=_MOST_BYTES))
+        baseline = _parse(data)
+    except FileLimitError as error:
+        raise InputError(f"{_OPTION}: {path}: {error}; {advice}") from None
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise InputError(f"{_OPTION}: {path}: not a baseline ({error}); {advice}") from None
+    if baseline.sensor != sensor:
+        raise InputError(f"{_OPTION}: {path} belongs to {baseline.sensor!r}, not to {sensor!r}; {advice}")
+    return baseline
+
+
+def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -> list[Change]:
+    """List the quantities that changed, in the order of their titles.
+
+    Tolerances are those of the stored baseline.  A quantity that only one side has counts as changed.
+
+    Args:
+        stored: The stored baseline.
+        measured: The readings of now.
+        failures: Why quantities could not be measured, by title.
+    """
+    changes = []
+    for title in sorted({*stored.readings, *measured.readings}):
+        before, now = stored.readings.get(title), measured.readings.get(title)
+        if before is None:
+            changes.append(Change(quantity=title, text="is not in the baseline"))
+        elif now is None:
+            reason = failures.get(title, "it does not apply to this sensor any more")
+            changes.append(Change(quantity=title, text=f"could not be measured: {reason}"))
+        elif (change := _compare_readings(title, before, now)) is not None:
+            changes.append(change)
+    return changes
+
+
+def merge(stored: Baseline | None, measured: Baseline, changes: list[Change]) -> Baseline:
+    """Return the baseline to store: new values of what changed, stored values of all else, stored tolerances.
+
+    Values within tolerance stay, so that the difference of two files shows only what changed, and a slow drift adds up
+    until it is noticed.
+
+    Args:
+        stored: The stored baseline; None if there is none.
+        measured: The readings of now.
+        changes: What changed between the two, see `compare`.
+    """
+    if stored is None:
+        return measured
+    changed = {change.quantity for change in changes}
+    readings = {}
+    for title, now in measured.readings.items():
+        before = stored.readings.get(title)
+        if before is None or before.unit != now.unit:
+            readings[title] = now
+        else:
+            kept = replace(now, tolerance=before.tolerance, relative=before.relative)
+            readings[title] = kept if title in changed else before
+    return replace(measured, readings=readings)
+
+
+def _compare_readings(title: str, before: Reading, now: Reading) -> Change | None:
+    """Compare two readings; return the number that changed most, or None if all are within the tolerance."""
+    shapes = [{label: len(row) for label, row in each.numbers.items()} for each in (before, now)]
+    if shapes[0] != shapes[1] or before.unit != now.unit:
+        one, other = (_describe_form(each) for each in (before, now))
+        return Change(quantity=title, text=f"has another form: {one} in the baseline, now {other}", unit=now.unit)
+    pairs = [
+        (label if len(row) == 1 else f"{label}, column {column}", stored, measured)
+        for label, row in before.numbers.items()
+        for column, (stored, measured) in enumerate(zip(row, now.numbers[label], strict=True))
+    ]
+    ratios = [_measure_change(stored, measured, before) for _, stored, measured in pairs]
+    moved = sum(ratio > 1 for ratio in ratios)
+    if not moved:
+        return None
+    label, stored, measured = pairs[ratios.index(max(ratios))]
+    return Change(
+        quantity=title,
+        text=_describe_change(label, stored, measured, before, f"{moved} of {len(pairs)}"),
+        label=label,
+        before=stored,
+        now=measured if math.isfinite(measured) else None,
+        unit=before.unit,
+        tolerance=before.tolerance * (abs(stored) if before.relative else 1.0),
+    )
+
+
+def _measure_change(stored: float, now: float, before: Reading) -> float:
+    """Return the difference of a number from its stored value over its tolerance [-]; infinity if it is not finite."""
+    if not math.isfinite(now):
+        return math.inf
+    allowed = before.tolerance * abs(stored) if before.relative else before.tolerance
+    return abs(now - stored) / max(allowed, _LEAST)
+
+
+def _describe_change(label: str, stored: float, now: float, before: Reading, count: str) -> str:
+    """Describe the change of a quantity in one line."""
+    unit = "" if before.unit == "-" else f" {before.unit}"
+    allowed = str(_format_tolerance(before)) + ("" if before.relative else unit)
+    if not math.isfinite(now):
+        change = f"is not a finite number any more; it was {stored:.5g}{unit}"
+    else:
+        share = f" ({100 * (now - stored) / abs(stored):+.3g} %)" if stored else ""
+        verb = "rose" if now > stored else "fell"
+        change = f"{verb} from {stored:.5g} to {now:.5g}{unit}{share}, tolerance {allowed}"
+    return change if not label else f"{count} numbers changed, most: {label} {change}"
+
+
+def _describe_form(reading: Reading) -> str:
+    """Describe unit and number of labels and numbers of a reading."""
+    lengths = sorted({len(row) for row in reading.numbers.values()})
+    numbers = lengths[0] if len(lengths) == 1 else f"{lengths[0]} to {lengths[-1]}" if lengths else 0
+    names = ", ".join(list(reading.numbers)[:3])
+    return f"{len(reading.numbers)} x {numbers} numbers [{reading.unit}]" + (f" ({names} ...)" if names else "")
+
+
+def _parse(data: Any) -> Baseline:  # noqa: ANN401 -- JSON
+    """Convert the content of a file to a baseline, with all checks."""
+    if not isinstance(data, dict) or "format" not in data:
+        raise ValueError("it has no format")
+    if data["format"] != FORMAT:
+        raise ValueError(f"its format is {str(data['format'])[:20]!r}; this version reads {FORMAT}")
+    texts = [data["sensor"], *data["versions"], *data["versions"].values()]
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError("sensor and versions must be texts")
+    readings = {title: _parse_reading(title, entry) for title, entry in data["quantities"].items()}
+    return Baseline(sensor=data["sensor"], versions=data["versions"], readings=readings)
+
+
+def _parse_reading(title: str, entry: Any) -> Reading:  # noqa: ANN401 -- JSON
+    value = entry["value"]
+    labelled = value if isinstance(value, dict) else {"": value}
+    rows = {label: tuple(row) if isinstance(row, list) else (row,) for label, row in labelled.items()}
+    tolerance, relative = _parse_tolerance(entry["tolerance"])
+    numbers = [tolerance, *(number for row in rows.values() for number in row)]
+    for number in numbers:
+        if not isinstance(number, int | float) or isinstance(number, bool) or not math.isfinite(number):
+            raise ValueError(f"{title}: {str(number)[:40]!r} is not a finite number")
+    if not tolerance > 0 or not isinstance(entry["unit"], str):
+        raise ValueError(f"{title}: tolerance must be positive and unit a text")
+    return Reading(unit=entry["unit"], tolerance=tolerance, relative=relative, numbers=rows)
+
+
+def _parse_tolerance(entry: Any) -> tuple[float, bool]:  # noqa: ANN401 -- JSON
+    """Return a stored tolerance, a number or a text like `0.5 % of value`, and whether it is a share of each number."""
+    if isinstance(entry, str) and entry.endswith(_OF_VALUE):
+        return float(entry.removesuffix(_OF_VALUE)) / 100, True
+    return entry, False
+
+
+def _format_tolerance(reading: Reading) -> float | str:
+    """Return a tolerance as `_parse_tolerance` reads it."""
+    return f"{100 * reading.tolerance:.3g}{_OF_VALUE}" if reading.relative else reading.tolerance
+
+
+def _unpack_rows(numbers: Mapping[str, tuple[float, ...]]) -> Any:  # noqa: ANN401 -- JSON
+    """Return a number if it is the only one, else a number or a list of numbers by label."""
+    single = {label: row[0] if len(row) == 1 else list(row) for label, row in numbers.items()}
+    return single[""] if list(single) == [""] else single
+
+
+def _format_reading(title: str, reading: Reading) -> str:
+    """Format an entry of the file: one line for a number, else a line for each label."""
+    form = f'"unit": {json.dumps(reading.unit)}, "tolerance": {json.dumps(_format_tolerance(reading))}'
+    head = f'  {json.dumps(title)}: {{{form}, "value": '
+    if list(reading.numbers) == [""]:
+        return f"{head}{_format_row(reading.numbers[''])}}}"
+    rows = (f"   {json.dumps(label)}: {_format_row(row)}" for label, row in reading.numbers.items())
+    return f"{head}{{\n" + "\n".join(_separate(rows)) + "\n  }}"
+
+
+def _format_row(row: tuple[float, ...]) -> str:
+    texts = [f"{number:.10g}" for number in row]
+    return texts[0] if len(row) == 1 else f"[{', '.join(texts)}]"
+
+
+def _separate(lines: Iterator[str]) -> Iterator[str]:
+    """Yield lines with a comma after each but the last."""
+    before = None
+    for line in lines:
+        if before is not None:
+            yield f"{before},"
+        before = line
+    if before is not None:
+        yield before
