@@ -11,12 +11,13 @@ import contextlib
 import dataclasses
 import itertools
 import os
+import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from meshes.bounded_file import FileLimitError, format_size, open_regular
+from meshes.bounded_file import MOST_DEPTH, FileLimitError, format_size, open_regular, read_text
 from validation.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -106,7 +107,20 @@ def measure_bag(path: Path) -> int:
             f"{path}: too large; accepted: {format_size(_MOST_BAG)} in {_MOST_BAG_FILES} files, metadata.yaml of "
             f"{format_size(_MOST_METADATA)}"
         )
+    if metadata:
+        _check_depth(path / "metadata.yaml")
     return sum(sizes.values())
+
+
+def _check_depth(path: Path) -> None:
+    """Refuse a YAML file with deep brackets, whose parsing time grows with the square of the depth."""
+    try:
+        text = read_text(path, most=_MOST_METADATA)
+    except FileLimitError as error:
+        raise RecordingError(f"{path}: {error}") from None
+    steps = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", text))
+    if max(itertools.accumulate(steps), default=0) > MOST_DEPTH:
+        raise RecordingError(f"{path}: has brackets more than {MOST_DEPTH} deep")
 
 
 def unpack_records(chunk: Chunk) -> Iterator[McapRecord]:

@@ -136,6 +136,18 @@ def test_large_bags_are_refused_before_they_are_opened(tmp_path):
             add_forces(open_recording(write_one_frame(tmp_path)), path)
 
 
+def test_deep_metadata_is_refused_before_it_is_parsed(tmp_path):
+    folder = write_bag(tmp_path / "bag", {"/pad": "wts_driver/msg/Frame"}, first=False)
+    good = (folder / "metadata.yaml").read_text()
+    for depth, refused in ((30, False), (2000, True)):
+        (folder / "metadata.yaml").write_text(f"{good}\nmore: {'[' * depth}{']' * depth}\n")
+        if refused:
+            with pytest.raises(RecordingError, match=r"metadata\.yaml: has brackets more than 32 deep"):
+                open_recording(folder)
+        else:
+            assert np.array_equal(open_recording(folder).arrays[0].counts, COUNTS)
+
+
 def write_one_frame(folder):
     path = folder / "good.bag"
     path.unlink(missing_ok=True)

@@ -1,0 +1,133 @@
+"""The store on real file systems that are full or read-only, in a mount namespace of the test's own."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+#: A press that takes a fraction of a second and stores an entry of some 100 kB.
+PRESS = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "0.1mm", "--model", "fem", "--json")
+MOUNT = 'mount -t tmpfs -o "size=$1" none "$2" && shift 2 && exec "$@"'
+
+
+def in_small_disk(size, folder, script, *words):
+    """Run a Python script in a process that sees a file system of `size` at `folder`; what it printed, line by line."""
+    unshare = shutil.which("unshare")
+    if unshare is None:
+        pytest.skip("needs unshare")
+    folder.mkdir(exist_ok=True)
+    shell = [unshare, "--map-root-user", "--mount", "sh", "-c", MOUNT, "sh", size, str(folder)]
+    if subprocess.run([*shell, "true"], capture_output=True, check=False).returncode:  # noqa: S603 -- no stranger's words
+        pytest.skip("mounting is not permitted")
+    done = subprocess.run(  # noqa: S603 -- this test's own script
+        [*shell, sys.executable, "-c", script, str(folder), *words],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "Traceback" not in done.stderr, done.stderr
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr
+
+
+LIBRARY = """
+import os, subprocess, sys
+import numpy as np
+from fem_reference import result_store
+folder = sys.argv[1]
+os.environ["SOFTCOVER_STORE"] = folder
+rng = np.random.default_rng(0)
+def fetch(number, count=4000):
+    wanted = np.random.default_rng(number).random(count)
+    found = result_store.fetch("test", {"number": number}, lambda: {"a": wanted})
+    assert (found["a"] == wanted).all()
+"""
+
+
+def test_a_full_disk_keeps_what_was_stored_and_tears_nothing(tmp_path):
+    """32 kB each on a disk of 300 kB: some are stored, the others computed; removing a file makes room again."""
+    out, err = in_small_disk(
+        "300k",
+        tmp_path / "disk",
+        LIBRARY
+        + """
+for number in range(30):
+    fetch(number)
+    assert result_store.count_partial_files() == 0
+kept = result_store.verify()
+assert not any(entry.problem for entry in kept)
+assert 5 <= len(kept) < 10, len(kept)
+with open(folder + "/rest", "wb", buffering=0) as file:
+    try:
+        while file.write(b"x"):
+            pass
+    except OSError:
+        pass
+fetch(100, 10)
+assert len(result_store.entries()) == len(kept)
+os.remove(folder + "/rest")
+result_store.remove(kept[0])
+fetch(200)
+assert len(result_store.verify()) == len(kept)
+assert not any(entry.problem for entry in result_store.verify())
+""",
+    )
+    assert out == ""
+    (line,) = err.splitlines()
+    assert "is not written (No space left on device): results are not kept" in line
+
+
+def test_a_read_only_disk_is_read_and_told_in_a_line(tmp_path):
+    out, err = in_small_disk(
+        "1m",
+        tmp_path / "disk",
+        LIBRARY
+        + """
+fetch(1)
+open(folder + "/.softcover-partial-left", "w").close()
+subprocess.run(["mount", "-o", "remount,ro", folder], check=True)
+result_store.fetch("test", {"number": 1}, lambda: 1 / 0)
+fetch(2)
+fetch(3)
+assert len(result_store.verify()) == 1
+assert result_store.sweep_leftovers() == 0
+""",
+    )
+    assert out == ""
+    (line,) = err.splitlines()
+    assert "is not written (Read-only file system): results are not kept" in line
+
+
+COMMANDS = """
+import json, os, subprocess, sys
+folder, state, *press = sys.argv[1:]
+os.environ["SOFTCOVER_STORE"] = folder
+def softcover(*words):
+    run = [sys.executable, "-c", "import sys; from validation.cli import main; main(sys.argv[1:])"]
+    done = subprocess.run([*run, *words], capture_output=True, text=True)
+    return done.returncode, done.stdout, done.stderr
+if state == "read-only":
+    assert softcover(*press)[0] == 0
+    subprocess.run(["mount", "-o", "remount,ro", folder], check=True)
+print(json.dumps({name: softcover(*words) for name, words in {
+    "press": press, "list": ("store", "list"), "verify": ("store", "verify"), "prune": ("store", "prune", "--all"),
+}.items()}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("state", "size"), [("full", "16k"), ("read-only", "8m")])
+def test_commands_go_on_without_a_store_that_can_be_written(tmp_path, state, size):
+    out, _ = in_small_disk(size, tmp_path / "disk", COMMANDS, state, *PRESS)
+    found = json.loads(out)
+    status, answer, messages = found["press"]
+    assert status == 0
+    assert json.loads(answer)["models"]["fem"]["total_force"] > 0
+    told = [line for line in messages.splitlines() if "is not written" in line]
+    assert len(told) == (1 if state == "full" else 0)
+    assert found["list"][0] == found["verify"][0] == 0
+    status, _, messages = found["prune"]
+    assert status == (0 if state == "full" else 3)
+    assert len(messages.splitlines()) <= 1
