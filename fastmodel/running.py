@@ -54,7 +54,6 @@ class RunningSensor:
         self.every, self._timestep = every, float(model.opt.timestep)
         self._options = list_options(model)
         self._tolerance, self._rate = CLOCK_TOLERANCE * self._timestep, parameters.electronics.rate_hz
-        self._filters = parameters.filter is not None
         self.data: mujoco.MjData | None = None
         self._validity = parameters.validity
         spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
@@ -76,7 +75,7 @@ class RunningSensor:
         settled = np.broadcast_to(contact_forces, (self._count,))
         if not (np.isfinite(settled) & (settled >= 0)).all():
             raise StateError(f"sensor {self._name!r}: contact forces to start from must be finite and not negative")
-        self.reading: Reading = self._reader.add_net_force(self._reader.at_rest(settled))
+        self.reading: Reading = self._reader.at_rest(settled)
         self.chain.settle(self.reading)
         self._steps = self._frames = 0
         self._time = self._start = math.nan
@@ -95,8 +94,6 @@ class RunningSensor:
             reading = self._reader.read(data)
             if not math.isfinite(reading.carried):
                 raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
-            if self._filters or self._count_due(now) > self._frames:  # without a filter, only frames need it
-                reading = self._reader.add_net_force(reading, data)
             self.chain.take(reading)
             self.reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):

@@ -2,10 +2,9 @@
 
 MuJoCo gives every contact point of a flat face about the same force, whatever area of the face the point represents.
 Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box span a
-polygon.  A
-pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that the force
-and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because the guide takes
-up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
+polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that
+the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because the
+guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
 """
 
 from __future__ import annotations
@@ -131,7 +130,7 @@ class AreaReader(BoxReader):
     ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """List texel, body, force against the box's normal [N], and position in the world [m] of contacts at fronts."""
         contact = data.contact
-        texels = self._texel_of[contact.geom]
+        texels = self._net_force.parts[0][contact.geom]
         k, side = ((texels >= 0) & (pressed != 0)).nonzero()
         body = self._bodies.of_geom[contact.geom[k, 1 - side]]
         return texels[k, side], body, pressed[k, side], contact.pos[k]

@@ -98,21 +98,17 @@ class BoxReader:
             array: The texels.
             name: Name of the sensor, for error messages.
         """
-        self._count, self._model, self._neighbours = len(geoms), model, _find_neighbours(array)
-        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no texel.
-        self._texel_of = np.full(model.ngeom + 1, -1)
-        self._texel_of[geoms] = np.arange(len(geoms))
+        self._count, self._model = len(geoms), model
         self._bodies = Bodies(model, geoms, name)
-        self._press_boxes = compile_kernel(press_boxes)
         axes = np.stack([*(each[0] for each in find_tangents(array)), array.normals[0]], axis=-1)
         middle = array.centres[0] - model.geom_size[geoms[0], 2] * array.normals[0]
-        self._net_force = NetForceReader(model, array, geoms, axes=axes, middle=middle, neighbours=self._neighbours)
+        neighbours, self._press_boxes = _find_neighbours(array), compile_kernel(press_boxes)
+        self._net_force = NetForceReader(model, array, geoms, axes=axes, middle=middle, neighbours=neighbours)
 
     def compile_kernels(self, data: mujoco.MjData) -> None:
         """Compile the kernel; see `ContactReader.compile_kernels`."""
         for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
-            self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._neighbours)
-        self._net_force.compile_kernels(data)
+            self._press_boxes(contacts, data.geom_xmat, data.geom_xpos, self._net_force.parts)
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of the last simulation step; see `ContactReader.read`.
@@ -127,9 +123,8 @@ class BoxReader:
         """
         self._bodies.follow_changes()
         contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
-        pressed, total, beside = self._press_boxes(contacts, data.geom_xmat, self._texel_of, self._neighbours)
-        carried = float(total.sum()) + beside
-        return Reading(self._share(data, pressed, _remove_lift(total)), None, carried)
+        forces, carried, sums = self._press_boxes(contacts, data.geom_xmat, data.geom_xpos, self._net_force.parts)
+        return self._net_force.add(Reading(self._share(data, sums[0], forces), None, carried), sums)
 
     def get_state(self) -> State:
         """Return no arrays, because readings do not depend on earlier ones; see `ContactReader.get_state`."""
@@ -140,32 +135,17 @@ class BoxReader:
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""
-        return Reading(contact_forces, None, float(contact_forces.sum()))
-
-    def add_net_force(self, reading: Reading, data: mujoco.MjData | None = None) -> Reading:
-        """Return a reading with net force and the tangential force on each box; see `ContactReader.add_net_force`."""
-        return self._net_force.add(reading, data)
+        return self._net_force.add_at_rest(Reading(contact_forces, None, float(contact_forces.sum())))
 
     def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:  # noqa: ARG002
         """Share the forces of a state among the texels: here each box keeps its own, shape (n,) [N].
 
         Args:
             data: The state.
-            pressed: Force on both geoms of each of k contacts, see `press_boxes`, shape (k, 2) [N].
+            pressed: Force on both geoms of each of k contacts, see `sum_contacts`, shape (k, 2) [N].
             total: Force on each box, not negative, shape (n,) [N].
         """
         return total
-
-
-def _remove_lift(total: FloatArray) -> FloatArray:
-    """Set negative texel forces to zero, and scale the others to keep the sum, or to zero if the sum is negative.
-
-    Args:
-        total: Force on each texel, shape (n,) [N].
-    """
-    pressed = np.maximum(total, 0.0)
-    positive = pressed.sum()
-    return pressed * (max(float(total.sum()), 0.0) / positive) if positive > 0 else pressed
 
 
 def _find_neighbours(array: TexelArray) -> BoolArray:

@@ -229,7 +229,7 @@ class _PressureReader:
         self._solver.reset()
         self._plate.reset()
         base = None if self._base is None else self._base.from_texels(contact_forces)
-        return Reading(contact_forces, base, float(contact_forces.sum()))
+        return self._plate.net_force.add_at_rest(Reading(contact_forces, base, float(contact_forces.sum())))
 
     def get_state(self) -> State:
         """Return the last solution and what the next one starts from; see `ContactReader.get_state`."""
@@ -246,21 +246,19 @@ class _PressureReader:
         """Compile every kernel by solving the contact of a ball of one pitch in diameter under a load of 1 N."""
         self._plate.compile_kernels(data)
         contact = self._plate.imitate_ball(0.5 * float(max(self._grid.edge)) * self._grid.per_texel)
+        contact.equals(contact, _UNCHANGED, 1.0)
         self._solver.solve(self._plate.sample_gap(contact, [np.inf]), contact.loads)
         self._solver.reset()
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of a step, or return the last ones if no load or pose has changed."""
-        contact = self._plate.find_contact(data)
-        if contact is None:
+        found = self._plate.find_contact(data)
+        if found is None:
             return self._nothing
+        contact, sums = found
         if self._solved is None or not contact.equals(self._solved[0], _UNCHANGED, min(self._grid.edge)):
             self._solved = (contact, self._solve(contact))
-        return self._solved[1]
-
-    def add_net_force(self, reading: Reading, data: mujoco.MjData | None = None) -> Reading:
-        """Return a reading with net force and shear; see `ContactReader.add_net_force`."""
-        return self._plate.net_force.add(reading, data)
+        return self._plate.net_force.add(self._solved[1], sums)
 
     def _solve(self, contact: PlateContact) -> Reading:
         """Compute the cell forces with a sufficient reach for each body, and sum the forces over texels."""

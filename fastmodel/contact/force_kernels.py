@@ -24,6 +24,8 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 #: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
 FRONT = 0.1
 
+#: The option `cone` of a model with pyramidal friction cones.
+_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 #: Ids and numbers as MuJoCo stores them.
 _Ids = npt.NDArray[np.int32]
 #: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
@@ -48,7 +50,7 @@ def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
 
 def has_pyramids(model: mujoco.MjModel) -> bool:
     """Return whether a model has pyramidal friction cones; the option may change during a simulation."""
-    return bool(model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL)
+    return model.opt.cone == _PYRAMIDAL
 
 
 def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts, Contacts]:
@@ -70,9 +72,9 @@ def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts,
 
 @called_by_kernels
 def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
-    """Compute normal and two tangential components of contact k's force, and its torques if `force` has room for them.
+    """Compute normal and two tangential components of contact k's force, and its torques.
 
-    They are written to `force`, shape (3,) or (6,) [N, N m].
+    They are written to `force`, shape (6,) [N, N m].
     """
     _, address, dim, _, friction, _, _, efc_force, pyramidal = contacts
     force[:] = 0.0
@@ -80,107 +82,83 @@ def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
     if pyramidal and dim[k] > 1:
         for edge in range(2 * (dim[k] - 1)):
             force[0] += efc_force[first + edge]
-        for axis in range(1, min(dim[k], len(force))):
+        for axis in range(1, dim[k]):
             edge = first + 2 * (axis - 1)
             force[axis] = friction[k, axis - 1] * (efc_force[edge] - efc_force[edge + 1])
     else:
-        for axis in range(min(dim[k], len(force))):
+        for axis in range(dim[k]):
             force[axis] = efc_force[first + axis]
-
-
-def press_boxes(
-    contacts: Contacts, geom_xmat: FloatArray, texel_of: IntArray, neighbours: BoolArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Kernel: compute the contact forces against the boxes' outward normals, for k contacts and n texels.
-
-    A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
-    where a body stands on both boxes.
-
-    Args:
-        contacts: The contacts.
-        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
-        texel_of: Index of the texel of every geom, -1 for geoms that are not boxes of texels, shape (geoms + 1,).
-        neighbours: Whether each box has a neighbour at its sides -x, +x, -y, +y, shape (n, 4).
-
-    Returns:
-        Force on both geoms of each contact, zero for a geom that is not a box of a texel and for a contact at the back
-        or a free side of a box, shape (k, 2) [N]; the sum of these forces for each texel, shape (n,) [N]; and the sum
-        of the forces at backs and free sides [N].
-    """
-    geom, address, _, frame, _, _, _, _, _ = contacts
-    force, pressed, total, beside = np.zeros(3), np.zeros(geom.shape), np.zeros(len(neighbours)), 0.0
-    for k in range(len(geom)):
-        if address[k] < 0 or (texel_of[geom[k, 0]] < 0 and texel_of[geom[k, 1]] < 0):
-            continue
-        _decode_force(contacts, k, force)
-        for side, sign in ((0, 1.0), (1, -1.0)):
-            texel = texel_of[geom[k, side]]
-            if texel < 0:
-                continue
-            box, own = geom_xmat[geom[k, side]], 0.0
-            for i in range(3):
-                for axis in range(3):
-                    # The third column of the box's orientation is its outward normal.
-                    own += sign * force[axis] * frame[k, 3 * axis + i] * box[3 * i + 2]
-            if _is_front(frame[k], sign, box, neighbours[texel]):
-                pressed[k, side] = own
-                total[texel] += own
-            else:
-                beside += own
-    return pressed, total, beside
 
 
 #: An array of m boxes or plates.  Index of the box or plate of every geom, -1 for geoms that are not of the array,
 #: shape (geoms + 1,); whether each box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); id of the first box
 #: or plate; its axes in the frame of the array, as columns, shape (3, 3) [-]; and its centre there, shape (3,) [m].
 Parts = tuple[IntArray, BoolArray, int, FloatArray, FloatArray]
+#: What `sum_contacts` returns.
+Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
-def sum_wrench(
-    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
-) -> tuple[FloatArray, FloatArray]:
+@called_by_kernels
+def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
+    A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
+    where a body stands on both boxes.
+
     Args:
-        contacts: The contacts.
+        contacts: The k contacts.
         geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
         geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
         parts: The boxes or plates of the array.
 
     Returns:
-        Force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the part of the force
-        that acts on the front of each box or plate, along the axes of the box or plate, shape (m, 3) [N].
+        Force against the outward normal of both geoms of each contact, zero at backs and free sides and for geoms that
+        are not of the array, shape (k, 2) [N]; the force on the front of each box or plate along its axes, shape (m, 3)
+        [N]; force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the sum of the
+        forces against the normals at backs and free sides [N].
     """
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
-    fronts, local = np.zeros((len(neighbours), 3)), np.zeros(6)
-    # force in the world, and torque about the centre of the first box or plate
-    net, moment, centre = np.zeros(3), np.zeros(3), geom_xpos[first]
+    pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
+    # force and torque in the frame of a contact; force in the world, torque about the centre of the first box or plate
+    local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
             continue
         _decode_force(contacts, k, local)
-        for side, sign in ((0, -1.0), (1, 1.0)):
-            part = part_of[geom[k, side]]
+        rx = pos[k, 0] - geom_xpos[first, 0]
+        ry = pos[k, 1] - geom_xpos[first, 1]
+        rz = pos[k, 2] - geom_xpos[first, 2]
+        for side in range(2):
+            own, part, sign = geom[k, side], part_of[geom[k, side]], 2.0 * side - 1.0
             if part < 0:
                 continue
-            x = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
-            y = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
-            z = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
-            net[0] += x
-            net[1] += y
-            net[2] += z
-            moment[0] += (pos[k, 1] - centre[1]) * z - (pos[k, 2] - centre[2]) * y
-            moment[1] += (pos[k, 2] - centre[2]) * x - (pos[k, 0] - centre[0]) * z
-            moment[2] += (pos[k, 0] - centre[0]) * y - (pos[k, 1] - centre[1]) * x
+            fx = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
+            fy = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
+            fz = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
+            net[0] += fx
+            net[1] += fy
+            net[2] += fz
+            moment[0] += ry * fz - rz * fy
+            moment[1] += rz * fx - rx * fz
+            moment[2] += rx * fy - ry * fx
             for axis in range(dim[k] - 3):
                 for i in range(3):
                     moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
-            box = geom_xmat[geom[k, side]]
-            if _is_front(frame[k], -sign, box, neighbours[part]):
-                for i in range(3):
-                    fronts[part, i] += x * box[i] + y * box[3 + i] + z * box[6 + i]
-    return _move_wrench(net, moment, geom_xmat[first], turn, middle), fronts
+            x, y, z = 0.0, 0.0, 0.0  # the normal away from the box, along the axes of the box
+            for i in range(3):
+                x -= sign * frame[k, i] * geom_xmat[own, 3 * i]
+                y -= sign * frame[k, i] * geom_xmat[own, 3 * i + 1]
+                z -= sign * frame[k, i] * geom_xmat[own, 3 * i + 2]
+            along = fx * geom_xmat[own, 2] + fy * geom_xmat[own, 5] + fz * geom_xmat[own, 8]
+            if _is_front(x, y, z, neighbours, part):
+                pressed[k, side] = -along
+                fronts[part, 0] += fx * geom_xmat[own, 0] + fy * geom_xmat[own, 3] + fz * geom_xmat[own, 6]
+                fronts[part, 1] += fx * geom_xmat[own, 1] + fy * geom_xmat[own, 4] + fz * geom_xmat[own, 7]
+                fronts[part, 2] += along
+            else:
+                beside -= along
+    return pressed, fronts, _move_wrench(net, moment, geom_xmat[first], turn, middle), beside
 
 
 @called_by_kernels
@@ -209,25 +187,51 @@ def _move_wrench(
 
 
 @called_by_kernels
-def _is_front(frame: FloatArray, sign: float, box: FloatArray, neighbours: BoolArray) -> bool:
+def _is_front(x: float, y: float, z: float, neighbours: BoolArray, part: int) -> bool:
     """Return whether a contact is with the front of a box, or with a side at which the box has a neighbour.
 
     Args:
-        frame: Axes of the contact as rows, normal first, shape (9,) [-].
-        sign: 1 if the normal points away from the box, -1 if it points into it [-].
-        box: Axes of the box as columns, its outward normal last, shape (9,) [-].
-        neighbours: Whether the box has a neighbour at its sides -x, +x, -y, +y, shape (4,).
+        x: Component along the x axis of the box of the contact's normal away from the box [-].
+        y: Component along the y axis [-].
+        z: Component along the outward normal [-].
+        neighbours: Whether every box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4).
+        part: Index of the box.
     """
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(3):
-        x += sign * frame[i] * box[3 * i]
-        y += sign * frame[i] * box[3 * i + 1]
-        z += sign * frame[i] * box[3 * i + 2]
     if z >= FRONT:
         return True
     if abs(x) > abs(y):
-        return z > -abs(x) and neighbours[1 if x > 0 else 0]
-    return z > -abs(y) and neighbours[3 if y > 0 else 2]
+        return z > -abs(x) and neighbours[part, 1 if x > 0 else 0]
+    return z > -abs(y) and neighbours[part, 3 if y > 0 else 2]
+
+
+def press_boxes(
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
+) -> tuple[FloatArray, float, Sums]:
+    """Kernel: compute the force that presses on each of n box texels.
+
+    If a box is pulled, its force is set to zero, and the other forces are scaled to keep their sum, or to zero if the
+    sum is negative.
+
+    Args:
+        contacts: The contacts.
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
+        parts: The boxes.
+
+    Returns:
+        Force on each texel, shape (n,) [N]; the sum of the forces against the normals, at all sides of the boxes [N];
+        and what `sum_contacts` returns.
+    """
+    found = sum_contacts(contacts, geom_xmat, geom_xpos, parts)
+    fronts, forces, total, positive = found[1], np.zeros(len(found[1])), 0.0, 0.0
+    for texel in range(len(forces)):
+        forces[texel] = -fronts[texel, 2]
+        total += forces[texel]
+        positive += max(forces[texel], 0.0)
+    if positive != total:
+        for texel in range(len(forces)):
+            forces[texel] = max(forces[texel], 0.0) * (max(total, 0.0) / positive) if positive > 0 else 0.0
+    return forces, total + found[3], found
 
 
 def share_shear(fronts: FloatArray, axes: FloatArray, contact_forces: FloatArray, tangents: FloatArray) -> FloatArray:
@@ -260,61 +264,72 @@ def share_shear(fronts: FloatArray, axes: FloatArray, contact_forces: FloatArray
     return shared
 
 
-def sum_forces(
-    contacts: Contacts, plate: int, body_of_geom: IntArray, axes: FloatArray, origin: FloatArray
-) -> tuple[IntArray, FloatArray, IntArray, FloatArray, float]:
-    """Kernel: sum, for each body, the contact forces against the plate's normal, and the moments of these forces.
+def press_plate(
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts, body_of_geom: IntArray
+) -> tuple[IntArray, FloatArray, IntArray, FloatArray, FloatArray, Sums]:
+    """Kernel: sum, for each body, the contact forces against a plate's normal, and the moments of these forces.
 
     Args:
         contacts: The contacts.
-        plate: Geom id of the plate.
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
+        parts: The plate.
         body_of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not known, whose forces
             count as points; the last entry is for flexes, shape (geoms + 1,).
-        axes: Axes of the array in the world, as columns, shape (3, 3) [-].
-        origin: Origin of the array in the world, shape (3,) [m].
 
     Returns:
-        Ids of the bodies of known shape that touch the plate's top, shape (bodies,); for each of these bodies the sums
-        over its contacts of force [N], force times x, and force times y [N m], its deepest penetration [m], and the
-        number of its contacts, shape (bodies, 5); for each of the m contacts with the plate's top the index of its
-        body, -1 for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); and the sum of the forces
-        at the sides and the back of the plate [N].
+        Ids of the bodies of known shape that exert force on the plate's front, shape (bodies,); for each of these
+        bodies the sums over its contacts of force [N], force times x, and force times y [N m], its deepest penetration
+        [m], and the number of its contacts, shape (bodies, 5); for each of the m contacts with the plate's front the
+        index of its body, -1 for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); axes of the
+        array in the world, as columns, and its origin, shape (4, 3) [-, m]; and what `sum_contacts` returns.
     """
-    geom, address, _, frame, _, pos, dist, _, _ = contacts
+    geom, _, _, _, _, pos, dist, _, _ = contacts
+    _, _, plate, turn, middle = parts
+    found = sum_contacts(contacts, geom_xmat, geom_xpos, parts)
+    pressed, place = found[0], _find_place(geom_xmat, geom_xpos, plate, turn, middle)
     bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 5))
-    owner, points = np.empty(len(geom), dtype=np.int64), np.empty((len(geom), 3))
-    count, touching, beside, local = 0, 0, 0.0, np.zeros(3)
+    owner, points = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 3))
+    count, touching = 0, 0
     for k in range(len(geom)):
-        if address[k] < 0 or (geom[k, 0] != plate and geom[k, 1] != plate):
+        force = pressed[k, 0] + pressed[k, 1]
+        if force == 0:
             continue
-        _decode_force(contacts, k, local)
-        force, upward, x, y = 0.0, 0.0, 0.0, 0.0
         for i in range(3):
-            upward += frame[k, i] * axes[i, 2]
-            for axis in range(3):
-                force += local[axis] * frame[k, 3 * axis + i] * axes[i, 2]
-            x += (pos[k, i] - origin[i]) * axes[i, 0]
-            y += (pos[k, i] - origin[i]) * axes[i, 1]
-        other = geom[k, 1]
-        if geom[k, 1] == plate:
-            force, upward, other = -force, -upward, geom[k, 0]
-        if upward < FRONT:
-            beside += force
-            continue
-        slot = -1
-        if body_of_geom[other] >= 0:
+            points[touching, 0] += (pos[k, i] - place[3, i]) * place[i, 0]
+            points[touching, 1] += (pos[k, i] - place[3, i]) * place[i, 1]
+        points[touching, 2] = force
+        body = body_of_geom[geom[k, 0] if geom[k, 1] == plate else geom[k, 1]]
+        owner[touching] = -1
+        if body >= 0:
             slot = 0
-            while slot < count and bodies[slot] != body_of_geom[other]:
+            while slot < count and bodies[slot] != body:
                 slot += 1
             if slot == count:
-                bodies[slot] = body_of_geom[other]
+                bodies[slot] = body
                 count += 1
+            owner[touching] = slot
             sums[slot, 0] += force
-            sums[slot, 1] += force * x
-            sums[slot, 2] += force * y
+            sums[slot, 1] += force * points[touching, 0]
+            sums[slot, 2] += force * points[touching, 1]
             sums[slot, 3] = max(sums[slot, 3], -dist[k])
             sums[slot, 4] += 1
-        owner[touching] = slot
-        points[touching, 0], points[touching, 1], points[touching, 2] = x, y, force
         touching += 1
-    return bodies[:count], sums[:count], owner[:touching], points[:touching], beside
+    return bodies[:count], sums[:count], owner[:touching], points[:touching], place, found
+
+
+@called_by_kernels
+def _find_place(
+    geom_xmat: FloatArray, geom_xpos: FloatArray, plate: int, turn: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Compute axes and origin of an array in the world from the pose of its plate; see `press_plate` and `Parts`."""
+    place = np.zeros((4, 3))
+    for i in range(3):
+        for j in range(3):
+            for axis in range(3):
+                place[i, j] += geom_xmat[plate, 3 * i + axis] * turn[j, axis]
+    for i in range(3):
+        place[3, i] = geom_xpos[plate, i]
+        for j in range(3):
+            place[3, i] -= place[i, j] * middle[j]
+    return place

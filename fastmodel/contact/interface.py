@@ -97,7 +97,7 @@ class ContactReader(Protocol):
         """
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Compute the contact forces of the last simulation step from the state after the step.
+        """Compute contact forces, net force and tangential forces of the last step from the state after the step.
 
         Raises:
             StateError: If a contact force is not finite.
@@ -114,12 +114,4 @@ class ContactReader(Protocol):
 
         Raises:
             StateError: If an array is missing.
-        """
-
-    def add_net_force(self, reading: Reading, data: mujoco.MjData | None = None) -> Reading:
-        """Return a reading with net force, net torque and tangential forces.
-
-        Args:
-            reading: What `read` or `at_rest` returned.
-            data: The state that was read; None for the reading of given contact forces.
         """

@@ -25,7 +25,7 @@ from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient_kernels import minimise_energy
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import GapSamples
-from fastmodel.pressure.preparation_kernels import find_start, place_cells
+from fastmodel.pressure.preparation_kernels import are_close, find_start, place_cells
 from fastmodel.state import State, take_array
 from meshes.array_types import FloatArray, IntArray
 
@@ -68,8 +68,9 @@ class Load:
                 `length` [-].
             length: Lever arm by which differences of moments are divided [m].
         """
-        moment = np.abs(self.moment - other.moment).max()
-        return bool(max(abs(self.force - other.force), moment / length) <= tolerance * self.force)
+        if abs(self.force - other.force) > tolerance * self.force:
+            return False
+        return compile_kernel(are_close)(self.moment, other.moment, length * tolerance * self.force)
 
     def without_moments(self) -> Load:
         """Return the same load with only the force prescribed, not the moments."""

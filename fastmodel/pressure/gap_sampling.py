@@ -17,6 +17,7 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.gap import Solid
 from fastmodel.pressure.gap_kernels import Cells, sample_body
+from fastmodel.pressure.preparation_kernels import are_close
 from meshes.array_types import FloatArray, IntArray
 
 
@@ -84,9 +85,9 @@ class PosedBody:
             tolerance: Largest accepted difference of positions over `length`, and of entries of rotations [-].
             length: Length by which differences of positions are divided [m].
         """
-        if np.abs(self.position - other.position).max() > tolerance * length:
-            return False
-        return bool(np.abs(self.rotation - other.rotation).max() <= tolerance)
+        close = compile_kernel(are_close)
+        moved = not close(self.position.ravel(), other.position.ravel(), tolerance * length)
+        return not moved and close(self.rotation.ravel(), other.rotation.ravel(), tolerance)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

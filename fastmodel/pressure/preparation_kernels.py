@@ -94,3 +94,8 @@ def find_start(
         else:
             forces[k] = wanted[b] * coverage[k] / areas[b]
     return forces
+
+
+def are_close(one: FloatArray, other: FloatArray, tolerance: float) -> bool:
+    """Kernel: return whether no entries of two arrays of equal length, shape (n,), differ by more than a tolerance."""
+    return bool(np.abs(one - other).max() <= tolerance)

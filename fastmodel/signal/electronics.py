@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import ShapeError
-from fastmodel.signal.array_namespace import Array, as_floats, find_namespace, round_half_to_even
+from fastmodel.signal.array_namespace import Array, as_floats, cast, find_namespace, round_half_to_even
 
 #: Grey level of white in an 8-bit image [-].
 WHITE = 255
@@ -200,7 +200,7 @@ class Electronics:
         if noise is not None and self.noise > 0:
             drawn = noise.standard_normal(measured.shape) if isinstance(noise, np.random.Generator) else noise
             measured = measured + self.noise * drawn
-        applied = measured / self.applied_share
+        applied = measured if self.tip_share is None else measured / self.tip_share
         if self.characteristic is None:
             signal = self.sensitivity * applied + self.offset
         else:
@@ -215,7 +215,7 @@ class Electronics:
         if self.threshold:
             signal = signal - self.threshold
         limited = saturate(xp.maximum(signal, 0.0), self.output_max, self.saturation_band)
-        return xp.astype(round_half_to_even(xp, limited), xp.int64)
+        return cast(xp, round_half_to_even(xp, limited), xp.int64)
 
     def image(self, counts: npt.ArrayLike | Array) -> Array:
         """Convert counts to grey levels 0..255, with white at `output_max`, uint8 of the same shape [-]."""
@@ -255,7 +255,7 @@ def grey_levels(values: npt.ArrayLike | Array, full_scale: float) -> Array:
     if not full_scale > 0:
         return xp.zeros(floats.shape, dtype=xp.uint8)
     grey = WHITE * xp.minimum(xp.maximum(floats / full_scale, 0.0), 1.0)
-    return xp.astype(round_half_to_even(xp, grey), xp.uint8)
+    return cast(xp, round_half_to_even(xp, grey), xp.uint8)
 
 
 def describe_calibration(electronics: Electronics) -> str:

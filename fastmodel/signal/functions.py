@@ -35,8 +35,8 @@ class ChainState(NamedTuple):
     """The state of the signal chain of n texels.
 
     Attributes:
-        filter: States of the low-pass filter of every texel and, as the last signal, of the total force, shape (k, ...,
-            n + 1); the last of the k entries is the filtered sample [N].
+        filter: States of the low-pass filter of n + 1 + m signals, shape (k, ..., n + 1 + m); the last of the k entries
+            is the filtered sample.  The signals are: force on every texel, total force, and m others [N].
         play: Output of each texel's play operator, which models hysteresis, shape (..., n) [N].
     """
 
@@ -52,16 +52,22 @@ class ChainOutput(NamedTuple):
         image: The counts as grey levels, uint8 of shape (..., rows, columns) [-].
         texel_forces: Filtered and spread texel forces, shape (..., n) [N].
         outside: Part of the filtered contact force that no texel measures, shape (...) [N].
+        others: The m other signals after the filter, shape (..., m) [unit of the signals].
     """
 
     counts: Array
     image: Array
     texel_forces: Array
     outside: Array
+    others: Array
 
 
 class ChainFunctions:
-    """Filter, point spread, characteristic and image of one sensor, as pure functions."""
+    """Filter, point spread, characteristic and image of one sensor, as pure functions.
+
+    Other signals, for example the tangential forces on texels or the net force, pass through the filter alone.  The
+    functions do not compute them: they come from the simulator, as the contact forces do.
+    """
 
     def __init__(
         self,
@@ -86,11 +92,12 @@ class ChainFunctions:
             FilterError: If the filter's cut-off is not below half the sampling rate.
         """
         array = parameters.array
-        self._electronics, self._shape = parameters.electronics, (array.rows, array.columns)
+        self._electronics, self._shape, self._count = parameters.electronics, (array.rows, array.columns), array.count
         if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
             _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
         self._active = None if array.active.all() else namespace.asarray(array.active)
         self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace, dtype=dtype)
+        self._ones = namespace.ones(array.count, dtype=dtype)
         self._spread = None
         if spreads:
             # a product with the transposed operator, because the texels are the last dimension
@@ -100,32 +107,36 @@ class ChainFunctions:
             if of_numpy and dtype is not None:
                 self._spread = self._spread.astype(dtype)
 
-    def settle(self, forces: Array, carried: Array | None = None) -> ChainState:
+    def settle(self, forces: Array, carried: Array | None = None, others: Array | None = None) -> ChainState:
         """Return the steady state under constant forces, without hysteresis.
 
         Args:
             forces: Constant contact force on each texel, shape (..., n) [N].
             carried: Total force, shape (...) [N]; by default the sum of the forces.
+            others: Constant values of m other signals, shape (..., m) [any unit]; none by default.
         """
-        signals = _join(forces, carried)
+        signals = _join(forces, carried, others)
         return ChainState(filter=self._low_pass.settle(signals), play=find_namespace(forces).zeros_like(forces))
 
-    def take(self, state: ChainState, forces: Array, carried: Array | None = None) -> ChainState:
+    def take(
+        self, state: ChainState, forces: Array, carried: Array | None = None, others: Array | None = None
+    ) -> ChainState:
         """Return the state after one more sample of the contact forces.
 
         Args:
             state: The state before the sample.
             forces: Contact force on each texel, shape (..., n) [N].
             carried: Total force, shape (...) [N]; by default the sum of the forces.
+            others: The m other signals, as many as in the state, shape (..., m) [any unit].
         """
-        return self.take_signals(state, _join(forces, carried))
+        return self.take_signals(state, _join(forces, carried, others))
 
     def take_signals(self, state: ChainState, signals: Array) -> ChainState:
         """Return the state after one more sample, see `take`.
 
         Args:
             state: The state before the sample.
-            signals: Contact force on each texel and, as the last entry, the total force, shape (..., n + 1) [N].
+            signals: Contact force on each texel, total force, and other signals, shape (..., n + 1 + m) [N].
         """
         return ChainState(self._low_pass.step(state.filter, signals), state.play)
 
@@ -139,8 +150,9 @@ class ChainFunctions:
             noise: Random generator of the noise of the electronics, for arrays of numpy; or independent numbers with
                 the standard normal distribution, shape (..., n) [-]; None for frames without noise.
         """
-        electronics, filtered = self._electronics, state.filter[-1, ..., :-1]
-        forces = filtered if self._spread is None else filtered @ self._spread
+        electronics, filtered, count = self._electronics, state.filter[-1, ...], self._count
+        pressing = filtered[..., :count]
+        forces = pressing if self._spread is None else pressing @ self._spread
         xp = find_namespace(forces)
         delayed, play = electronics.apply_hysteresis(forces, state.play)
         counts = electronics.counts(delayed, noise)
@@ -151,16 +163,18 @@ class ChainFunctions:
             counts=counts,
             image=image,
             texel_forces=forces,
-            outside=state.filter[-1, ..., -1] - xp.sum(forces, axis=-1),
+            outside=filtered[..., count] - forces @ self._ones,
+            others=filtered[..., count + 1 :],
         )
         return ChainState(state.filter, play), output
 
 
-def _join(forces: Array, carried: Array | None) -> Array:
-    """Append the total force to the forces on n texels, shape (..., n + 1) [N]."""
+def _join(forces: Array, carried: Array | None, others: Array | None) -> Array:
+    """Join the forces on n texels, the total force, and m other signals, shape (..., n + 1 + m) [N]."""
     xp = find_namespace(forces)
     total = xp.sum(forces, axis=-1) if carried is None else xp.asarray(carried, dtype=forces.dtype)
-    return xp.concat([forces, total[..., None]], axis=-1)
+    signals = [forces, total[..., None]]
+    return xp.concat(signals if others is None else [*signals, xp.asarray(others, dtype=forces.dtype)], axis=-1)
 
 
 @functools.cache

@@ -4,7 +4,7 @@ import pytest
 
 import fastmodel
 from fastmodel import Plate, StateError
-from fastmodel.contact.force_kernels import read_contacts, sum_forces
+from fastmodel.contact.force_kernels import press_plate, read_contacts
 from fastmodel.contact.plate import PlateReader, transform_poses
 from fastmodel.pose import Pose
 from tests.support.cover_data import WTS
@@ -47,7 +47,7 @@ def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
         place = contact.pos - [0.1, 0.2, 0.3]
         sums = expected.setdefault(int(model.geom_bodyid[other]), np.zeros(3))
         sums += world[2] * np.array([1, place[0], place[1]])
-    found = reader.find_contact(data)
+    found, _ = reader.find_contact(data)
     assert len(expected) == 2
     assert set(found.bodies) == set(expected)
     for body, load in zip(found.bodies, found.loads, strict=True):
@@ -57,28 +57,30 @@ def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
 
 def test_kernels_give_the_same_compiled_and_in_plain_python():
     reader, model, data = build_blocks(CONES["elliptic"])
-    axes, origin = np.eye(3), np.array([0.1, 0.2, 0.3])
     contacts = read_contacts(data, pyramidal=False)
     body_of_geom = np.append(model.geom_bodyid, -1)
-    bodies, sums, *_ = sum_forces(contacts, model.geom("pad/plate").id, body_of_geom, axes, origin)
-    found = reader.find_contact(data)
+    bodies, sums, _, _, place, _ = press_plate(
+        contacts, data.geom_xmat, data.geom_xpos, reader.net_force.parts, body_of_geom
+    )
+    np.testing.assert_allclose(place, [*np.eye(3), [0.1, 0.2, 0.3]], atol=1e-12)
+    found, _ = reader.find_contact(data)
     assert bodies.tolist() == list(found.bodies)
     np.testing.assert_allclose(sums[:, 0], [load.force for load in found.loads], atol=1e-12)
-    rotation, position = transform_poses(np.array([1, 2]), data.geom_xmat, data.geom_xpos, axes, origin)
+    rotation, position = transform_poses(np.array([1, 2]), data.geom_xmat, data.geom_xpos, place)
     np.testing.assert_allclose(rotation, [pose.rotation[0] for pose in found.poses], atol=1e-12)
     np.testing.assert_allclose(position, [pose.position[0] for pose in found.poses], atol=1e-12)
 
 
 def test_a_contact_equals_itself_and_no_changed_contact():
     reader, _, data = build_blocks(CONES["elliptic"])
-    first = reader.find_contact(data)
-    assert first.equals(reader.find_contact(data), 1e-12, 1e-3)
+    first, _ = reader.find_contact(data)
+    assert first.equals(reader.find_contact(data)[0], 1e-12, 1e-3)
     assert not first.equals(first.select([0]), 1e-5, 1e-3)
     data.geom_xpos[1, 0] += 1e-6
-    assert not reader.find_contact(data).equals(first, 1e-5, 1e-3)
+    assert not reader.find_contact(data)[0].equals(first, 1e-5, 1e-3)
     data.geom_xpos[1, 0] -= 1e-6
     data.efc_force[:] *= 1.001
-    assert not reader.find_contact(data).equals(first, 1e-5, 1e-3)
+    assert not reader.find_contact(data)[0].equals(first, 1e-5, 1e-3)
 
 
 def test_contact_forces_that_are_not_finite_are_refused():

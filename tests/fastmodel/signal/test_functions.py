@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.signal import sosfilt
 
 import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters
@@ -119,6 +120,22 @@ def test_the_chain_of_a_sensor_computes_the_same():
             np.testing.assert_array_equal(frame.counts, one.counts)
             np.testing.assert_array_equal(frame.image, one.image)
             assert chain.outside == one.outside
+
+
+def test_other_signals_pass_the_filter_alone(xp):
+    """Tangential forces of every world, shape (worlds, 2 texels), give what the filter gives for each of them."""
+    forces, carried, _ = inputs()
+    shear = np.random.default_rng(5).uniform(-1, 1, (SAMPLES, WORLDS, 2 * ARRAY.count))
+    functions = ChainFunctions(parameters(), RATE, namespace=xp)
+    state = functions.settle(xp.asarray(forces[0]), xp.asarray(carried[0]), xp.asarray(shear[0]))
+    for sample, total, other in zip(forces, carried, shear, strict=True):
+        state = functions.take(state, xp.asarray(sample), xp.asarray(total), xp.asarray(other))
+    _, output = functions.frame(state)
+    expected = sosfilt(parameters().filter.sections(RATE), shear - shear[0], axis=0)[-1] + shear[0]
+    np.testing.assert_allclose(np.asarray(output.others), expected, atol=1e-12)
+    plain = run(ChainFunctions(parameters(), RATE, namespace=xp), xp, forces, carried, np.zeros_like(forces))
+    assert plain[0].others.shape == (WORLDS, 0)
+    assert np.asarray(output.texel_forces).any()
 
 
 @pytest.mark.slow
