@@ -21,6 +21,7 @@ from validation.campaign.run import CampaignResult, run_campaign
 from validation.derivation.derive import Derivation, derive
 from validation.derivation.quadrature import gauss_points
 from validation.errors import InputError
+from validation.published.calibration import prepare_models
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
 
@@ -127,7 +128,18 @@ def evaluate(
     verification = verify(derivation)
     chosen = default_cases(sensor.array) if cases is None else cases
     step = progress.step if progress else None
-    campaign = run_campaign(sensor.cover, derivation.parameters, chosen, friction=sensor.friction, progress=step)
+    if progress:
+        progress("fit of the comparison models")
+    comparison = prepare_models(sensor.cover, derivation.parameters, chosen, friction=sensor.friction)
+    clock.append(time.perf_counter())
+    campaign = run_campaign(
+        sensor.cover,
+        derivation.parameters,
+        chosen,
+        comparison=comparison,
+        friction=sensor.friction,
+        progress=step,
+    )
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,
@@ -135,7 +147,9 @@ def evaluate(
         campaign=campaign,
         recordings=scores,
         recorded=recorded,
-        seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
+        seconds=dict(
+            zip(("recordings", "derive", "comparison models", "campaign"), np.diff(clock).tolist(), strict=True)
+        ),
         versions=versions(),
     )
 

@@ -2,13 +2,15 @@
 
 The finite-element solution is the reference.  Simpler contact methods of the fast model and two null models are scored
 for comparison.  The null models are an empty image, and the contact forces on rigid boxes without any spread to other
-texels.  The error estimate of the reference is the noise floor of all scores.
+texels.  Published models can be scored in the same cases; `validation.published` holds them.  The error estimate of the
+reference is the noise floor of all scores.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +25,8 @@ from validation.metrics import Score, published_line, score
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.indentation.result import Indentation
+    from validation.published.calibration import ComparisonModels, Row
+    from validation.published.scene import Forces
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
@@ -50,6 +54,10 @@ POOLED_METRICS = (
 )
 
 
+#: Names of the metrics by which the fast model is compared with published models.
+SKILL_METRICS = ("misplaced_force", "image_changed_percent", "image_changed_line_percent")
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Texel forces that a model predicts in one case, with their score.
@@ -64,6 +72,10 @@ class Prediction:
     outside: float
     score: Score
 
+    def as_json(self) -> dict[str, Any]:
+        """Return forces and scores as a dictionary of JSON values."""
+        return {"texel_forces": self.texel_forces, "outside": self.outside, "scores": self.score.as_json()}
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CaseResult:
@@ -74,12 +86,14 @@ class CaseResult:
         reference: Result of the finite elements.
         predictions: Result and score of each scored model, by the name of the model.
         warnings: Sentences about reasons not to rely on the fast model in this case.
+        published: Result and score of each published model, by the name of its row; empty if none was scored.
     """
 
     case: Case
     reference: Indentation
     predictions: Mapping[str, Prediction]
     warnings: tuple[str, ...]
+    published: Mapping[str, Prediction] = dataclasses.field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """Return the case and all its results as a dictionary of JSON values."""
@@ -91,14 +105,8 @@ class CaseResult:
             "yaw": self.case.yaw,
             "reference": describe_reference(self.reference),
             "warnings": list(self.warnings),
-            "models": {
-                name: {
-                    "texel_forces": prediction.texel_forces,
-                    "outside": prediction.outside,
-                    "scores": prediction.score.as_json(),
-                }
-                for name, prediction in self.predictions.items()
-            },
+            "models": {name: prediction.as_json() for name, prediction in self.predictions.items()},
+            "comparison_models": {name: prediction.as_json() for name, prediction in self.published.items()},
         }
 
 
@@ -127,6 +135,29 @@ class SkippedCase:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class RowScores:
+    """Scores of a published model, pooled over the cases of a campaign.
+
+    Attributes:
+        row: The model and its parameters.
+        pooled: Mean over the scored cases with bootstrap interval, by metric.
+        skill: Skill of the fast model, 1 - its mean error / mean error of this model [-], by metric (`SKILL_METRICS`).
+    """
+
+    row: Row
+    pooled: Mapping[str, Pooled]
+    skill: Mapping[str, Pooled]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the model, its parameters and its scores as a dictionary of JSON values."""
+        pooled, skills = (
+            {metric: dataclasses.asdict(value) for metric, value in values.items()}
+            for values in (self.pooled, self.skill)
+        )
+        return {**self.row.as_json(), "pooled": pooled, "skill": skills}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CampaignResult:
     """Results of all cases of a campaign.
 
@@ -137,6 +168,7 @@ class CampaignResult:
         skill: Skill of the fast model in misplaced force, 1 - mean error / mean error of another model [-], by the name
             of the other model.
         noise_floor: Mean over cases of each relative error estimate of the reference, by name [-].
+        published: Pooled scores of the published models, in the order of their table; empty if none was scored.
     """
 
     cases: Sequence[CaseResult]
@@ -144,6 +176,7 @@ class CampaignResult:
     pooled: Mapping[str, Mapping[str, Pooled]]
     skill: Mapping[str, Pooled]
     noise_floor: Mapping[str, float]
+    published: Sequence[RowScores] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return all results of the campaign as a dictionary of JSON values."""
@@ -155,6 +188,7 @@ class CampaignResult:
             },
             "skill": {model: dataclasses.asdict(value) for model, value in self.skill.items()},
             "noise_floor": dict(self.noise_floor),
+            "comparison_models": [scores.as_json() for scores in self.published],
             "cases": [result.as_json() for result in self.cases],
             "skipped": [each.as_json() for each in self.skipped],
         }
@@ -166,6 +200,7 @@ def run_campaign(
     cases: Sequence[Case],
     *,
     friction: float = 0.0,
+    comparison: ComparisonModels | None = None,
     progress: Progress | None = None,
 ) -> CampaignResult:
     """Compute every case by finite elements and by the fast model, and score the fast model.
@@ -175,19 +210,23 @@ def run_campaign(
         parameters: Parameters of the fast model, already fitted; the campaign changes none of them.
         cases: The indentations.
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
+        comparison: Published models to score in the same cases, already fitted (`prepare_models`); None for none.
         progress: Called before each case with (number of cases done, number of all cases, name of the next case).
 
     Raises:
         InputError: If no case can be computed by all models.
+        ValueError: If a published model was fitted to one of the cases.
     """
     from fem_reference import ConvergenceError
 
+    if comparison is not None:
+        comparison.check_unseen(cases)
     results, skipped = [], []
     for number, case in enumerate(cases):
         if progress:
             progress(number, len(cases), case.name)
         try:
-            results.append(run_case(cover, parameters, case, friction=friction))
+            results.append(run_case(cover, parameters, case, comparison, friction=friction))
         except (ValueError, ConvergenceError) as error:
             converged = not isinstance(error, ConvergenceError)
             skipped.append(SkippedCase(case=case, reason=str(error), converged=converged))
@@ -195,16 +234,24 @@ def run_campaign(
         progress(len(cases), len(cases), "")
     if not results:
         raise InputError(*(f"{each.case.name} ({each.case.shape}): {each.reason}" for each in skipped))
-    return _summarise(results, skipped)
+    return _summarise(results, skipped, comparison)
 
 
-def run_case(cover: Cover, parameters: Parameters, case: Case, *, friction: float = 0.0) -> CaseResult:
-    """Compute one case by finite elements, the fast model and the null models, and score all but the finite elements.
+def run_case(
+    cover: Cover,
+    parameters: Parameters,
+    case: Case,
+    comparison: ComparisonModels | None = None,
+    *,
+    friction: float = 0.0,
+) -> CaseResult:
+    """Compute one case by finite elements and by all other models, and score all but the finite elements.
 
     Args:
         cover: The cover in the finite-element model.
         parameters: Parameters of the fast model.
         case: The indentation.
+        comparison: Published models to score as well; None for none.
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
     """
     from fastmodel import indent
@@ -212,10 +259,15 @@ def run_case(cover: Cover, parameters: Parameters, case: Case, *, friction: floa
 
     array = parameters.array
     reference = press(cover, array, case.indenter, load=case.load, at=case.at, yaw=case.yaw, friction=friction)
-    fast, area, boxes = (
-        indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
-        for method in ("default", "area", "boxes")
-    )
+    press_fast = partial(indent, parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw)
+    fast, area = press_fast(method="default"), press_fast(method="area")
+    published: dict[str, Forces] = {}
+    if comparison is None:
+        boxes = press_fast(method="boxes")
+    else:
+        # The published models read the contacts of the same simulation.
+        scene, published = comparison.predict(cover, parameters, case)
+        boxes = scene.boxes
     forces = {
         "fast": (fast.texel_forces, fast.outside),
         "area": (area.texel_forces, area.outside),
@@ -223,15 +275,24 @@ def run_case(cover: Cover, parameters: Parameters, case: Case, *, friction: floa
         "no-spread": (np.where(array.active, boxes.contact_forces, 0.0), 0.0),
         "zeros": (np.zeros(array.count), 0.0),
     }
-    predictions = {
-        name: Prediction(
-            texel_forces=texel_forces,
-            outside=outside,
-            score=score_forces(reference, texel_forces, outside, case.load, parameters),
-        )
-        for name, (texel_forces, outside) in forces.items()
-    }
-    return CaseResult(case=case, reference=reference, predictions=predictions, warnings=fast.warnings)
+
+    def score_all(forces: Mapping[str, tuple[FloatArray, float]]) -> dict[str, Prediction]:
+        return {
+            name: Prediction(
+                texel_forces=texel_forces,
+                outside=outside,
+                score=score_forces(reference, texel_forces, outside, case.load, parameters),
+            )
+            for name, (texel_forces, outside) in forces.items()
+        }
+
+    return CaseResult(
+        case=case,
+        reference=reference,
+        predictions=score_all(forces),
+        warnings=fast.warnings,
+        published=score_all(published),
+    )
 
 
 def score_forces(
@@ -264,18 +325,32 @@ def describe_reference(reference: Indentation) -> dict[str, Any]:
     return {name: getattr(reference, name) for name in numbers} | texts | {"warnings": list(reference.warnings)}
 
 
-def _summarise(results: Sequence[CaseResult], skipped: Sequence[SkippedCase]) -> CampaignResult:
+def _summarise(
+    results: Sequence[CaseResult], skipped: Sequence[SkippedCase], comparison: ComparisonModels | None
+) -> CampaignResult:
     """Average the scores over the cases of a campaign."""
 
-    def scores_of(model: str, metric: str) -> list[float]:
-        return [float(getattr(result.predictions[model].score, metric)) for result in results]
+    def pool_scores(predictions: Sequence[Prediction]) -> dict[str, Pooled]:
+        return {metric: pool([float(getattr(each.score, metric)) for each in predictions]) for metric in POOLED_METRICS}
 
-    misplaced = scores_of("fast", "misplaced_force")
+    def measure_skill(predictions: Sequence[Prediction], metric: str = "misplaced_force") -> Pooled:
+        errors, others = (
+            [float(getattr(each.score, metric)) for each in scores] for scores in (scored["fast"], predictions)
+        )
+        return skill(errors, others)
+
+    scored = {model: [result.predictions[model] for result in results] for model in MODELS}
     errors = [result.reference.error_estimate for result in results]
+    published = []
+    for row in comparison.rows if comparison else ():
+        predictions = [result.published[row.name] for result in results]
+        skills = {metric: measure_skill(predictions, metric) for metric in SKILL_METRICS}
+        published.append(RowScores(row=row, pooled=pool_scores(predictions), skill=skills))
     return CampaignResult(
         cases=tuple(results),
         skipped=tuple(skipped),
-        pooled={model: {metric: pool(scores_of(model, metric)) for metric in POOLED_METRICS} for model in MODELS},
-        skill={model: skill(misplaced, scores_of(model, "misplaced_force")) for model in MODELS if model != "fast"},
+        pooled={model: pool_scores(predictions) for model, predictions in scored.items()},
+        skill={model: measure_skill(predictions) for model, predictions in scored.items() if model != "fast"},
         noise_floor={key: float(np.mean([each[key] for each in errors])) for key in errors[0]},
+        published=tuple(published),
     )

@@ -1,0 +1,163 @@
+"""Published models are fitted to presses that are never scored."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fastmodel
+from validation.campaign.case import Case, default_cases
+from validation.campaign.run import POOLED_METRICS, run_campaign
+from validation.published.calibration import (
+    AS_FITTED,
+    AS_SHIPPED,
+    CalibrationPress,
+    ComparisonModels,
+    Row,
+    check_disjoint,
+    choose_calibration,
+    make_rows,
+    measure_error,
+    prepare_models,
+)
+from validation.published.models import PUBLISHED
+from validation.published.scene import make_scene
+
+SCORED = (Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),)
+
+
+@pytest.fixture(scope="module")
+def parameters(wts):
+    return fastmodel.Parameters(array=wts, spread=fastmodel.Gaussian.from_sigma(0.5), electronics=fastmodel.WTS_0614_34)
+
+
+@pytest.fixture(scope="module")
+def cover(bonded):
+    return bonded(0.49)
+
+
+@pytest.fixture(scope="module")
+def prepared(cover, parameters):
+    return prepare_models(cover, parameters, SCORED)
+
+
+@pytest.fixture(scope="module")
+def presses(cover, parameters, prepared):
+    from fem_reference.indentation.press import press
+
+    return [
+        CalibrationPress(
+            scene=make_scene(cover, parameters, case, prepared.response),
+            reference=press(cover, parameters.array, case.indenter, load=case.load, at=case.at),
+        )
+        for case in choose_calibration(parameters.array, SCORED)
+    ]
+
+
+def test_fit_is_never_worse_than_shipped_on_its_presses(prepared, presses):
+    rows = {row.name: row for row in prepared.rows}
+    compared = 0
+    for row in prepared.rows:
+        assert row.error == pytest.approx(measure_error(row.model, row.parameters, presses))
+        shipped = rows.get(f"{row.model.name}, {AS_SHIPPED}")
+        if row.variant == AS_FITTED:
+            assert row.fitted == row.model.fitted
+            assert len(row.cases) == 3
+        if row.variant == AS_FITTED and shipped is not None:
+            assert row.error <= shipped.error
+            changed = {name for name, value in row.parameters.items() if value != shipped.parameters[name]}
+            assert changed <= set(row.fitted)
+            compared += row.error < 0.9 * shipped.error
+    assert compared >= 6  # the fits do something
+
+
+def test_every_model_has_its_rows(prepared):
+    names = [row.name for row in prepared.rows]
+    assert len(set(names)) == len(names)
+    for model in PUBLISHED.values():
+        assert (f"{model.name}, {AS_FITTED}" in names) == bool(model.fitted)
+        assert (f"{model.name}, {AS_SHIPPED}" in names) == (model.shipped is not None)
+
+
+def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
+    model = PUBLISHED["skinsim-2014"]
+    made = {"stiffness": 900.0, "amplitude": 0.4, "sigma": 3e-3}
+    forces = [model.predict(press.scene, **made) for press in presses]
+    own = [
+        dataclasses.replace(
+            press, reference=dataclasses.replace(press.reference, texel_forces=each.texels, outside=each.outside)
+        )
+        for press, each in zip(presses, forces, strict=True)
+    ]
+    fitted = make_rows(model, cover, own)[1]
+    assert fitted.error < 2e-3
+    assert fitted.parameters == {name: pytest.approx(value, rel=0.05) for name, value in made.items()}
+
+
+def test_masked_texels_measure_nothing(presses):
+    scene = presses[0].scene
+    row = Row(model=PUBLISHED["tegin-2005"], variant=AS_SHIPPED, parameters={})
+    whole = row.predict(scene)
+    active = np.ones(scene.array.count, dtype=bool)
+    active[np.argmax(whole.texels)] = False
+    masked = row.predict(dataclasses.replace(scene, array=dataclasses.replace(scene.array, active=active)))
+    assert masked.outside == pytest.approx(whole.texels.max())
+    assert masked.texels.sum() + masked.outside == pytest.approx(whole.texels.sum())
+
+
+def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepared):
+    fitted = choose_calibration(wts, default_cases(wts))
+    assert len(fitted) == 3
+    check_disjoint(fitted, default_cases(wts))
+    elsewhere = dataclasses.replace(fitted[0], load=1.0, at=(0.0, 0.0), name="elsewhere")
+    with pytest.raises(ValueError, match="must not be scored"):
+        check_disjoint(fitted, [elsewhere])
+    with pytest.raises(ValueError, match=r"elsewhere.*must not be scored"):
+        run_campaign(cover, parameters, [*SCORED, elsewhere], comparison=prepared)
+    with pytest.raises(ValueError, match="must not be scored"):
+        prepared.predict(cover, parameters, elsewhere)
+    assert [case.name for case in choose_calibration(wts, [elsewhere])] == [case.name for case in fitted[1:]]
+
+
+def test_arrays_off_a_grid_and_covers_with_sides_have_no_rows(bonded, cover, parameters):
+    assert prepare_models(bonded(0.49, size=(30e-3, 60e-3)), parameters, SCORED) is None
+    bent = parameters.array.centres + np.array([0, 0, 1e-3]) * (np.arange(parameters.array.count)[:, None] == 3)
+    array = dataclasses.replace(parameters.array, centres=bent)
+    assert prepare_models(cover, dataclasses.replace(parameters, array=array), SCORED) is None
+
+
+def test_campaign_scores_each_row_with_its_own_forces(cover, parameters, prepared):
+    result = run_campaign(cover, parameters, SCORED, comparison=prepared)
+    (case,) = result.cases
+    scene, _ = prepared.predict(cover, parameters, case.case)
+    assert [scores.row.name for scores in result.published] == [row.name for row in prepared.rows]
+    for scores in result.published:
+        forces, prediction = scores.row.predict(scene), case.published[scores.row.name]
+        np.testing.assert_allclose(prediction.texel_forces, forces.texels)
+        assert prediction.outside == pytest.approx(forces.outside)
+        assert set(scores.pooled) == set(POOLED_METRICS)
+        error, fast = prediction.score.misplaced_force, case.predictions["fast"].score.misplaced_force
+        assert scores.pooled["misplaced_force"].mean == error
+        assert scores.skill["misplaced_force"].mean == pytest.approx(1 - fast / error)
+    written = result.as_json()
+    assert [row["name"] for row in written["comparison_models"]] == [row.name for row in prepared.rows]
+    fitted = written["comparison_models"][-1]
+    assert fitted["fitted"] == ["stiffness"]
+    assert len(fitted["fitted_on"]) == 3
+    assert set(written["cases"][0]["comparison_models"]) == {row.name for row in prepared.rows}
+    np.testing.assert_allclose(
+        case.predictions["boxes"].texel_forces,
+        run_campaign(cover, parameters, SCORED).cases[0].predictions["boxes"].texel_forces,
+    )
+
+
+def test_campaign_without_published_models_has_none(cover, parameters):
+    result = run_campaign(cover, parameters, SCORED)
+    assert result.published == ()
+    assert result.as_json()["comparison_models"] == []
+
+
+def test_models_need_two_presses_for_a_fit(cover, presses):
+    assert [row.variant for row in make_rows(PUBLISHED["penalty"], cover, presses[:1])] == [AS_SHIPPED]
+    assert make_rows(PUBLISHED["shimojo-1994"], cover, presses[:1]) == []
+    assert isinstance(ComparisonModels(rows=(), response=presses[0].scene.response).rows, tuple)

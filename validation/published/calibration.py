@@ -1,0 +1,315 @@
+"""Fit of the published models to a few presses that are never scored, and the rows that a campaign scores.
+
+Protocol, the same for all models: the mean misplaced force over the calibration presses is minimised over the
+logarithms of the fitted parameters, by a scan around the parameters as shipped and the method of Nelder and Mead from
+the best point of the scan.  All presses are by bodies of revolution, whose finite-element solution takes seconds on any
+cover.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshes import Cover, TexelArray
+from meshes.array_types import FloatArray
+from validation.campaign.case import Case
+from validation.metrics import misplaced_force
+from validation.published.models import PUBLISHED, Model, foundation_stiffness
+from validation.published.scene import Forces, Scene, Values, make_scene
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from fem_reference.closed_form.influence import TexelResponse
+    from fem_reference.indentation.result import Indentation
+
+#: Calibration presses: name, indenter, load, and position of its axis from the array's centre over the pitch.
+_PRESSES = (
+    ("calibration, ball", "sphere:radius=6mm", "3 N", (0.35, 0.15)),
+    ("calibration, flat punch", "cylinder:radius=3.5mm", "2 N", (-0.3, 0.4)),
+    ("calibration, large ball", "sphere:radius=10mm", "1 N", (-0.9, -1.6)),
+)
+#: Fewest presses to fit to [-].
+_FEWEST = 2
+#: First value of a foundation's stiffness under a cover of incompressible material, which has none [Pa/m].
+_START_STIFFNESS = 1e9
+#: The scan before the fit has 2^(3 + number of parameters) points [-]; its range in the logarithm, to both sides; edge
+#: of the first simplex in the logarithm.
+_SCAN, _SCAN_RANGE, _SIMPLEX = 3, 3.0, 0.1
+#: Largest number of evaluations per fitted parameter [-], and tolerances in the logarithm and in the misplaced force.
+_EVALUATIONS, _TOLERANCE = 50, 1e-4
+AS_SHIPPED, AS_FITTED = "as shipped", "as fitted"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibrationPress:
+    """A press that models are fitted to.
+
+    Attributes:
+        scene: The press as the models see it.
+        reference: Result of the finite elements.
+    """
+
+    scene: Scene
+    reference: Indentation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Row:
+    """A published model with its parameters, one row of the table of scores.
+
+    Attributes:
+        model: The model.
+        variant: `AS_SHIPPED` or `AS_FITTED`.
+        parameters: Values of all parameters by name, in SI units.
+        fitted: Names of the fitted parameters; empty as shipped.
+        cases: Calibration presses that they were fitted to.
+        error: Mean misplaced force over these presses; NaN as shipped without presses [-].
+    """
+
+    model: Model
+    variant: str
+    parameters: Values
+    fitted: tuple[str, ...] = ()
+    cases: tuple[Case, ...] = ()
+    error: float = math.nan
+
+    @property
+    def name(self) -> str:
+        """Name of the row, unique in the table."""
+        return f"{self.model.name}, {self.variant}"
+
+    def predict(self, scene: Scene) -> Forces:
+        """Predict the forces of one press; force on masked texels counts as outside."""
+        texels, outside = self.model.predict(scene, **self.parameters)
+        active = scene.array.active
+        return Forces(np.where(active, texels, 0.0), outside + float(texels[~active].sum()))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row as a dictionary of JSON values."""
+        model = self.model
+        return {
+            "name": self.name,
+            "title": model.title,
+            "variant": self.variant,
+            "contact": model.contact,
+            "rule": model.rule,
+            "certainty": model.certainty,
+            "total": model.total or "the load",
+            "not_built": model.in_time,
+            "parameters": dict(self.parameters),
+            "units": dict(model.units),
+            "fitted": list(self.fitted),
+            "fitted_on": [f"{case.shape}, {case.load:g} N at {case.pose}" for case in self.cases],
+            "fit_misplaced_force": self.error,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparisonModels:
+    """The published models as rows, ready to be scored on one cover and array.
+
+    Attributes:
+        rows: The rows.
+        response: Exact response of the cover, which all scenes share.
+    """
+
+    rows: Sequence[Row]
+    response: TexelResponse
+
+    def check_unseen(self, cases: Sequence[Case]) -> None:
+        """Check that no row was fitted to one of the cases.
+
+        Raises:
+            ValueError: If a row was fitted to a press by the indenter of a case.
+        """
+        for row in self.rows:
+            check_disjoint(row.cases, cases)
+
+    def predict(self, cover: Cover, parameters: Parameters, case: Case) -> tuple[Scene, dict[str, Forces]]:
+        """Make the scene of a case, and predict its forces by every row.
+
+        Raises:
+            ValueError: If a row was fitted to a press by the case's indenter.
+            FastModelError: If the texels do not carry the load in MuJoCo.
+        """
+        self.check_unseen([case])
+        scene = make_scene(cover, parameters, case, self.response)
+        return scene, {row.name: row.predict(scene) for row in self.rows}
+
+
+def prepare_models(
+    cover: Cover,
+    parameters: Parameters,
+    cases: Sequence[Case],
+    *,
+    friction: float = 0.0,
+    progress: Callable[[str], None] | None = None,
+) -> ComparisonModels | None:
+    """Fit the published models on calibration presses, and return all rows as shipped and as fitted.
+
+    Args:
+        cover: The cover.
+        parameters: Parameters of the fast model.
+        cases: The cases that will be scored; no calibration press has an indenter of theirs.
+        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
+        progress: Called with a line of text before each step.
+
+    Returns:
+        The rows; None for an array that is not a regular grid or a cover with side edges, which the models do not take.
+        Without two calibration presses there are no rows as fitted.
+    """
+    if not parameters.array.regular or cover.size is not None:
+        return None
+    from fem_reference.closed_form.influence import tabulate_texel_response
+
+    tell = progress or (lambda _: None)
+    response = tabulate_texel_response(cover, parameters.array.texel_size)
+    presses = []
+    for case in choose_calibration(parameters.array, cases):
+        tell(case.name)
+        press = _press(cover, parameters, case, response, friction=friction)
+        if press is not None:
+            presses.append(press)
+    rows = []
+    for model in PUBLISHED.values():
+        tell(f"fit of {model.title}")
+        rows += make_rows(model, cover, presses)
+    return ComparisonModels(rows=tuple(rows), response=response)
+
+
+def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
+    """Return the calibration presses whose indenter is in none of the cases.
+
+    Args:
+        array: The array, whose pitch places the presses.
+        cases: The cases that are scored.
+    """
+    chosen = []
+    for name, shape, load, (x, y) in _PRESSES:
+        case = Case.read(name, shape, load)
+        at = (x * array.pitch[0], y * array.pitch[1])
+        if all(case.indenter != scored.indenter for scored in cases):
+            chosen.append(Case(name=name, indenter=case.indenter, shape=shape, load=case.load, at=at))
+    return chosen
+
+
+def check_disjoint(fitted: Sequence[Case], scored: Sequence[Case]) -> None:
+    """Check that no case is both fitted and scored.
+
+    One indenter has the same contact at every pose on a wide cover, so it must not be in both, whatever the pose.
+
+    Raises:
+        ValueError: If an indenter is in both.
+    """
+    for case in scored:
+        if any(case.indenter == other.indenter for other in fitted):
+            raise ValueError(f"{case.name} ({case.shape}) must not be scored: models were fitted to this indenter")
+
+
+def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> list[Row]:
+    """Make the rows of a model: as shipped if its parameters are known, as fitted if it has any to fit.
+
+    Args:
+        model: The model.
+        cover: The cover.
+        presses: The calibration presses; no fit to fewer than two.
+    """
+    shipped, rows = model.find_shipped(cover), []
+    if shipped is not None:
+        error = measure_error(model, shipped, presses) if presses else math.nan
+        rows.append(Row(model=model, variant=AS_SHIPPED, parameters=shipped, error=error))
+    if model.fitted and len(presses) >= _FEWEST:
+        parameters, error = fit_model(model, cover, presses)
+        cases = tuple(press.scene.case for press in presses)
+        rows.append(
+            Row(
+                model=model,
+                variant=AS_FITTED,
+                parameters=parameters,
+                fitted=model.fitted,
+                cases=cases,
+                error=error,
+            )
+        )
+    return rows
+
+
+def measure_error(model: Model, parameters: Values, presses: Sequence[CalibrationPress]) -> float:
+    """Compute the mean misplaced force of a model over presses [-]."""
+    row = Row(model=model, variant="", parameters=parameters)
+    errors = []
+    for press in presses:
+        forces = row.predict(press.scene)
+        errors.append(
+            misplaced_force(
+                press.reference.texel_forces,
+                forces.texels,
+                reference_outside=press.reference.outside,
+                outside=forces.outside,
+                load=press.scene.load,
+            )
+        )
+    return float(np.mean(errors))
+
+
+def fit_model(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> tuple[Values, float]:
+    """Fit a model's parameters to presses, and return all its parameters and their mean misplaced force.
+
+    The result is never worse on these presses than the parameters as shipped.
+
+    Args:
+        model: The model.
+        cover: The cover, for the first value of a stiffness.
+        presses: The presses.
+    """
+    from scipy.optimize import minimize
+    from scipy.stats import qmc
+
+    shipped = model.find_shipped(cover)
+    known = {**(shipped or {}), **model.start}
+    if "stiffness" in model.fitted:
+        known.setdefault("stiffness", foundation_stiffness(cover) or _START_STIFFNESS)
+
+    def at(logarithms: FloatArray) -> Values:
+        return {**known, **dict(zip(model.fitted, np.exp(logarithms).tolist(), strict=True))}
+
+    def error(logarithms: FloatArray) -> float:
+        return measure_error(model, at(logarithms), presses)
+
+    start = np.log([known[name] for name in model.fitted])
+    scanned = start + _SCAN_RANGE * (2 * qmc.Sobol(len(start), seed=0).random_base2(_SCAN + len(start)) - 1)
+    first = min([start, *scanned], key=error)
+    found = minimize(
+        error,
+        first,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([first, first + _SIMPLEX * np.eye(len(first))]),
+            "maxfev": _EVALUATIONS * len(first),
+            "xatol": _TOLERANCE,
+            "fatol": _TOLERANCE,
+        },
+    )
+    candidates = [at(found.x), *([] if shipped is None else [shipped])]
+    errors = [measure_error(model, each, presses) for each in candidates]
+    best = int(np.argmin(errors))
+    return candidates[best], errors[best]
+
+
+def _press(
+    cover: Cover, parameters: Parameters, case: Case, response: TexelResponse, *, friction: float
+) -> CalibrationPress | None:
+    """Press by finite elements and in MuJoCo; None if one of them cannot compute the press."""
+    from fem_reference import ConvergenceError
+    from fem_reference.indentation.press import press
+
+    try:
+        reference = press(cover, parameters.array, case.indenter, load=case.load, at=case.at, friction=friction)
+        return CalibrationPress(scene=make_scene(cover, parameters, case, response), reference=reference)
+    except (ValueError, ConvergenceError):
+        return None

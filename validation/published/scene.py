@@ -1,0 +1,270 @@
+"""What the published models take from one press: MuJoCo's contacts on box texels, and the rigid indenter's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, NamedTuple
+
+import mujoco
+import numpy as np
+
+from fastmodel import BoxTexels, FastIndentation, Parameters, indent
+from fastmodel.contact.boxes import BoxReader, find_boxes
+from fastmodel.contact.interface import Reading
+from fastmodel.pose import Pose
+from fastmodel.pressure.cover_kernels import CoverCells
+from fem_reference.closed_form.influence import TexelResponse
+from meshes import Cover, TexelArray
+from meshes.array_types import FloatArray, IntArray
+from meshes.pose import PlanarPose
+from validation.campaign.case import Case
+
+#: Cells of the contact map per texel pitch [-].
+CELLS_PER_PITCH = 12
+#: Grid on which contact points of several steps are merged if the indenter does not come to rest [m].
+_MERGE = 1e-5
+
+
+class Forces(NamedTuple):
+    """Forces that a model predicts.
+
+    Attributes:
+        texels: Force on each texel, shape (n,) [N].
+        outside: Force that no texel measures, by the model itself [N].
+    """
+
+    texels: FloatArray
+    outside: float
+
+
+class Contacts(NamedTuple):
+    """MuJoCo's contact points of an indenter on the box texels.
+
+    Attributes:
+        points: Positions in the array's frame, shape (m, 3) [m].
+        normals: Unit normals out of the array, shape (m, 3) [-].
+        forces: Normal forces, shape (m,) [N].
+        texels: Index of the box texel that is touched, shape (m,) [-].
+        depths: Rigid penetration in MuJoCo, shape (m,) [m].
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    forces: FloatArray
+    texels: IntArray
+    depths: FloatArray
+
+
+class ContactMap(NamedTuple):
+    """The rigid indenter over cells smaller than a texel, those under its outline only.
+
+    Attributes:
+        points: Positions (x, y) of the cells in the array's frame, shape (m, 2) [m].
+        gaps: Height of the indenter over its lowest point, shape (m,) [m].
+        area: Area of one cell [m2].
+    """
+
+    points: FloatArray
+    gaps: FloatArray
+    area: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """One press of a rigid indenter under a held load, as the published models see it.
+
+    Attributes:
+        case: Indenter, pose and load.
+        cover: The cover.
+        array: The n texels, on a regular planar grid.
+        boxes: The press on rigid box texels in MuJoCo, with the spread of the fast model's parameters.
+        contacts: MuJoCo's contact points of that press.
+        response: Share of a point load on the cover that a texel receives (exact layer solution).
+        texel_gaps: Height of the indenter over each texel's centre, inf beside the indenter, shape (n,) [m].
+        map: The indenter over a fine grid.
+    """
+
+    case: Case
+    cover: Cover
+    array: TexelArray
+    boxes: FastIndentation
+    contacts: Contacts
+    response: TexelResponse
+    texel_gaps: FloatArray
+    map: ContactMap
+
+    @property
+    def load(self) -> float:
+        """Applied force [N]."""
+        return self.case.load
+
+    @cached_property
+    def layer_shares(self) -> FloatArray:
+        """Share of a point load on each cell of the map that each texel receives, shape (n, m) [-]."""
+        return np.array([self.response(*(self.map.points - at).T) for at in self.array.centres[:, :2]])
+
+
+def make_scene(cover: Cover, parameters: Parameters, case: Case, response: TexelResponse) -> Scene:
+    """Press the indenter of a case on box texels in MuJoCo, and sample its lower surface.
+
+    Args:
+        cover: The cover.
+        parameters: The array and its cover's spread.
+        case: Indenter, pose and load; not tilted.
+        response: Response of the cover, `tabulate_texel_response` of cover and texel size.
+
+    Raises:
+        FastModelError: If the texels do not carry the load.
+    """
+    method = _RecordingBoxes()
+    boxes = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
+    array, pose = parameters.array, PlanarPose(at=case.at, yaw=case.yaw)
+    x, y = pose.to_indenter(array.centres[:, 0], array.centres[:, 1])
+    return Scene(
+        case=case,
+        cover=cover,
+        array=array,
+        boxes=boxes,
+        contacts=method.contacts(chattering=boxes.chatter > 0),
+        response=response,
+        texel_gaps=case.indenter.gap(x, y),
+        map=_map_contact(array, case, pose),
+    )
+
+
+def find_approach(gaps: FloatArray, law: Callable[[FloatArray], FloatArray], load: float) -> float:
+    """Find how deep a rigid indenter sinks until the forces at its points carry the load [m].
+
+    Args:
+        gaps: Height of the indenter over each point before it sinks, inf beside it, shape (m,) [m].
+        law: Force at points that are a given depth inside the indenter [N], increasing without limit.
+        load: Applied force [N].
+
+    Returns:
+        The approach; NaN if no point is under the indenter, so that nothing carries the load.
+    """
+    from scipy.optimize import brentq
+
+    under = gaps[np.isfinite(gaps)]
+    if not under.size:
+        return float("nan")
+
+    def miss(approach: float) -> float:
+        return float(law(np.maximum(approach - under, 0.0)).sum()) - load
+
+    high = 1e-6
+    while miss(under.min() + high) < 0:
+        high *= 4
+    return float(brentq(miss, under.min(), under.min() + high, xtol=1e-12, rtol=1e-10))
+
+
+def find_foundation_approach(gaps: FloatArray, stiffness: float, load: float) -> float:
+    """Find the approach as `find_approach` does, for equal linear springs; exact, by the sorted gaps [m].
+
+    Args:
+        gaps: Height of the indenter over each spring, inf beside it, shape (m,) [m].
+        stiffness: Stiffness of each spring [N/m].
+        load: Applied force [N].
+    """
+    under = np.sort(gaps[np.isfinite(gaps)])
+    if not under.size:
+        return float("nan")
+    # with the first m springs in contact the approach is (load / stiffness + sum of their gaps) / m
+    approaches = (load / stiffness + np.cumsum(under)) / np.arange(1, under.size + 1)
+    beyond = np.append(under[1:], np.inf)
+    return float(approaches[np.argmax(approaches <= beyond)])
+
+
+def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> FloatArray:
+    """Sum forces at points (x, y) over the texels that contain the points, shape (n,) [N].
+
+    Args:
+        array: The n texels, on a regular grid; each has the area of its pitch.
+        points: Positions, shape (m, 2) [m].
+        forces: Forces, shape (m,) [N].
+    """
+    cell = np.floor((points - array.centres[0, :2]) / array.pitch + 0.5).astype(int)
+    inside = ((cell >= 0) & (cell < (array.columns, array.rows))).all(axis=1)
+    index = cell[inside, 1] * array.columns + cell[inside, 0]
+    return np.bincount(index, forces[inside], array.count).astype(np.float64)
+
+
+def _map_contact(array: TexelArray, case: Case, pose: PlanarPose) -> ContactMap:
+    reach = float(np.hypot(*case.indenter.footprint))
+    spacing = np.array(array.pitch) / CELLS_PER_PITCH
+    # cells that divide each texel evenly, around the indenter's axis
+    low = np.floor((np.array(case.at) - reach) / spacing)
+    count = (np.ceil((np.array(case.at) + reach) / spacing) - low).astype(int)
+    x, y = np.meshgrid(*((low[i] + np.arange(count[i]) + 0.5) * spacing[i] for i in (0, 1)))
+    points = np.stack([x.ravel(), y.ravel()], axis=-1)
+    gaps = case.indenter.gap(*pose.to_indenter(points[:, 0], points[:, 1]))
+    under = np.isfinite(gaps)
+    return ContactMap(points[under], gaps[under], float(spacing.prod()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _RecordingBoxes:
+    """Contact method `BoxTexels` that keeps MuJoCo's contact points of each reading."""
+
+    boxes: BoxTexels = field(default_factory=BoxTexels)
+    recorded: list[Contacts] = field(default_factory=list)
+
+    costly: ClassVar[bool] = False
+
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+        """Add one box geom per texel; see `TexelContact.attach`."""
+        self.boxes.attach(body, array, pose, name)
+
+    def bind(
+        self,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        name: str,
+        *,
+        cells: CoverCells | None = None,  # noqa: ARG002
+    ) -> _RecordingReader:
+        """Find the boxes in the compiled model; see `TexelContact.bind`."""
+        return _RecordingReader(model, find_boxes(model, array, name), array, name, self.recorded)
+
+    def contacts(self, *, chattering: bool) -> Contacts:
+        """Return the contacts at rest; if the indenter chatters, their mean over all readings, merged by position."""
+        if not chattering:
+            return self.recorded[-1]
+        points, normals, forces, texels, depths = (np.concatenate(each) for each in zip(*self.recorded, strict=True))
+        keys = np.column_stack([np.rint(points / _MERGE), texels])
+        _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        mean = np.bincount(group.ravel(), forces) / len(self.recorded)
+        return Contacts(points[first], normals[first], mean, texels[first], depths[first])
+
+
+class _RecordingReader(BoxReader):
+    """Reader of box texels that keeps the contacts of each reading."""
+
+    def __init__(
+        self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str, recorded: list[Contacts]
+    ) -> None:
+        super().__init__(model, geoms, array, name)
+        self._recorded = recorded
+
+    def read(self, data: mujoco.MjData) -> Reading:
+        """Compute the contact forces as `BoxReader.read` does, and keep the contacts."""
+        self._recorded.append(self._read_points(data))
+        return super().read(data)
+
+    def _read_points(self, data: mujoco.MjData) -> Contacts:
+        found = data.contact
+        texels = self._texel_of[np.asarray(found.geom).reshape(-1, 2)]
+        first = texels[:, 0] >= 0
+        # MuJoCo's normal points from the first geom to the second.
+        normals = np.asarray(found.frame).reshape(-1, 9)[:, :3] * np.where(first, 1.0, -1.0)[:, None]
+        force, forces = np.zeros(6), np.zeros(len(texels))
+        for k in range(len(texels)):
+            mujoco.mj_contactForce(self._model, data, k, force)
+            forces[k] = force[0]
+        return Contacts(np.array(found.pos), normals, forces, texels.max(axis=1), -np.array(found.dist))
+
+
+#: Values of a model's parameters by name, in SI units.
+Values = Mapping[str, float]
