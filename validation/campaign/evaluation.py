@@ -26,6 +26,7 @@ from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
+    from fastmodel import Parameters
     from validation.calibration.stamp import StampScores
 
 
@@ -127,19 +128,7 @@ def evaluate(
     clock.append(time.perf_counter())
     verification = verify(derivation)
     chosen = default_cases(sensor.array) if cases is None else cases
-    step = progress.step if progress else None
-    if progress:
-        progress("fit of the comparison models")
-    comparison = prepare_models(sensor.cover, derivation.parameters, chosen, friction=sensor.friction)
-    clock.append(time.perf_counter())
-    campaign = run_campaign(
-        sensor.cover,
-        derivation.parameters,
-        chosen,
-        comparison=comparison,
-        friction=sensor.friction,
-        progress=step,
-    )
+    campaign = _score(sensor, derivation.parameters, chosen, progress)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,
@@ -147,10 +136,25 @@ def evaluate(
         campaign=campaign,
         recordings=scores,
         recorded=recorded,
-        seconds=dict(
-            zip(("recordings", "derive", "comparison models", "campaign"), np.diff(clock).tolist(), strict=True)
-        ),
+        seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
         versions=versions(),
+    )
+
+
+def _score(
+    sensor: SensorDescription, parameters: Parameters, cases: Sequence[Case], progress: Progress | None
+) -> CampaignResult:
+    """Fit the published models to presses that are not scored, and score them and the fast model in all cases."""
+    if progress:
+        progress("fit of the comparison models")
+    comparison = prepare_models(sensor.cover, parameters, cases, friction=sensor.friction)
+    return run_campaign(
+        sensor.cover,
+        parameters,
+        cases,
+        comparison=comparison,
+        friction=sensor.friction,
+        progress=progress.step if progress else None,
     )
 
 

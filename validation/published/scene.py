@@ -247,6 +247,8 @@ class _RecordingReader(BoxReader):
     ) -> None:
         super().__init__(model, geoms, array, name)
         self._recorded = recorded
+        self._texel_of = np.full(model.ngeom, -1)
+        self._texel_of[geoms] = np.arange(array.count)
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces as `BoxReader.read` does, and keep the contacts."""

@@ -95,6 +95,6 @@ def test_solver_that_gives_up_is_told_apart_from_bad_input(derivation, monkeypat
 
     good = run_campaign(derivation.sensor.cover, derivation.parameters, CASES[:1]).cases
     answers = iter([lambda: good[0], give_up])
-    monkeypatch.setattr("validation.campaign.run.run_case", lambda *_: next(answers)())
+    monkeypatch.setattr("validation.campaign.run.run_case", lambda *_, **__: next(answers)())
     result = run_campaign(derivation.sensor.cover, derivation.parameters, CASES[:2])
     assert [each.converged for each in result.skipped] == [False]
