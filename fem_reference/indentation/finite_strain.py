@@ -195,18 +195,27 @@ def _solve_axisymmetric(
         return out
 
     data = result_store.fetch("finite-press", {"path": path, "grids": grids, "fillet": fillet}, compute)
-    return [[_read_solution(data, count, i, path) for count in grids] for i in range(len(path.targets))]
+    return [
+        [read_axisymmetric_solution(data, f"{count}_{i}", 1 / count, path) for count in grids]
+        for i in range(len(path.targets))
+    ]
 
 
-def _read_solution(data: Mapping[str, Any], count: int, target: int, path: LoadingPath) -> GridSolution:
-    """Build one axisymmetric solution from stored arrays; forces and depth are divided by the load scale."""
-    key = f"{count}_{target}"
+def read_axisymmetric_solution(data: Mapping[str, Any], key: str, size: float, path: LoadingPath) -> GridSolution:
+    """Build one axisymmetric solution from stored arrays; forces and depth are divided by the load scale.
+
+    Args:
+        data: Stored arrays.
+        key: End of the names of the arrays of this solution.
+        size: Size of its elements; only ratios of sizes are used.
+        path: Cover, friction and load scale.
+    """
     load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
     base = PointSpread.unpack(data, key, thickness=path.cover.thickness, force=load)
     force = load / path.load_scale
     points = divide_rings(data[f"rings_{key}"] / [1, path.load_scale, path.load_scale])
     return GridSolution(
-        size=1 / count,
+        size=size,
         total_force=force,
         depth=depth / path.load_scale,
         area=area,

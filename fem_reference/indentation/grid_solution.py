@@ -79,6 +79,7 @@ class GridStudy:
             proportional to the element size.
         least_overlap: Smallest value of the penetration over the depth that error estimates assume [-].
         least_error: Smallest estimated relative discretisation error [-].
+        least_area_error: Smallest estimated relative error of the contact area [-].
         accurate: Study of the small-strain solutions that `solutions` correct, whose errors are added; None if the
             solutions are not corrections.
         assumptions: Statements about the solution for the user, by topic.
@@ -91,6 +92,7 @@ class GridStudy:
     extrapolate: bool = False
     least_overlap: float = 0.0
     least_error: float = 0.0
+    least_area_error: float = 0.0
     accurate: GridStudy | None = None
     assumptions: dict[str, str]
     warnings: tuple[str, ...] = ()

@@ -16,7 +16,7 @@ import numpy as np
 
 from fem_reference.errors import IncompletePathError, PiercedError
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
-from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_strain
+from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_friction, small_strain
 from fem_reference.indentation.grid_solution import GridStudy
 from fem_reference.indentation.result import Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
@@ -201,8 +201,11 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
         sticking = no_slip.study_path(path, place, progress)
         if sticking is not None and small:
             return sticking
+    if small and in_plane:
+        return small_friction.study_path(path, progress, refinement)
+    if sticking is not None:
         # Not in three dimensions: there the estimate does not cover the error (4.8 % with a 4 mm cylinder on a pad).
-        path = replace(path, baseline_friction=0.0 if sticking is None else np.inf)
+        path = replace(path, baseline_friction=np.inf)
     if path.cover.size is None:
         return finite_strain.study_path(path, progress, refinement, sticking)
     return finite_cover.study_path(path, place, progress)
@@ -214,6 +217,8 @@ def _count_refinements(path: LoadingPath) -> int:
         return small_strain.count_refinements()
     if path.cover.small_strain_only and np.isinf(path.friction) and path.indenter.is_flat:
         return 0  # the grids of a face without slip are fixed
+    if path.cover.small_strain_only and path.cover.size is None and path.indenter.axisymmetric:
+        return small_friction.count_refinements()
     return finite_strain.count_refinements(path) if path.cover.size is None else 0
 
 

@@ -149,7 +149,12 @@ def _estimate_errors(
         "total_force": _FORCE_PER_OVERLAP * overlap,
         "depth": overlap,
         "peak_texel": _FORCE_PER_OVERLAP * overlap,
-        "contact_area": max(estimate_spread([each.area for each in grids]), study.least_error, _LEAST_AREA_ERROR),
+        "contact_area": max(
+            estimate_spread([each.area for each in grids]),
+            study.least_error,
+            study.least_area_error,
+            _LEAST_AREA_ERROR,
+        ),
     }
     quantities: dict[str, Callable[[GridSolution], float]] = {
         "total_force": lambda each: each.total_force,

@@ -1,0 +1,378 @@
+"""Solve the contact with friction of an indenter of revolution on a wide cover at small strain, in the r-z plane.
+
+The finite elements give the compliance of the top to a constant pressure and to a radial shear traction on each of n
+rings, from one factorisation.  The contact is then solved for the tractions of the rings only.  The indenter approaches
+in steps, because slip depends on the loading history.  In each step an active set of open, sticking and sliding rings
+is found: no ring pulls, open rings do not penetrate, sticking rings do not move along the indenter, and the shear of
+sliding rings is the coefficient of friction times the pressure and opposes the slip (Wriggers, Computational Contact
+Mechanics, 2006, sections 4.2 and 5.2).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from fem_reference.elements.grading import grade_around_edge, growing_steps
+from fem_reference.elements.line import Line
+from fem_reference.elements.taylor_hood import prepare_elements
+from fem_reference.errors import ConvergenceError
+from fem_reference.fields.cover_fields import CoverFields, recover_fields
+from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.loading_path import Control, Units
+from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
+from fem_reference.linear_response.membrane_tension import membrane_length
+from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.sparse_solver import ConstrainedSystem
+from meshes import Cover, Indenter
+from meshes.array_types import FloatArray, IntArray
+
+#: Radius of the outermost ring under a curved indenter, over that of the largest contact without friction [-].
+_MARGIN = 1.2
+#: Rings across the largest contact of a curved indenter, and steps of its approach, per element through the cover [-].
+_RINGS, _STEPS = 6, 8
+#: Width of the rings at the edge of a flat face over its radius, times the square of the number of elements through
+#: the cover [-].
+_EDGE = 0.2
+#: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
+_GROWTH = 1.2
+#: Distance of the outer boundary: over the decay length of the response to pressure, over that of the response to shear
+#: tractions, and over the radius of the contact [-].
+_REACH, _REACH_IN_PLANE, _REACH_RADII = 12.0, 4.0, 1.5
+#: Rings of each of the two forces from which the edge of the contact is found [-].
+_FIT = 2
+#: Gauss points across a ring.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
+_ON_BOUNDARY = 1e-9
+#: Relative tolerance of the conditions of contact and slip; number of exchanges after which only the worst ring is
+#: exchanged, and largest number of exchanges [-].
+_TOLERANCE, _ALL_AT_ONCE, _EXCHANGES = 1e-9, 40, 2000
+#: Lower bound of denominators that may be zero.
+_TINY = 1e-300
+#: Conditions of a ring; a sliding ring has the sign of its shear on the cover.
+_OPEN, _STICKS, _OUTWARD, _INWARD = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RingState:
+    """Contact at one target load or depth.
+
+    Attributes:
+        depth: Approach of the indenter from first touch [m].
+        load: Normal force on the indenter [N].
+        area: Contact area [m2].
+        rings: Radius [m], force along -z and radial force on the cover [N] of k rings of the contact, shape (k, 3).
+        base: Pressure on the base of the cover over the radius.
+        reach: Radius of the outer boundary of the mesh [m].
+        energy: Elastic energy stored in the cover [J].
+        fields: Displacement and stress in the cover, if asked for.
+    """
+
+    depth: float
+    load: float
+    area: float
+    rings: FloatArray
+    base: BaseResponse
+    reach: float
+    energy: float
+    fields: CoverFields | None
+
+
+class _Step(NamedTuple):
+    """Solved step, in units of computation.
+
+    Attributes:
+        depth: Approach of the indenter.
+        traction: Pressures of the n rings, then their shears, shape (2 n,).
+        outward: Outward displacement of each ring times its area, shape (n,).
+        condition: Condition of each ring, shape (n,).
+        gap: Gap between the indenter and each ring times its area, shape (n,).
+        rate: Change of `outward` per depth in the last step, shape (n,).
+        closing: Decrease of `gap` per depth in the last step, shape (n,).
+    """
+
+    depth: float
+    traction: FloatArray
+    outward: FloatArray
+    condition: IntArray
+    gap: FloatArray
+    rate: FloatArray
+    closing: FloatArray
+
+
+def count_rings(count: int) -> int:
+    """Return the number of rings across the largest contact, for a number of elements through the cover."""
+    return _RINGS * count
+
+
+class RingContact:
+    """Compliance of the top of a wide cover to tractions on rings, in units of its thickness and top shear modulus.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        indenter: Indenter of revolution.
+        contact_radius: Radius of the largest contact without friction [m].
+        count: Number of elements through the cover [-].
+    """
+
+    def __init__(self, cover: Cover, indenter: Indenter, *, contact_radius: float, count: int) -> None:
+        self._units = Units.of(cover)
+        unit = self._units.length
+        self._cover, self._indenter, self._count = cover, indenter, count
+        self._radius = contact_radius / unit
+        longest = max(_REACH * decay_length(cover), _REACH_IN_PLANE * membrane_length(cover))
+        self._reach = longest / unit + _REACH_RADII * self._radius
+        self._edges, radii = self._grade()
+        thin = self._units.scale_cover(cover)
+        mesh, region = mesh_cover(thin, count, radii, surface_size=float(np.diff(self._edges).min()))
+        self._elements = prepare_elements(mesh, region=region, axisymmetric=True)
+        self._solid = Solid.from_cover(self._elements, cover, self._units)
+        r, z = self._elements.nodes.T
+        self._base, self._top = (np.flatnonzero(np.abs(z - height) < _ON_BOUNDARY) for height in (0.0, 1.0))
+        self._base, self._top = (each[np.argsort(r[each])] for each in (self._base, self._top))
+        self._system = ConstrainedSystem(find_constrained(thin, r, z, self._reach))
+        self._system = self._system.factorise(self._solid.linearise_at_rest().stiffness)
+        self._load_shapes(radii)
+
+    def _grade(self) -> tuple[FloatArray, FloatArray]:
+        """Return the edges of the rings and those of all elements along the radius [thicknesses]."""
+        growth = 1 + _GROWTH / self._count
+        coarse = min(1.0, self._radius) / self._count
+        rim = self._indenter.footprint[0] / self._units.length
+        if self._indenter.is_flat:
+            radii = grade_around_edge(_EDGE * rim / self._count**2, coarse, rim, self._reach, growth)
+            return radii[: int(np.argmin(np.abs(radii - rim))) + 1], radii
+        width = self._radius / count_rings(self._count)
+        rings = int(np.ceil(min(_MARGIN * self._radius, rim) / width - _ON_BOUNDARY))
+        edges = width * np.arange(rings + 1)
+        beyond = growing_steps(
+            width, self._reach - edges[-1], lambda step: step * (growth**2 if step < coarse else growth)
+        )
+        radii = np.concatenate([edges, edges[-1] + np.cumsum(beyond)])
+        radii[-1] = self._reach
+        return np.asarray(edges), radii
+
+    def _load_shapes(self, radii: FloatArray) -> None:
+        """Compute nodal loads, displacements and base reactions per traction of each ring, and the compliance."""
+        half = np.diff(self._edges)[:, None] / 2
+        self._points = self._edges[:-1, None] + half * (_NODES + 1)
+        self._area_weights = 2 * np.pi * self._points * half * _WEIGHTS
+        rings = len(half)
+        owner = np.repeat(np.arange(rings), len(_NODES))
+        weights = np.zeros((owner.size, rings))
+        weights[np.arange(owner.size), owner] = self._area_weights.ravel()
+        on_nodes = np.asarray(Line(edges=radii, order=2).at(self._points.ravel()).T @ weights)
+        self._shapes = np.zeros((self._elements.displacements + self._elements.pressures, 2 * rings))
+        self._shapes[2 * self._top + 1, :rings] = -on_nodes
+        self._shapes[2 * self._top, rings:] = on_nodes
+        self._response = self._system.solve(self._shapes)
+        self._reactions = np.column_stack(
+            [
+                self._system.reaction(self._response[:, column], self._shapes[:, column])[2 * self._base + 1]
+                for column in range(2 * rings)
+            ]
+        )
+        compliance = self._shapes.T @ self._response
+        self._compliance = (compliance + compliance.T) / 2
+        self._area = self._area_weights.sum(axis=1)
+
+    def press(
+        self, targets: Sequence[float], control: Control, *, friction: float, depth: float, fields: bool = False
+    ) -> list[RingState]:
+        """Press the indenter to every target load [N] or depth [m], ascending.
+
+        Args:
+            targets: Loads or depths.
+            control: Whether the targets are loads or depths.
+            friction: Coefficient of friction, inf for no slip [-].
+            depth: Depth at the last target without friction [m].
+            fields: Whether to compute displacement and stress in the cover.
+
+        Raises:
+            ConvergenceError: If the conditions of the rings do not settle.
+        """
+        unit = self._units.length if control == "depth" else self._units.force
+        rings = len(self._area)
+        zero = np.zeros(rings)
+        here = _Step(0.0, np.zeros(2 * rings), zero, np.full(rings, _OPEN), zero, zero, zero)
+
+        plan = self._plan_depths(depth / self._units.length, 1 if friction == 0 else _STEPS * self._count)
+        following = next(plan)
+        reached: list[RingState] = []
+        for target in (each / unit for each in targets):
+            while self._measure(ahead := self._advance(here, following, friction), control) < target:
+                here, following = ahead, next(plan)
+            if control == "load":
+                ahead = self._find_load(here, ahead, target, friction)
+            elif ahead.depth > target:
+                ahead = self._advance(here, target, friction)
+            here = ahead
+            reached.append(self._describe(here, fields=fields))
+        return reached
+
+    def _plan_depths(self, last: float, steps: int) -> Iterator[float]:
+        """Yield depths, without end, with which the contact grows evenly and reaches the depth `last` in `steps`."""
+        steps = 1 if self._indenter.is_flat else steps
+        for number in itertools.count(1):
+            share = number / steps
+            inside = self._height(np.array([min(share, 1.0), 1.0]) * self._radius)
+            yield last * (share if self._indenter.is_flat or share > 1 else float(inside[0] / inside[1]))
+
+    def _find_load(self, here: _Step, ahead: _Step, target: float, friction: float) -> _Step:
+        """Find the step from `here` at a load between those of `here` and of `ahead`."""
+
+        def miss(depth: float) -> float:
+            return self._measure(self._advance(here, depth, friction), "load") / target - 1
+
+        depth = brentq(miss, here.depth, ahead.depth, xtol=1e-14, rtol=_TOLERANCE)
+        return self._advance(here, float(depth), friction)
+
+    def _measure(self, step: _Step, control: Control) -> float:
+        """Return the depth or the load of a step, in units of computation."""
+        return step.depth if control == "depth" else float(self._area @ step.traction[: len(self._area)])
+
+    def _height(self, radius: FloatArray) -> FloatArray:
+        """Return the height of the indenter above its tip at distances from the axis [thicknesses]."""
+        unit = self._units.length
+        height = self._indenter.gap(radius * unit, np.zeros_like(radius)) / unit
+        return np.zeros_like(height) if self._indenter.is_flat else np.asarray(height)
+
+    def _advance(self, before: _Step, depth: float, friction: float) -> _Step:
+        """Solve for the tractions of the rings at a depth, after a step at a smaller depth.
+
+        Raises:
+            ConvergenceError: If the conditions of the rings do not settle.
+        """
+        n = len(self._area)
+        wanted = ((depth - self._height(self._points)) * self._area_weights).sum(axis=1)
+        target = np.concatenate([wanted, self._predict_touch(before, depth)])
+        scale = np.maximum(np.abs(target).max(), _TINY)
+        condition = before.condition.copy()
+        condition[(condition == _OPEN) & (wanted > 0)] = _STICKS if friction else _INWARD
+        if not before.condition.any():
+            condition[wanted <= 0] = _OPEN
+        for exchange in range(_EXCHANGES):
+            traction = self._balance(condition, target, friction)
+            pressure, shear = traction[:n], traction[n:]
+            moved = self._compliance @ traction
+            excess = _find_violations(condition, pressure, shear, (moved - target) / scale, friction)
+            if not (excess > _TOLERANCE).any():
+                gap, step = moved[:n] - wanted, max(depth - before.depth, _TINY)
+                rate, closing = (moved[n:] - before.outward) / step, (before.gap - gap) / step
+                return _Step(depth, traction, moved[n:], condition, gap, rate, closing)
+            worst = excess > (_TOLERANCE if exchange < _ALL_AT_ONCE else excess.max() * (1 - _TOLERANCE))
+            condition[worst] = _exchange(condition[worst], pressure[worst], shear[worst], friction)
+        raise ConvergenceError(f"contact and slip of {n} rings did not settle in {_EXCHANGES} exchanges")
+
+    def _predict_touch(self, before: _Step, depth: float) -> FloatArray:
+        """Return the outward displacements with which rings touch: of open rings, if their last motion continues."""
+        if not before.depth:
+            return before.outward
+        ahead = before.gap / np.where(before.closing > 0, before.closing, np.inf)
+        ahead = np.where(before.condition == _OPEN, np.clip(ahead, 0.0, depth - before.depth), 0.0)
+        return np.asarray(before.outward + ahead * before.rate)
+
+    def _balance(self, condition: IntArray, target: FloatArray, friction: float) -> FloatArray:
+        """Solve for the tractions of all rings under given conditions, shape (2 n,)."""
+        n = len(condition)
+        closed, sticks = np.flatnonzero(condition != _OPEN), np.flatnonzero(condition == _STICKS)
+        slides = np.flatnonzero(condition > _STICKS)
+        unknown = np.concatenate([closed, n + sticks])
+        matrix = self._compliance[np.ix_(unknown, unknown)].copy()
+        if friction and slides.size:
+            sign = np.where(condition[slides] == _OUTWARD, friction, -friction)
+            column = np.searchsorted(closed, slides)
+            matrix[:, column] += self._compliance[np.ix_(unknown, n + slides)] * sign
+        out = np.zeros(2 * n)
+        out[unknown] = np.linalg.solve(matrix, target[unknown])
+        if friction and slides.size:
+            out[n + slides] = sign * out[slides]
+        return out
+
+    def _describe(self, step: _Step, *, fields: bool) -> RingState:
+        """Convert a solved step to SI units."""
+        n, units = len(self._area), self._units
+        pressure, shear = step.traction[:n], step.traction[n:]
+        below = recover_base_response(self._elements.nodes[self._base, 0], self._reactions @ step.traction)
+        closed = pressure > 0
+        middle = (self._area_weights * self._points).sum(axis=1) / self._area
+        state = self._response @ step.traction
+        return RingState(
+            depth=step.depth * units.length,
+            load=float(self._area @ pressure) * units.force,
+            area=np.pi * self._find_edge(step) ** 2 * units.length**2,
+            rings=np.column_stack([middle, self._area * pressure, self._area * shear])[closed]
+            * [units.length, units.force, units.force],
+            base=BaseResponse(
+                radius=below.radius * units.length,
+                pressure=below.pressure * units.stress,
+                reaction=below.reaction * units.force,
+            ),
+            reach=self._reach * units.length,
+            energy=float(step.traction @ self._compliance @ step.traction) / 2 * units.force * units.length,
+            fields=recover_fields(self._solid, state, units, linear=True) if fields else None,
+        )
+
+    def _find_edge(self, step: _Step) -> float:
+        """Find the radius of the contact [thicknesses].
+
+        Near the edge a of a smooth contact the pressure is proportional to the square root of a^2 - r^2 (Johnson 1985,
+        section 5.1).  The radius a follows from the ratio of the forces on the outermost rings and on the rings next to
+        them.
+        """
+        pressure = step.traction[: len(self._area)]
+        last = int(np.flatnonzero(pressure > 0)[-1])
+        if self._indenter.is_flat or last < 2 * _FIT or last + 1 == len(pressure):
+            return float(self._edges[last + 1])
+        inner, middle = self._edges[[last + 1 - 2 * _FIT, last + 1 - _FIT]]
+        force = self._area * pressure
+        ratio = force[last + 1 - _FIT :].sum() / force[last + 1 - 2 * _FIT : last + 1 - _FIT].sum()
+
+        def miss(radius: float) -> float:
+            outside = (radius**2 - middle**2) ** 1.5
+            return float(outside - ratio * ((radius**2 - inner**2) ** 1.5 - outside))
+
+        low, high = self._edges[[last, last + 2]] if last + 2 < len(self._edges) else self._edges[[last, last + 1]]
+        if miss(low) >= 0 or miss(high) <= 0:
+            return float(self._edges[last + 1])
+        return float(brentq(miss, low, high))
+
+
+def _find_violations(
+    condition: IntArray, pressure: FloatArray, shear: FloatArray, miss: FloatArray, friction: float
+) -> FloatArray:
+    """Measure by how much the rings violate their conditions, shape (n,); at most 0 where they do not.
+
+    Args:
+        condition: Condition of each of the n rings, shape (n,).
+        pressure: Pressure of each ring, shape (n,).
+        shear: Shear of each ring, shape (n,).
+        miss: Relative difference of the 2 n displacements from those in contact that sticks, shape (2 n,).
+        friction: Coefficient of friction [-].
+    """
+    n = len(condition)
+    largest = max(float(np.abs(pressure).max(initial=0.0)), _TINY)
+    out = np.where(condition == _OPEN, -miss[:n], -pressure / largest)
+    if 0 < friction < np.inf:
+        beyond = (np.abs(shear) - friction * pressure) / (friction * largest)
+        out = np.where((condition == _STICKS) & (pressure > 0), np.maximum(out, beyond), out)
+        along = np.where(condition == _OUTWARD, miss[n:], -miss[n:])
+        out = np.where((condition > _STICKS) & (pressure > 0), np.maximum(out, along), out)
+    return np.asarray(out)
+
+
+def _exchange(condition: IntArray, pressure: FloatArray, shear: FloatArray, friction: float) -> IntArray:
+    """Return the conditions that rings get which violate theirs."""
+    slides = np.where(shear > 0, _OUTWARD, _INWARD)
+    after = np.where(
+        condition == _OPEN, _STICKS if friction else _INWARD, np.where(condition == _STICKS, slides, _STICKS)
+    )
+    # A ring that would have to pull in order to stick may still press when it slides.
+    pulls = (pressure <= 0) & ((condition > _STICKS) | ((condition == _STICKS) & np.isinf(friction)))
+    return np.where(pulls, _OPEN, after)
