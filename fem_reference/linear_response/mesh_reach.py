@@ -11,6 +11,12 @@ from meshes import Cover
 _REACH, _SOLID_REACH = 12.0, 7.0
 #: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
 _REACH_RADII = 1.5
+#: Part of the radius of axisymmetric meshes that is proportional to the membrane length of a stiff top layer, where the
+#: top is held sideways by friction [-].
+_REACH_IN_PLANE = 4.0
+#: Radius of axisymmetric meshes on a sliding base, where the response decays only with the square of the distance, over
+#: the sum of decay length and contact radius; the outer boundary then changes forces by less than 0.005 % [-].
+_REACH_SLIDING = 40.0
 #: Least radius of axisymmetric meshes for a stiff top layer: over the distance over which the stretch of that layer
 #: decays, which leaves 0.1 % of the texel forces, and at most so many thicknesses, because the factorisation fails for
 #: longer elements [-].
@@ -24,7 +30,21 @@ def choose_linear_reach(cover: Cover, contact_radius: float) -> float:
         cover: Laterally wide cover.
         contact_radius: Estimated radius of the largest contact [m].
     """
-    return _REACH * decay_length(cover) + _REACH_RADII * contact_radius
+    decay = decay_length(cover)
+    if cover.base == "sliding":
+        return _REACH_SLIDING * (decay + contact_radius)
+    return _REACH * decay + _REACH_RADII * contact_radius
+
+
+def choose_friction_reach(cover: Cover, contact_radius: float) -> float:
+    """Choose the radius of an axisymmetric mesh for linear solutions with shear tractions on the top [m].
+
+    Args:
+        cover: Laterally wide cover.
+        contact_radius: Estimated radius of the largest contact [m].
+    """
+    stretch = _REACH_IN_PLANE * membrane_length(cover) + _REACH_RADII * contact_radius
+    return max(choose_linear_reach(cover, contact_radius), stretch)
 
 
 def choose_reach(cover: Cover, contact_radius: float) -> float:

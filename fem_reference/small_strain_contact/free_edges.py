@@ -33,6 +33,9 @@ _PARTS = 3
 #: over the decay length of the cover's response.  The effect of an edge decays from the contact to the edge and again
 #: from the edge to the contact [-].
 _NEAR, _FAR = 6.0, 8.0
+#: The same on a sliding base, where the effect decays only with the square of the distance; at the first of the two it
+#: is below 0.06 % of the force [-].
+_NEAR_SLIDING, _FAR_SLIDING = 15.0, 40.0
 #: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact, and
 #: smallest and largest value of this size over the cover thickness [-].
 _FINE, _SMALLEST, _LARGEST = 4 / 3, 1 / 2, 2.0
@@ -87,7 +90,8 @@ class SideEdges:
     @property
     def near(self) -> bool:
         """Whether a side of the cover is so near that its effect on the contact is not neglected."""
-        return bool(self._distance < _NEAR * decay_length(self.cover))
+        near = _NEAR_SLIDING if self.cover.base == "sliding" else _NEAR
+        return bool(self._distance < near * decay_length(self.cover))
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether points in the frame of the indenter [m] lie on the cover."""
@@ -174,7 +178,8 @@ class SideEdges:
             _grade_cover(*span, side / unit, size, sharp=self.indenter.is_flat)
             for span, side in zip(spans, self._side, strict=True)
         ]
-        far = _FAR * decay_length(self.cover) / unit
+        far = _FAR_SLIDING if self.cover.base == "sliding" else _FAR
+        far *= decay_length(self.cover) / unit
         outer = [np.concatenate([edges, _grade_surroundings(edges[-1], far, size)]) for edges in inner]
         lines = [Line(edges=edges, order=2) for edges in inner]
         chosen = [

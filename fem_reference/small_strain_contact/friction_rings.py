@@ -26,8 +26,7 @@ from fem_reference.fields.cover_fields import CoverFields, recover_fields
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Control, Units
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
-from fem_reference.linear_response.membrane_tension import membrane_length
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.mesh_reach import choose_friction_reach
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Indenter
 from meshes.array_types import FloatArray, IntArray
@@ -41,9 +40,6 @@ _RINGS, _STEPS = 6, 8
 _EDGE = 0.2
 #: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
 _GROWTH = 1.2
-#: Distance of the outer boundary: over the decay length of the response to pressure, over that of the response to shear
-#: tractions, and over the radius of the contact [-].
-_REACH, _REACH_IN_PLANE, _REACH_RADII = 12.0, 4.0, 1.5
 #: Rings of each of the two forces from which the edge of the contact is found [-].
 _FIT = 2
 #: Gauss points across a ring.
@@ -126,8 +122,7 @@ class RingContact:
         unit = self._units.length
         self._cover, self._indenter, self._count = cover, indenter, count
         self._radius = contact_radius / unit
-        longest = max(_REACH * decay_length(cover), _REACH_IN_PLANE * membrane_length(cover))
-        self._reach = longest / unit + _REACH_RADII * self._radius
+        self._reach = choose_friction_reach(cover, contact_radius) / unit
         self._edges, radii = self._grade()
         thin = self._units.scale_cover(cover)
         mesh, region = mesh_cover(thin, count, radii, surface_size=float(np.diff(self._edges).min()))

@@ -13,8 +13,7 @@ import numpy as np
 from fem_reference.elements.grading import grade_around_edge
 from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
-from fem_reference.linear_response.membrane_tension import membrane_length
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.mesh_reach import choose_friction_reach
 from fem_reference.small_strain_contact.tension import measure_tension
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
@@ -24,9 +23,6 @@ from meshes.array_types import FloatArray
 _EDGE = 1e-4
 #: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
 _GROWTH = 1.2
-#: Distance of the outer boundary, where all displacements are zero: over the decay length of the response to pressure,
-#: over that of the response to shear tractions, and over the radius of the punch [-].
-_REACH, _REACH_IN_PLANE, _REACH_RADII = 12.0, 4.0, 1.5
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 
@@ -64,7 +60,7 @@ def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int
     unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
     size = min(unit, radius) / elements_per_thickness
     fine = _EDGE * min(radius, cover.layers[-1].thickness)
-    reach = max(_REACH * decay_length(cover), _REACH_IN_PLANE * membrane_length(cover)) + _REACH_RADII * radius
+    reach = choose_friction_reach(cover, radius)
     radii = grade_around_edge(fine, size, radius, reach, 1 + _GROWTH / elements_per_thickness)
     mesh, region = mesh_cover(cover, elements_per_thickness, radii, surface_size=fine)
     elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
