@@ -60,7 +60,7 @@ def choose_reach(cover: Cover, contact_radius: float) -> float:
 
 def choose_solid_reach(cover: Cover) -> float:
     """Choose the distance from the contact to the outer boundary of a mesh in three dimensions [m]."""
-    return _SOLID_REACH * decay_length(cover)
+    return (_REACH_SLIDING if cover.base == "sliding" else _SOLID_REACH) * decay_length(cover)
 
 
 def warn_of_boundary(cover: Cover) -> tuple[str, ...]:

@@ -19,8 +19,7 @@ import scipy.sparse as sp
 
 from fem_reference.elements.grading import fill_by_spacing
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.membrane_tension import membrane_length
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.mesh_reach import choose_friction_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.small_strain_contact.tension import measure_tension
 from fem_reference.sparse_solver import ConstrainedSystem
@@ -29,9 +28,6 @@ from meshes.array_types import FloatArray, IntArray
 from meshes.indenters.polygonal_punch import PolygonalPunch
 from meshes.pose import PlanarPose
 
-#: Distance of the outer boundary of a wide cover from the face, where all displacements are zero: over the decay
-#: lengths of the responses to pressure and to shear tractions [-].
-_REACH, _REACH_IN_PLANE = 8.0, 4.0
 #: Increase of the element size per distance from the face, and from the sides of the face inside it where the sides are
 #: farther than a cover thickness away [-].
 _OUTWARD, _INWARD = 0.6, 0.3
@@ -252,8 +248,7 @@ class _Lines:
         if self.cover.size is not None:
             half = self.cover.size[axis] / 2 / self.cover.thickness
             return -half, half
-        reach = max(_REACH * decay_length(self.cover), _REACH_IN_PLANE * membrane_length(self.cover))
-        reach /= self.cover.thickness
+        reach = choose_friction_reach(self.cover, (high - low) / 2 * self.cover.thickness) / self.cover.thickness
         return low - reach, high + reach
 
     def _space(
