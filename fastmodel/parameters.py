@@ -271,6 +271,7 @@ def _build_array(document: _Document) -> TexelArray:
     pitch, size = document.take("array.pitch"), document.take("array.texel_size")
     table = document.take("array")
     check_texel_count(document.take("array.rows"), document.take("array.columns"))
+    check_type("name", document.take("array.name"), str, "a text")
     grid = TexelArray.grid(
         document.take("array.rows"),
         document.take("array.columns"),

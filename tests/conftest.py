@@ -20,9 +20,13 @@ if TYPE_CHECKING:
     from validation.derivation.derive import Derivation
 
 # A property must hold, however long a busy machine takes to try an example.
-# In CI the examples of property tests are the same on every run; elsewhere they differ from run to run.
+# In CI the examples of property tests are the same on every run, and more; elsewhere they differ from run to run.
 hypothesis.settings.register_profile(
-    "default", hypothesis.settings.get_profile("default"), deadline=None, derandomize="CI" in os.environ
+    "default",
+    hypothesis.settings.get_profile("default"),
+    deadline=None,
+    derandomize="CI" in os.environ,
+    max_examples=100 if "CI" in os.environ else 40,
 )
 hypothesis.settings.load_profile("default")
 

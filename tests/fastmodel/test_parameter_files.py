@@ -109,6 +109,7 @@ HOSTILE = {
     "texts": (pack_npz({"operator": np.array(["x"])}), r"\[cover\]|npz"),
     "a long head": (zipped([("operator.npy", b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 65535)]), "npz file"),
     "code": (zipped([("x.npy", b"\x93NUMPY\x01\x00\x40\x00" + b"__import__('os')".ljust(64))]), "npz file"),
+    "an open head": (zipped([("x.npy", b"\x93NUMPY\x01\x00\x40\x00" + b"{'descr': '<f8', (".ljust(64))]), "npz file"),
     "many arrays": (zipped([(f"{k}.npy", array(())) for k in range(1000)]), "at most 64"),
     "another file": (zipped([("../../x", b"x")]), "something else than arrays"),
     "truncated": (pack_npz({"operator": np.zeros((84, 84))})[:-30], "not a readable npz file"),
@@ -120,6 +121,12 @@ HOSTILE = {
 def test_hostile_npz_files_are_refused_at_once(given, case):
     packed, message = HOSTILE[case]
     refuse(given(packed=packed), message)
+
+
+def test_a_name_that_is_no_text_is_refused(given):
+    path = given() / "parameters.toml"
+    path.write_text(re.sub(r"(?m)^name = .*", "name = 0", path.read_text(), count=1))
+    refuse(path.parent, r"name must be a text, not int")
 
 
 @pytest.mark.parametrize("name", ["parameters.toml", "cover.npz"])

@@ -92,7 +92,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("after", [150, 600])
+@pytest.mark.parametrize("after", [150, pytest.param(600, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("method", "array"), CASES)
 def test_after_going_back_the_next_frames_are_the_same(method, array, after, tmp_path):
     """While sliding (150 ms) and at rest (600 ms); through a file."""

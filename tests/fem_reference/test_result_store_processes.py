@@ -93,7 +93,7 @@ def check_killed(times):
     return finished, left, lost, torn
 
 
-@pytest.mark.parametrize("times", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("times", [12, pytest.param(200, marks=pytest.mark.slow)])
 def test_killed_writers_tear_nothing_and_lose_nothing(folder, times):
     finished, left, lost, torn = check_killed(times)
     assert finished, "no writer got anything done: the test shows nothing"
@@ -113,7 +113,7 @@ def test_plain_writes_would_tear(folder, monkeypatch):
                     file.write(part[start : start + 64])
 
     monkeypatch.setattr(result_store, "replace", plain)
-    *_, torn = check_killed(20)
+    *_, torn = check_killed(12)
     assert torn
 
 

@@ -66,9 +66,9 @@ def test_sides_add_displacement_near_the_load_and_reciprocally(bonded):
 
 
 def test_softer_near_a_side(bonded):
-    cover = pad(bonded)
-    middle, side = (pressed(cover, BALL, at=at, half=1.5e-3, load=0.5).depth for at in ((0.0, 0.0), (3.5e-3, 0.0)))
-    wide = solve_contact(surface_compliance(replace(cover, size=None), 40e-3), BALL, cells=40, load=0.5).depth
+    cover, places = pad(bonded), ((0.0, 0.0), (3.5e-3, 0.0))
+    middle, side = (pressed(cover, BALL, at=at, half=1.5e-3, load=0.5, cells=24).depth for at in places)
+    wide = solve_contact(surface_compliance(replace(cover, size=None), 40e-3), BALL, cells=24, load=0.5).depth
     assert wide < middle < 1.1 * wide
     assert 1.1 * middle < side < 2 * middle
 
@@ -81,8 +81,9 @@ def test_far_sides_change_nothing(bonded):
     assert np.array_equal(far.force, wide.force)
 
 
+@pytest.mark.slow
 def test_mirrored_pose_mirrors_the_contact(bonded):
-    here, there = (pressed(pad(bonded), BALL, at=(x, 0.0), half=1.2e-3, load=0.3, cells=24) for x in (3e-3, -3e-3))
+    here, there = (pressed(pad(bonded), BALL, at=(x, 0.0), half=1.2e-3, load=0.3, cells=16) for x in (3e-3, -3e-3))
     assert there.depth == pytest.approx(here.depth, rel=1e-9)
     order, mirrored_order = np.lexsort((here.y, here.x)), np.lexsort((there.y, -there.x))
     assert there.force[mirrored_order] == pytest.approx(here.force[order], abs=1e-7 * 0.3)

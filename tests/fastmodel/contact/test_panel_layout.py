@@ -183,7 +183,7 @@ def test_turning_a_bent_array_and_its_object_together_changes_no_texel(method):
     np.testing.assert_allclose(turned.frame().texel_forces, level.frame().texel_forces, atol=1e-6)
 
 
-@pytest.mark.parametrize("method", ["foundation", "cover"])
+@pytest.mark.parametrize("method", [pytest.param("foundation", marks=pytest.mark.slow), "cover"])
 def test_a_free_body_presses_where_its_weight_stands_on_a_bent_array(method):
     array = bent(60e-3, rows=9)
     ball = Placement(indenter=Box(size=(6e-3, 6e-3, 6e-3)), load=2.0, at=(0, 0), guided=False, centre=(1e-3, 0.0))

@@ -59,12 +59,20 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
     assert decay_length(cover) > cover.thickness
 
 
-@pytest.mark.parametrize("nu", [0.0, pytest.param(0.45, marks=pytest.mark.slow), 0.499])
-@pytest.mark.parametrize("ratio", [0.2, 3.0, 30.0])
+@pytest.mark.parametrize(
+    ("nu", "ratio"),
+    [
+        *((0.0, 0.2), (0.0, 3.0), (0.499, 0.2), (0.499, 3.0), (0.499, 30.0)),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((0.0, 30.0), (0.45, 0.2), (0.45, 3.0), (0.45, 30.0))
+        ),
+    ],
+)
 def test_the_compliance_of_a_cell_is_that_of_the_same_cell_cut_into_parts(bonded, nu, ratio):
     """Cells from a fifth of the thickness to thirty times the thickness, wide and narrow ones."""
     width, height, parts = 3e-3, 1e-3, 5
-    surface = surface_compliance(bonded(nu, thickness=width / ratio), 40e-3)
+    surface = surface_compliance(bonded(nu, thickness=width / ratio), 12e-3)
     offset = np.arange(1 - parts, parts)
     share = (parts - np.abs(offset)) / parts
     for place in ([0.0, 0.0], [width, 0.0], [2 * width, -3 * height]):
