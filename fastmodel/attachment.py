@@ -34,7 +34,7 @@ def attach(
     quaternion: npt.ArrayLike = (1.0, 0.0, 0.0, 0.0),
     contact: str | TexelContact = DEFAULT,
     every: int | None = None,
-    replaces: str | mujoco.MjsGeom | Sequence[str | mujoco.MjsGeom] = (),
+    replaces: str | mujoco.MjsGeom | Iterable[str | mujoco.MjsGeom] = (),
 ) -> Sensor:
     """Add a tactile array to a body of a spec, before the spec is compiled.
 
@@ -177,7 +177,7 @@ def _find_orientation(element: mujoco.MjsSite | mujoco.MjsFrame) -> npt.ArrayLik
 
 
 def _find_replaced(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, wanted: str | mujoco.MjsGeom | Sequence[str | mujoco.MjsGeom]
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, wanted: str | mujoco.MjsGeom | Iterable[str | mujoco.MjsGeom]
 ) -> list[mujoco.MjsGeom]:
     """Find the geoms of a body that an array takes the place of.
 
@@ -186,9 +186,9 @@ def _find_replaced(
         body: The body.
         wanted: The geoms, or their names.
     """
-    accepted = "the name of a geom, a mujoco.MjsGeom, or a sequence of them"
+    accepted = "the name of a geom, a mujoco.MjsGeom, or several of them"
     several = [wanted] if isinstance(wanted, str | mujoco.MjsGeom) else wanted
-    check_type("replaces", several, Sequence, accepted)
+    check_type("replaces", several, Iterable, accepted)
     replaced = []
     for each in several:
         check_type("replaces", each, (str, mujoco.MjsGeom), accepted)

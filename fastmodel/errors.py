@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Iterable
+from pathlib import Path
+
+#: Folder of this package.
+_PACKAGE = Path(__file__).parent
 
 
 class FastModelError(ValueError):
@@ -70,3 +76,16 @@ def check_type(name: str, value: object, expected: type | tuple[type, ...], want
     """
     if not isinstance(value, expected):
         raise ArgumentTypeError(f"{name} must be {wanted}, not {type(value).__name__}")
+
+
+def warn_user(message: str, category: type[Warning]) -> None:
+    """Give a warning that names the line of the caller outside this package, however deep inside it the cause lies.
+
+    Args:
+        message: The warning.
+        category: Its class.
+    """
+    level, frame = 1, sys._getframe(1)  # noqa: SLF001 -- the documented way to the calling line
+    while frame.f_back is not None and Path(frame.f_code.co_filename).is_relative_to(_PACKAGE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, category, stacklevel=level + 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 
 import mujoco
@@ -11,7 +10,7 @@ import numpy as np
 
 from fastmodel.check import list_options
 from fastmodel.contact.interface import ContactReader, Reading
-from fastmodel.errors import LifeCycleError, StateError, check_type
+from fastmodel.errors import LifeCycleError, StateError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.signal.chain import SignalChain
 from fastmodel.signal.frame import Frame
@@ -98,7 +97,7 @@ class RunningSensor:
             self.reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):
                 message = f"sensor {self._name!r}: {self._validity.describe_excess(reading)}"
-                warnings.warn(message, RangeWarning, stacklevel=3)
+                warn_user(message, RangeWarning)
                 self._validity = None  # warn once
         self._steps += 1
         due = self._count_due(self._sampled_at)

@@ -18,12 +18,12 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.check import check_options, check_surroundings, find_geoms_of, give_warnings
+from fastmodel.check import OptionWarning, check_calibration, check_options, check_surroundings, find_geoms_of
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import TexelContact
-from fastmodel.errors import LifeCycleError, StateError, check_type
+from fastmodel.errors import LifeCycleError, StateError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
 from fastmodel.signal.frame import Frame
@@ -117,7 +117,8 @@ class Sensor:
         check_type("suffix", suffix, str, "a str, as in spec.attach(child, suffix='_left')")
         self._running = self._start(model, prefix, suffix)
         self._prefix, self._suffix = prefix, suffix
-        give_warnings(self.check(model), stacklevel=2)
+        for sentence in self.check(model):
+            warn_user(sentence, OptionWarning)
         return self
 
     def _start(self, model: mujoco.MjModel, prefix: str, suffix: str) -> RunningSensor:
@@ -135,9 +136,10 @@ class Sensor:
     def check(self, model: mujoco.MjModel) -> tuple[str, ...]:
         """Find what makes this sensor measure less, or less accurately, than it could in a model.
 
-        These are: options and flags of the model; colliding geoms that move with the array and are flush with its top,
-        above it, or less than 1 mm below, where they carry part of the force; objects and facing arrays that can never
-        touch the array.  `bind` gives each sentence as an `OptionWarning`.
+        These are: options and flags of the model; a Gaussian point spread that contradicts the calibration of the
+        electronics; colliding geoms that move with the array and are flush with its top, above it, or less than 1 mm
+        below, where they carry part of the force; objects and facing arrays that can never touch the array.  `bind`
+        gives each sentence as an `OptionWarning`.
 
         Args:
             model: The model that was compiled from the spec with this array; prefix and suffix are those of `bind`.
@@ -161,7 +163,8 @@ class Sensor:
         around = check_surroundings(
             model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch
         )
-        return (*check_options(self.parameters, model, every, geoms), *around)
+        spread = () if isinstance(self._contact, CoverContact) else check_calibration(self.parameters)
+        return (*check_options(self.parameters, model, every, geoms), *spread, *around)
 
     def step(self, data: mujoco.MjData) -> bool:
         """Update the sensor after one physics step; call this after every `mj_step`.

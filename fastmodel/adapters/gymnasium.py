@@ -32,7 +32,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fastmodel.errors import FastModelError, LifeCycleError
+from fastmodel.errors import FastModelError, LifeCycleError, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 
@@ -60,11 +60,11 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
     that observation is stored under the key `observation`.  Each image has shape (rows, columns), uint8, row 0 at the
     smallest y.
 
-    `info["frames"]` contains, by sensor, the number `made` of frames that the step made, and the values of these
-    frames, oldest first, in arrays with room for m frames: simulation `times` of their samples, shape (m,) [s],
-    `counts`, shape (m, n) [-], `images`, shape (m, rows, columns) [-], and `net_forces` [N] and `net_torques` [N m] on
-    the array in its frame (see `Frame`), shape (m, 3).  Entries from `made` on are zero.  If a step
-    makes more than m frames, the latest m are kept.
+    `info["frames"]` contains, by sensor, the frames of the step, oldest first, in arrays with room for m frames:
+    simulation `times` of their samples, shape (m,) [s], `counts`, shape (m, n) [-], `images`, shape (m, rows, columns)
+    [-], and `net_forces` [N] and `net_torques` [N m] on the array in its frame (see `Frame`), shape (m, 3).  The number
+    `made` says how many entries are filled; the others are zero.  If a step makes more than m frames, the latest m are
+    kept, and `dropped` is the number of the others, else 0.
 
     Attributes:
         sensors: The sensors of this environment, by name.
@@ -80,10 +80,14 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
             environment must make one physics step per environment step.
         frames: Number m of frames of a step for which `info["frames"]` has room.  By default the largest number that
             the environment's physics steps allow; 1 with `listen`.
+        key: Name of the entry of `info` in place of `frames`, for environments whose `info` has such an entry already.
+            Nested wrappers share one entry, if their sensors have different names.
 
     Raises:
+        ArgumentTypeError: If an argument has a wrong type.
         FastModelError: If the environment has no attributes `model` and `data`, the observation has the name of a
-            sensor already, there is no sensor, or `frames` is not a positive whole number.
+            sensor already, there is no sensor, or `frames` is not a positive whole number; from `reset` and `step`, if
+            the environment's `info` has an entry of the name `key`.
         LifeCycleError: From the constructor, if the model was compiled without a sensor; from `step`, if the
             environment made physics steps without calling the callback, or is a copy that was not reset.
     """
@@ -96,12 +100,14 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         simulation: Callable[[Any], tuple[mujoco.MjModel, mujoco.MjData]] | None = None,
         listen: Listen | None = None,
         frames: int | None = None,
+        key: str = "frames",
     ) -> None:
-        gymnasium.utils.RecordConstructorArgs.__init__(  # for `env.spec`
-            self, sensors=sensors, simulation=simulation, listen=listen, frames=frames, _disable_deepcopy=True
-        )
+        settings: dict[str, Any] = {"simulation": simulation, "listen": listen, "frames": frames, "key": key}
+        given = {"tactile": sensors} if isinstance(sensors, Sensor) else sensors
+        _check_arguments(env, given, settings)
+        gymnasium.utils.RecordConstructorArgs.__init__(self, sensors=sensors, **settings, _disable_deepcopy=True)
         gymnasium.Wrapper.__init__(self, env)
-        given = {"tactile": sensors} if isinstance(sensors, Sensor) else dict(sensors)
+        self._key = key
         self.sensors = {name: sensor.twin() for name, sensor in given.items()}
         self._simulation = simulation or _find_simulation
         self._frames: dict[str, list[Frame]] = {name: [] for name in self.sensors}
@@ -132,7 +138,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         for sensor, child in zip(self.sensors.values(), self._seeds.spawn(len(self.sensors)), strict=True):
             sensor.reset(seed=child)
         self._time = self._simulation(self.env)[1].time
-        return self._observe(observation), {**info, "frames": self._take_frames()}
+        return self._observe(observation), self._inform(info)
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:  # noqa: ANN401 -- as gymnasium's
         """Step the environment, and add the images after the step to the observation."""
@@ -152,7 +158,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
                 f"the environment went from {self._time:g} s to {data.time:g} s without calling back after each "
                 "physics step; check the function listen="
             )
-        return self._observe(observation), reward, terminated, truncated, {**info, "frames": self._take_frames()}
+        return self._observe(observation), reward, terminated, truncated, self._inform(info)
 
     def _find_seed(self) -> int:
         """Return the seed of the environment's `np_random`, or a number from it if it was set without a seed."""
@@ -193,14 +199,21 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
     def _count_frames(self, sensor: Sensor, frames: int | None) -> int:
         """Return the number of frames of one sensor for which there is room, see the argument `frames`."""
         if frames is not None:
-            if frames < 1 or frames != int(frames):
-                raise FastModelError(f"frames must be a whole number from 1 on, not {frames}")
             return int(frames)
         if self._stepper is None:
             return 1
         steps = int(getattr(self.env.unwrapped, _STEPPERS[self._stepper]))
         period = steps * self._simulation(self.env)[0].opt.timestep
         return min(steps, int(period * sensor.parameters.electronics.rate_hz * (1 + _TOLERANCE)) + 1)
+
+    def _inform(self, info: dict[str, Any]) -> dict[str, Any]:
+        """Add the frames since the previous call to the info of the environment, or to those of a nested wrapper."""
+        frames, theirs = self._take_frames(), info.get(self._key, {})
+        if not isinstance(theirs, Mapping) or theirs.keys() & frames.keys():
+            raise FastModelError(
+                f"the environment's info has an entry {self._key!r} already; give key= another name for the frames"
+            )
+        return {**info, self._key: {**theirs, **frames}}
 
     def _take_frames(self) -> dict[str, dict[str, Any]]:
         """Return the frames since the previous call as arrays, by sensor, and discard the stored frames."""
@@ -252,7 +265,28 @@ def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, 
         arrays["times"][index], arrays["counts"][index], arrays["images"][index] = frame.time, frame.counts, frame.image
         if frame.net_force is not None and frame.net_torque is not None:
             arrays["net_forces"][index], arrays["net_torques"][index] = frame.net_force, frame.net_torque
-    return {"made": len(frames), **arrays}
+    return {"made": len(kept), "dropped": len(frames) - len(kept), **arrays}
+
+
+def _check_arguments(env: object, sensors: Mapping[str, Sensor], settings: Mapping[str, Any]) -> None:
+    """Check the types of the arguments of `TactileObservation`; the last are its other arguments by name."""
+    check_type("env", env, gymnasium.Env, "a gymnasium.Env")
+    check_type("sensors", sensors, Mapping, "a fastmodel.Sensor, or a dict of them by name")
+    for name, sensor in sensors.items():
+        check_type("the name of a sensor", name, str, "a str")
+        check_type(f"sensors[{name!r}]", sensor, Sensor, "a fastmodel.Sensor")
+    for name, wanted in (
+        ("simulation", "a function from the environment to its model and data"),
+        ("listen", "a function of the environment and a callback"),
+    ):
+        if settings[name] is not None:
+            check_type(name, settings[name], Callable, wanted)  # type: ignore[arg-type]  # isinstance takes it
+    check_type("key", settings["key"], str, "a str")
+    frames = settings["frames"]
+    if frames is not None:
+        check_type("frames", frames, (int, float, np.integer), "a whole number")
+        if not 1 <= frames < math.inf or frames != int(frames):
+            raise FastModelError(f"frames must be a whole number from 1 on, not {frames}")
 
 
 def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujoco.MjData]:

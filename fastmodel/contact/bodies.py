@@ -1,7 +1,8 @@
 """The bodies of a model that can touch an array, and the shapes of their geoms.
 
-Geoms without a joint between them move together and count as one body.  A height field, a signed distance field or a
-flex has no convex shape; its contact points stand for it.
+Geoms without a joint between them move together and count as one body.  Bodies that a `<weld>` constraint joins stay
+separate, because the constraint is soft and MuJoCo gives each of them a force of its own.  A height field, a signed
+distance field or a flex has no convex shape; its contact points stand for it.
 """
 
 from __future__ import annotations
@@ -42,14 +43,21 @@ class Bodies:
         self.follow_changes()
 
     def follow_changes(self) -> None:
-        """Discard what is known of geoms if their types, sizes or collision masks have changed since the last call.
+        """Discard what is known of geoms if their shapes, or what they may touch, have changed since the last call.
 
         Raises:
             LifeCycleError: If the size of the array's own geoms has changed.
         """
         model = self._model
-        fields = (model.geom_size, model.geom_type, model.geom_contype, model.geom_conaffinity, model.geom_dataid)
-        state = b"".join(each.tobytes() for each in fields)
+        shapes = (model.geom_size, model.geom_type, model.geom_dataid)
+        rules = (
+            model.geom_contype,
+            model.geom_conaffinity,
+            model.exclude_signature,
+            model.pair_geom1,
+            model.pair_geom2,
+        )
+        state = b"".join([each.tobytes() for each in (*shapes, *rules)])
         if state == self._state:
             return
         if not np.array_equal(model.geom_size[self._own], self._size):

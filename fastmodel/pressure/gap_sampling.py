@@ -59,6 +59,12 @@ class BodyShape:
             self.halves,
         )
 
+    def equals(self, other: BodyShape) -> bool:
+        """Return whether another body has the same solids."""
+        if self is other:
+            return True
+        return all(np.array_equal(mine, theirs) for mine, theirs in zip(self.arrays, other.arrays, strict=True))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedBody:
@@ -78,13 +84,15 @@ class PosedBody:
     back: float = -np.inf
 
     def equals(self, other: PosedBody, tolerance: float, length: float) -> bool:
-        """Return whether another pose of the same body is equal up to a tolerance.
+        """Return whether another body has the same shape, and a pose that is equal up to a tolerance.
 
         Args:
-            other: The other pose.
+            other: The other body.
             tolerance: Largest accepted difference of positions over `length`, and of entries of rotations [-].
             length: Length by which differences of positions are divided [m].
         """
+        if not self.shape.equals(other.shape):
+            return False
         close = compile_kernel(are_close)
         moved = not close(self.position.ravel(), other.position.ravel(), tolerance * length)
         return not moved and close(self.rotation.ravel(), other.rotation.ravel(), tolerance)

@@ -127,7 +127,7 @@ def test_a_pair_of_two_replaced_geoms_disappears():
     spec = finger()
     spec.geoms[2].name = "second"
     spec.add_pair(geomname1="pad", geomname2="second")
-    fastmodel.attach(spec, "finger", PARAMETERS, contact="boxes", replaces=("pad", "second"))
+    fastmodel.attach(spec, "finger", PARAMETERS, contact="boxes", replaces={"pad", "second"})
     assert len(spec.pairs) == 6
 
 
@@ -137,6 +137,8 @@ def test_a_pair_of_two_replaced_geoms_disappears():
         ("pda", r"no geom of body 'finger' named 'pda'; valid names: pad; it has 1 geoms? without a name.*MjsGeom"),
         ("other", "geom 'other' is on body 'link'.*'finger'.*: pad"),
         (["pad", "block"], "geom 'block' is on body 'world'"),
+        (None, "replaces must be the name of a geom, a mujoco.MjsGeom, or several of them, not NoneType"),
+        ({"pad", 3}, "replaces must be the name of a geom, .* not int"),
     ],
 )
 def test_a_geom_that_cannot_be_replaced_leaves_the_spec_as_it_was(replaces, message):

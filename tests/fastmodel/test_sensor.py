@@ -1,8 +1,4 @@
 import dataclasses
-import pathlib
-import subprocess
-import sys
-import time
 import warnings
 
 import mujoco
@@ -26,7 +22,6 @@ from fastmodel import (
 from fastmodel.pose import multiply, rotate
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
-from tests.support.cover_data import parameters
 
 WTS = ARRAYS["wts-0614-34"]
 PARAMETERS = Parameters(
@@ -35,7 +30,6 @@ PARAMETERS = Parameters(
     electronics=dataclasses.replace(WTS_0614_34, noise=0.002),
     filter=Butterworth(cutoff_hz=40.0, order=4),
 )
-SLOW = pytest.mark.slow
 IDENTITY = np.array([1.0, 0, 0, 0])
 
 
@@ -293,6 +287,15 @@ def test_a_reset_warns_of_options_that_have_changed(option, value, message):
         sensor.reset()
 
 
+def test_warnings_name_the_line_outside_the_package():
+    sensor, model, _ = ball_on_array()
+    model.opt.solver = mujoco.mjtSolver.mjSOL_CG
+    for call in (sensor.reset, lambda: sensor.bind(model)):
+        with pytest.warns(OptionWarning) as given:
+            call()
+        assert [each.filename for each in given] == [__file__]
+
+
 def test_before_the_first_frame_the_array_is_at_rest():
     sensor, _, _ = ball_on_array()
     assert sensor.frame().counts.sum() == 0
@@ -326,81 +329,3 @@ def test_any_linear_operator_serves_at_run_time():
     tabulated = dataclasses.replace(PARAMETERS, spread=fastmodel.Tabulated(matrix=matrix.copy()))
     one, other = run(*ball_on_array(), 100)[-1], run(*ball_on_array(tabulated), 100)[-1]
     assert np.array_equal(one.counts, other.counts)
-
-
-FIRST_TOUCHES = """
-import gc, sys, mujoco, numpy, fastmodel, scipy.spatial
-from meshes import TexelArray
-from tests.support.bent_array import bent_array
-from tests.support.cover_data import parameters
-
-kinds, find_hull = mujoco.mjtGeom, scipy.spatial.ConvexHull
-
-def drop(kind, sensed):
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
-    sensor = fastmodel.attach(spec, "world", sensed, contact=sys.argv[1], every=1)
-    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0, 1)]
-    spec.add_mesh(name="block", uservert=(4e-3 * numpy.array(corners, dtype=float)).ravel())
-    body = spec.worldbody.add_body(pos=[0, 0, 5.2e-3])
-    body.add_freejoint()
-    mesh = {"meshname": "block"} if kind == kinds.mjGEOM_MESH else {}
-    body.add_geom(type=kind, size=[5e-3, 5e-3, 5e-3], mass=0.1, **mesh)
-    model = spec.compile()
-    return sensor.bind(model), model, mujoco.MjData(model)
-
-def count():
-    found = [value for value in gc.get_objects() if hasattr(type(value), "nopython_signatures")]
-    return {each.py_func: len(each.signatures) for each in found if each.py_func.__module__.startswith("fastmodel")}
-
-for sensed in (parameters(bent_array()), parameters(TexelArray.grid(3, 3, 3.4e-3))):
-    for kind in (kinds.mjGEOM_SPHERE, kinds.mjGEOM_BOX, kinds.mjGEOM_MESH):
-        scipy.spatial.ConvexHull = find_hull
-        sensor, model, data = drop(kind, sensed)
-        kernels, modules, scipy.spatial.ConvexHull = count(), set(sys.modules), None
-        touched = False
-        for _ in range(30):
-            mujoco.mj_step(model, data)
-            sensor.step(data)
-            touched |= sensor.carried() > 0.1
-        assert kernels and touched
-        assert count() == kernels, (kind, set(count().items()) - set(kernels.items()))
-        assert set(sys.modules) == modules, set(sys.modules) - modules
-"""
-
-
-@pytest.mark.parametrize("method", ["boxes", "cover", *(pytest.param(k, marks=SLOW) for k in ("area", "foundation"))])
-def test_nothing_is_compiled_imported_or_prepared_after_binding(method):
-    """A ball makes one contact and a block four, on a bent and a flat array; the hull of a mesh stands since bind."""
-    command = [sys.executable, "-c", FIRST_TOUCHES, method]
-    subprocess.run(command, check=True, cwd=pathlib.Path(__file__).parents[2])  # noqa: S603 -- ours
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", fastmodel.METHODS)
-def test_the_first_touch_costs_at_most_fifteen_usual_steps(method):
-    """Without an earlier solution to start from a touch costs a few usual steps; the mesh has 400 corners."""
-    ratios = []
-    for start in range(3):
-        spec = mujoco.MjSpec()
-        fastmodel.recommend_options(spec)
-        spec.option.timestep = 1e-3
-        sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method, every=1)
-        corners = np.random.default_rng(start).normal(size=(400, 3))
-        spec.add_mesh(name="round", uservert=(5e-3 * corners / np.linalg.norm(corners, axis=1)[:, None]).ravel())
-        body = spec.worldbody.add_body(pos=[0, 0, 5.2e-3])
-        body.add_freejoint()
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="round", mass=0.1)
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        sensor.bind(model)
-        costs = []
-        for _ in range(60):
-            mujoco.mj_step(model, data)
-            before = time.process_time()
-            sensor.step(data)
-            if sensor.carried():
-                costs.append(time.process_time() - before)
-        ratios.append(costs[0] / np.median(costs[1:]))
-    assert min(ratios) < 15

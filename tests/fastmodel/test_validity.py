@@ -102,6 +102,7 @@ def test_a_running_sensor_warns_once(wts_derivation):
             sensor.step(data)
     assert [each.category for each in caught] == [RangeWarning]
     assert "sensor" in str(caught[0].message)
+    assert caught[0].filename == __file__
 
 
 def test_the_range_survives_saving_and_is_optional(wts_derivation, tmp_path):

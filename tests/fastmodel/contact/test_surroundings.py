@@ -238,9 +238,8 @@ def test_a_geom_that_never_collides_meets_the_array_as_an_explicit_pair(method):
     assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_part_that_is_excluded_from_contact_loads_nothing(method):
-    """A lower part of the object is excluded from contact with the hand."""
+def build_excluded_part(method):
+    """An object with a lower part that is excluded from contact with the hand."""
     spec = make_spec()
     hand = spec.worldbody.add_body(name="hand")
     sensor = fastmodel.attach(spec, hand, PAD, contact=method, every=1)
@@ -250,10 +249,29 @@ def test_a_part_that_is_excluded_from_contact_loads_nothing(method):
     low = body.add_body(name="ghost")
     low.add_geom(type=BOX, size=[3e-3, 3e-3, 5e-3], pos=[-3.4e-3, 0, -1e-3], mass=0)
     spec.add_exclude(bodyname1="ghost", bodyname2="hand")
+    return spec, sensor
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_part_that_is_excluded_from_contact_loads_nothing(method):
+    spec, sensor = build_excluded_part(method)
     simulate(spec, [sensor], 250)
     image = PAD.array.image(sensor.contact_forces())
     assert image[:, 2:].sum() == pytest.approx(3.0, rel=1e-2)
     assert image[:, :2].max() == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_exclusion_that_ends_during_a_simulation_is_followed(method):
+    spec, sensor = build_excluded_part(method)
+    model, data = simulate(spec, [sensor], 100)
+    model.exclude_signature[:] = 0
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    image = PAD.array.image(sensor.contact_forces())
+    assert image[:, :2].sum() == pytest.approx(3.0, rel=1e-2)
+    assert image[:, 2:].max() == 0
 
 
 @pytest.mark.parametrize("method", METHODS)
