@@ -66,3 +66,10 @@ def test_escape_sequences_in_arguments_and_names_are_printed_as_text(softcover, 
 def test_printable_text_stays_as_it_is():
     assert escape("Weiss WTS \u00b5m 0.5 \u00d7 2 \u2026") == "Weiss WTS \u00b5m 0.5 \u00d7 2 \u2026"
     assert len(escape("a" * 10**6)) < 2100
+
+
+def test_long_texts_are_cut_in_messages(softcover):
+    status, _, err = softcover("derive", "wts-0614-34", "--material", "x" * 10**5)
+    assert status == 2
+    assert "... (" in err
+    assert len(err) < 2500

@@ -177,6 +177,28 @@ def test_messages_of_wrong_types_and_sizes_are_refused_in_one_line(tmp_path, def
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("kind", "definition"),
+    [
+        ("x/msg/Y", "uint8 a; open({!r}, 'w')"),
+        ("x/msg/Y", "uint8[open({!r}, 'w')] a"),
+        ("x/msg/Y", "string S='\\' + str(open({!r}, 'w')) + '\nuint8 a"),
+        ("x/msg/Y", 'string S="""; open({!r}, "w")\nuint8 a'),
+        ("x/msg/Y:\n    open({!r}, 'w')\nclass Z", "uint8 a"),
+        ("x/msg/Y' + str(open({!r}, 'w')) + '", "uint8 a"),
+    ],
+)
+def test_definitions_of_messages_run_no_code_of_theirs(tmp_path, kind, definition):
+    made = tmp_path / "made"
+    with Writer1(tmp_path / "a.bag") as writer:
+        texts = (text.replace("{!r}", repr(str(made))) for text in (kind, definition))
+        connection = writer.add_connection("/pad", next(texts), msgdef=next(texts), md5sum="0" * 32)
+        writer.write(connection, 5, b"\x01")
+    with pytest.raises(RecordingError):
+        open_recording(tmp_path / "a.bag")
+    assert not made.exists()
+
+
 def test_a_camera_beside_the_array_is_left_out(tmp_path):
     store = get_typestore(Stores.ROS2_JAZZY)
     kind = "sensor_msgs/msg/Image"
