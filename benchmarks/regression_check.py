@@ -19,6 +19,8 @@ from pathlib import Path
 
 #: Numbers of threads of one run after the other [-].
 THREADS = (1, 2, 4)
+#: Settings with which idle threads sleep; on a busy machine, threads that spin would triple the processor time.
+_PASSIVE = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
 _COMMAND = (sys.executable, "-c", "from validation.cli import main; main()", "regress")
 
 
@@ -58,6 +60,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sensor", default="wts-0614-34")
     parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--cold", type=int, default=0, help="number of runs that start with an empty result store")
     parser.add_argument("--baseline", type=Path, help="an existing baseline; by default one is made first")
     options = parser.parse_args()
@@ -67,17 +70,17 @@ def main() -> None:
             run(options.sensor, baseline, "--update")
         stored = json.loads(baseline.read_text())["quantities"]
         largest, red = dict.fromkeys(stored, 0.0), 0
-        for number in range(options.runs):
+        for number in range(options.first, options.first + options.runs):
             threads = str(THREADS[number % len(THREADS)])
             names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
-            environment = dict.fromkeys(names, threads) | {"PYTHONHASHSEED": str(number)}
-            if number < options.cold:
+            environment = dict.fromkeys(names, threads) | {"PYTHONHASHSEED": str(number), **_PASSIVE}
+            if number - options.first < options.cold:
                 environment["SOFTCOVER_STORE"] = str(Path(scratch) / f"store{number}")
             status, found, seconds = run(options.sensor, baseline, "--seed", str(number), **environment)
             red += status
             for title, share in measure_use(stored, found["quantities"]).items():
                 largest[title] = max(largest[title], share)
-            kind = "cold" if number < options.cold else "from the store"
+            kind = "cold" if number - options.first < options.cold else "from the store"
             verdict = "RED: " + "; ".join(each["quantity"] for each in found["changes"]) if status else "green"
             print(f"run {number}: seed {number}, {threads} threads, {kind}, {seconds:.1f} s CPU: {verdict}", flush=True)
         for title, share in sorted(largest.items(), key=lambda item: -item[1]):
