@@ -190,7 +190,8 @@ def _measure_contact(x: FloatArray, y: FloatArray, pressure: FloatArray, indente
 
     Along x the contact ends where the square of the pressure, extrapolated from the last two cells, is zero: at the
     edge of a curved contact the pressure grows with the square root of the distance.  A contact that reaches the
-    outline of the indenter ends there.
+    outline of the indenter ends there.  Open cells further in do not count: on a stiff top over a soft layer a contact
+    may touch along its rim only.
     """
     middle = (x[1:] + x[:-1]) / 2
     width = np.zeros(len(y) - 1)
@@ -204,6 +205,7 @@ def _measure_contact(x: FloatArray, y: FloatArray, pressure: FloatArray, indente
             before, after = column[last - 1] ** 2, column[last] ** 2
             edge = middle[last] + after * (middle[last] - middle[last - 1]) / (before - after)
             width[j] = min(edge, x[min(last + 2, len(x) - 1)])
+        width[j] -= np.diff(x)[:last][column[:last] <= 0].sum()
     return float(width @ np.diff(y))
 
 

@@ -20,11 +20,15 @@ from fem_reference.indentation import finite_cover, finite_strain, no_slip, smal
 from fem_reference.indentation.grid_solution import GridStudy
 from fem_reference.indentation.result import Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
+from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.pose import Place, PlanarPose
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
+#: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which
+#: the sides are neglected under friction, by the base of the cover; and the error of the force that this leaves [-].
+_FAR_SIDES, _SIDES_ERROR = {"bonded": 4.0, "sliding": 15.0}, 1e-3
 
 
 def press(
@@ -195,6 +199,13 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
     small = path.cover.small_strain_only
     if small and not path.friction:
         return small_strain.study_path(path, place, progress, refinement)
+    if _is_far_from_sides(path, place, progress):
+        study = _study_path(replace(path, cover=replace(path.cover, size=None)), place, progress, refinement)
+        return replace(
+            study,
+            least_error=max(study.least_error, _SIDES_ERROR),
+            assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
+        )
     sticking = None
     in_plane = path.cover.size is None and path.indenter.axisymmetric
     if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
@@ -209,6 +220,17 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
     if path.cover.size is None:
         return finite_strain.study_path(path, progress, refinement, sticking)
     return finite_cover.study_path(path, place, progress)
+
+
+def _is_far_from_sides(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> bool:
+    """Return whether a contact with friction, which is simpler on a wide cover, is not changed by the sides."""
+    cover, indenter = path.cover, path.indenter
+    if cover.size is None or not (cover.small_strain_only and indenter.axisymmetric) or path.fields:
+        return False
+    wide = replace(cover, size=None)
+    radius = np.hypot(*small_strain.estimate_contact(replace(path, cover=wide), None, progress).T).max()
+    nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, place.pose.at, strict=True))
+    return bool(nearest - radius > _FAR_SIDES[cover.base] * decay_length(wide))
 
 
 def _count_refinements(path: LoadingPath) -> int:

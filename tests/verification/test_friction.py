@@ -97,3 +97,14 @@ def test_a_box_and_a_cylinder_without_slip_stiffen_alike():
         pressed(Cylinder(radius=3e-3), f, nu=0.49, depth=20e-6, elements=6, fillet=0.4e-3)[0] for f in (0.0, np.inf)
     ]
     assert loads[1] / loads[0] == pytest.approx(round_one[1] / round_one[0], rel=0.03)
+
+
+@pytest.mark.slow
+def test_distant_sides_do_not_change_a_contact_with_friction():
+    array, ball = TexelArray.grid(4, 4, pitch=3.4e-3), Sphere(radius=4e-3)
+    wide = rubber(0.45, "linear-elastic")
+    far = replace(wide, size=(30e-3, 30e-3))
+    first, second = (press(cover, array, ball, depth=0.1e-3, friction=0.3) for cover in (wide, far))
+    assert second.texel_forces == pytest.approx(first.texel_forces)
+    assert "sides" in second.assumptions
+    assert "sides" not in first.assumptions
