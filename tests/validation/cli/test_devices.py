@@ -145,6 +145,7 @@ def test_emulate_shows_the_fast_model_and_a_recording(tmp_path, capsys):
     for show in (tmp_path / "derived", _recorded(tmp_path)):
         status, out, _ = _run(capsys, "emulate", tmp_path / "p", "--show", show, "--seconds", "0.1", "--json")
         assert (status, json.loads(out)["show"]) == (0, str(show))
+        assert json.loads(out)["tag"] == "softcover"  # the default; public drivers wait for a tag
 
 
 def _recorded(folder):

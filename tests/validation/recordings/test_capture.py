@@ -249,10 +249,10 @@ def test_a_killed_recorder_leaves_a_file_that_can_be_completed(tmp_path):
 def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path):
     """All but the last 0.5 s is there, except where a busy machine let the sensor itself or its recorder wait.
 
-    Sensors and recorders share the machine with other tests, so two of two hundred may wait longer, none by 2 s.
+    Sensors and recorders share the machine with other tests, so one of eighty may wait longer, none by 2 s.
     """
     random = Random(5)  # noqa: S311 -- reproducible, no secret
-    delays = [random.uniform(0.25, 1.0) for _ in range(200)]
+    delays = [random.uniform(0.25, 1.0) for _ in range(80)]
     missing = []
 
     def kill_some(number):
@@ -272,7 +272,7 @@ def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path):
         list(pool.map(kill_some, range(_AT_ONCE)))
     missing.sort()
     assert len(missing) == len(delays)
-    assert missing[-3] < 0.5
+    assert missing[-2] < 0.5
     assert missing[-1] < 2.0
 
 
