@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -35,13 +35,16 @@ def hash_code(*packages: str) -> str:
     return digest.hexdigest()[:10]
 
 
-def read_options(description: str, *, name: str, cases: int) -> argparse.Namespace:
+def read_options(
+    description: str, *, name: str, cases: int, switches: Mapping[str, str] | None = None
+) -> argparse.Namespace:
     """Read the options of a run from the command line.
 
     Args:
         description: What the script does.
         name: Name of the file of JSON lines in the folder for temporary files.
         cases: Number of cases.
+        switches: Further options without a value, and their help.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--cases", type=int, default=cases)
@@ -52,6 +55,8 @@ def read_options(description: str, *, name: str, cases: int) -> argparse.Namespa
     parser.add_argument("--lines", type=Path, help="file of JSON lines; one of temporary files by default")
     parser.add_argument("--out", type=Path, help="file for the table")
     parser.add_argument("--older", action="store_true", help="use records of other code for cases that lack one")
+    for switch, text in (switches or {}).items():
+        parser.add_argument(switch, action="store_true", help=text)
     given = parser.parse_args()
     given.lines = given.lines or Path(tempfile.gettempdir()) / f"softcover-{name}-{given.seed}.jsonl"
     return given
@@ -69,7 +74,7 @@ def run_cases(work: Callable[[int, int], Record], given: argparse.Namespace, cod
         Records in the order of their numbers.
     """
     wanted = range(given.first, given.first + given.cases)
-    done = {record["number"] for record in _read(given.lines) if record.get("code") == code}
+    done = {record["number"] for record in read_records(given.lines) if record.get("code") == code}
     left = [number for number in wanted if number not in done]
     deadline = time.time() + 60 * given.minutes
     spawn = multiprocessing.get_context("spawn")
@@ -81,7 +86,7 @@ def run_cases(work: Callable[[int, int], Record], given: argparse.Namespace, cod
                 file.flush()
                 print(f"{count} of {len(jobs)} cases", file=sys.stderr)
     chosen: dict[int, Record] = {}
-    for record in _read(given.lines):
+    for record in read_records(given.lines):
         number, same = record["number"], record.get("code") == code
         if number in wanted and (same or (given.older and chosen.get(number, {}).get("code") != code)):
             chosen[number] = record
@@ -105,5 +110,6 @@ def _work_before(job: tuple[Callable[[int, int], Record], float, int, int, str])
     return {"seed": seed, "number": number, "code": code, "wall": round(time.perf_counter() - started, 1)} | record
 
 
-def _read(lines: Path) -> list[Record]:
+def read_records(lines: Path) -> list[Record]:
+    """Read the records of a file of JSON lines, none if it does not exist."""
     return [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []

@@ -20,8 +20,8 @@ OWN = {
 }
 #: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest.
 TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-cov"}
-#: Packages that benchmarks compare with; each benchmark installs its own.
-BENCHMARKS_ONLY = {"felupe", "netgen", "ngsolve"}
+#: Packages that benchmarks compare with, where each benchmark installs its own; and coverage, which pytest-cov brings.
+BENCHMARKS_ONLY = {"felupe", "netgen", "ngsolve", "coverage"}
 
 
 #: Calls whose first argument names a module: its files are used without an import statement.

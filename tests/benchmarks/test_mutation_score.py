@@ -1,0 +1,102 @@
+"""Mutants are small changes of code that still parses, and planted defects fit the code of today."""
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+SOURCE = '''"""Words 1 + 2."""
+LIMIT: int = 3
+def middle(low: int = 0, high=5):
+    """Say 1 < 2."""
+    if low < high and not skipped(low, high, strict=True):
+        raise ValueError(f"{low + 1}")
+    return (low + high) / 2
+'''
+#: Line, text before and text after of every mutant of the source.
+CHANGES = {
+    (2, "3", "(3 + 1)"),
+    (3, "0", "(0 + 1)"),
+    (3, "5", "(5 + 1)"),
+    (5, "<", "<="),
+    (5, "<", ">="),
+    (5, "and", "or"),
+    (5, "not skipped(low, high, strict=True)", "(skipped(low, high, strict=True))"),
+    (5, "low, high", "high, low"),
+    (5, "strict=True", ""),
+    (5, "True", "False"),
+    (7, "+", "-"),
+    (7, "/", "*"),
+    (7, "2", "(2 + 1)"),
+}
+
+
+@pytest.fixture
+def score(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    return importlib.import_module("mutation_score")
+
+
+def test_mutants_change_what_runs_and_neither_texts_nor_types(score, tmp_path):
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "middle.py").write_text(SOURCE)
+    found = score.find_mutants(tmp_path, ("package",))
+    assert {(mutant.line, mutant.before, mutant.after) for mutant in found} == CHANGES
+    assert len(found) == len(CHANGES)
+    for mutant in found:
+        changed = mutant.apply(SOURCE)
+        ast.parse(changed)
+        assert changed.replace(mutant.after, mutant.before, 1).count("\n") == SOURCE.count("\n")
+    runs = {mutant.line: (mutant.owner, mutant.runs) for mutant in found}
+    assert runs == {2: ("LIMIT", False), 3: ("middle", True), 5: ("middle", True), 7: ("middle", True)}
+
+
+def test_mutants_of_this_repository_parse(score):
+    mutants = score.list_mutants(1)
+    assert len(mutants) > 10_000
+    for mutant in mutants[:40]:
+        ast.parse(mutant.apply((ROOT / mutant.path).read_text()))
+
+
+def test_tests_are_chosen_by_line_fastest_first_and_kernels_by_their_callers(score):
+    mutant = next(each for each in score.list_mutants(1) if each.path == "meshes/tilt.py" and each.runs)
+    bits = f"{1 << mutant.lines[-1]:x}"
+    records = [{"tests": {"slow": [2.5, {mutant.path: bits}], "quick": [0.1, {mutant.path: bits}], "other": [0.1, {}]}}]
+    chooser = score.Chooser(records)
+    assert chooser.choose(mutant) == ["quick", "slow"]
+    assert chooser.batches(["quick", "slow"]) == [["quick"], ["slow"]]
+    kernel = next(each for each in score.list_mutants(1) if each.owner == "share_shear" and each.runs)
+    caller = (ROOT / "fastmodel/contact/net_force.py").read_text().splitlines()
+    lines = sum(1 << number for number, line in enumerate(caller, start=1) if "share_shear" in line)
+    records = [{"tests": {"caller": [0.1, {"fastmodel/contact/net_force.py": f"{lines:x}"}]}}]
+    assert score.is_compiled(kernel.path)
+    assert score.Chooser(records).choose(kernel) == ["caller"]
+
+
+def test_scores_count_time_outs_as_killed_and_leave_out_equivalents(score, monkeypatch):
+    outcomes = ["failed"] * 17 + ["time", "passed", "no test", "passed"]
+    records = [
+        {"number": k, "path": "meshes/a.py", "line": k, "before": f"x{k}", "after": "y", "outcome": outcome}
+        for k, outcome in enumerate(outcomes)
+    ]
+    monkeypatch.setattr(score, "read_equivalent", lambda: [{"path": "meshes/a.py", "before": "x20", "after": "y"}])
+    text = score.write_score(records, "code")
+    # 18 of 20: the interval of Clopper and Pearson, from tables
+    assert "| all | 21 | 17 | 1 | 1 | 1 | 1 | 90.0 % | 68.3..98.8 % |" in text
+    assert "meshes/a.py:18 (passed, mutant 18)" in text
+    assert "x20" not in text
+
+
+def test_planted_defects_and_equivalent_mutants_fit_the_code(score):
+    for defect in score.read_planted():
+        changed = score.plant(defect)
+        assert changed != (ROOT / defect["path"]).read_text()
+        if defect["path"].endswith(".py"):
+            ast.parse(changed)
+        assert all((ROOT / name.split("::")[0]).is_file() for name in defect["tests"])
+    for entry in score.read_equivalent():
+        assert entry["before"] in (ROOT / entry["path"]).read_text()
+        assert entry["reason"]

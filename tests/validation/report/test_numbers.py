@@ -1,0 +1,268 @@
+"""The page prints the numbers of the evaluation in the rows, columns and tiles that name them."""
+
+import dataclasses
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from meshes.catalogue import ARRAYS
+from validation.calibration.stamp import CountScore, StampExample, StampRow, StampScores
+from validation.campaign.case import Case
+from validation.campaign.evaluation import Evaluation
+from validation.campaign.pooling import Pooled
+from validation.campaign.run import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
+from validation.metrics import Score
+from validation.report import write_report
+from validation.sensor_file import load
+
+FACTORS = {"misplaced_force": 100, "relative_l2": 100, "total_force_error": 100, "peak_error": 100}
+FACTORS |= {"centre_of_pressure_m": 1e3, "wasserstein_m": 1e3}
+STAMP_METRICS = [field.name for field in dataclasses.fields(CountScore)]
+STAMP_COLUMNS = {"image_changed_percent": 1, "relative_l2": 100, "total_counts_error": 100}
+STAMP_COLUMNS |= {"centre_of_pressure_m": 1e3, "wasserstein_m": 1e3, "active_area_iou": 1}
+STAMP_MODELS = (("zeros", False), ("line per texel", False), ("fast model", False), ("fast model", True))
+RANDOM = np.random.default_rng(7)
+
+
+def draw_pooled():
+    low, mean, high = np.sort(RANDOM.uniform(0.01, 0.9, 3)).tolist()
+    return Pooled(mean=mean, low=low, high=high, level=0.95, cases=2)
+
+
+def draw_score():
+    values = {field.name: float(RANDOM.uniform(0.01, 0.9)) for field in dataclasses.fields(Score)}
+    counts = {name: int(RANDOM.integers(1, 84)) for name in values if name.startswith("pixels")}
+    return Score(**values | counts)
+
+
+def draw_estimates():
+    names = ("total_force", "depth", "peak_texel", "contact_area")
+    return dict(zip(names, RANDOM.uniform(0.001, 0.05, 4).tolist(), strict=True))
+
+
+def draw_row(split, model, *, gains):
+    nulls = {"zeros": draw_pooled(), "line per texel": draw_pooled()} if model == "fast model" else {}
+    return StampRow(
+        split=split,
+        model=model,
+        kind="model" if model == "fast model" else "null",
+        texel_gains=gains,
+        fitted=(f"{split} A1", f"{split} B1"),
+        parameters={"rms_counts": float(RANDOM.uniform(1, 9))},
+        per_case={"room C": CountScore(**dict.fromkeys(STAMP_METRICS, 0.5))},
+        pooled={name: draw_pooled() for name in STAMP_METRICS},
+        skill=nulls,
+        electronics=None,
+    )
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    splits = ("between", "heavier")
+    return StampScores(
+        rows=tuple(draw_row(split, model, gains=gains) for split in splits for model, gains in STAMP_MODELS),
+        examples=tuple(
+            StampExample(
+                split=split,
+                case="room H1",
+                load=8.8,
+                recorded=RANDOM.integers(0, 255, (13, 6)).astype(np.uint8),
+                predicted={"fast model": RANDOM.integers(0, 255, (13, 6)).astype(np.uint8)},
+            )
+            for split in splits
+        ),
+        about=dict.fromkeys((*splits, "fast model"), "some words"),
+        files={},
+        window=(5.0, 10.0),
+        noise=9.0,
+        source="nowhere",
+    )
+
+
+@pytest.fixture(scope="module")
+def evaluation(wts_derivation, recordings):
+    """Random scores of two cases: every number differs from every other."""
+    array = ARRAYS["wts-0614-34"]
+    results = []
+    for name in ("first", "second"):
+        case = Case.read(name, "sphere:radius=5mm", f"{RANDOM.integers(100, 900)} g", at="0mm,0mm")
+        reference = dataclasses.replace(draw_reference(array, case.load), error_estimate=draw_estimates())
+        predictions = {
+            model: Prediction(texel_forces=RANDOM.uniform(0, 1, 84), outside=0.0, score=draw_score())
+            for model in MODELS
+        }
+        results.append(CaseResult(case=case, reference=reference, predictions=predictions, warnings=()))
+    campaign = CampaignResult(
+        cases=results,
+        skipped=(),
+        pooled={model: {metric: draw_pooled() for metric in POOLED_METRICS} for model in MODELS},
+        skill={model: draw_pooled() for model in MODELS if model != "fast"},
+        noise_floor=draw_estimates(),
+    )
+    return Evaluation(
+        derivation=wts_derivation,
+        verification={"radial_profile": 0.00123, "texel_response": 0.00234},
+        campaign=campaign,
+        recordings=recordings,
+        recorded=load("sdh2-distal"),
+        seconds={"campaign": 1.0},
+        versions={"softcover": "0"},
+    )
+
+
+def draw_reference(array, load):
+    from fem_reference.indentation.result import Indentation
+
+    return Indentation(
+        texel_forces=RANDOM.uniform(0, 1, array.count),
+        outside=0.0,
+        total_force=load,
+        balance=0.0,
+        depth=float(RANDOM.uniform(1e-4, 1e-3)),
+        contact_area=1e-5,
+        contact=RANDOM.uniform(-1e-3, 1e-3, (9, 3)),
+        shear=None,
+        energy=1e-3,
+        fields=None,
+        error_estimate={},
+        assumptions={},
+        warnings=(),
+        seconds=0.0,
+    )
+
+
+class Page(HTMLParser):
+    """Cells of all tables, as rows of texts and of the numbers behind them, and the tiles' texts."""
+
+    def __init__(self):
+        super().__init__()
+        self.tables, self.tiles, self._texts, self._open = {}, [], None, ""
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if tag == "table":
+            self._rows = self.tables.setdefault(attrs.get("id", f"table {len(self.tables)}"), [])
+        elif tag == "tr":
+            self._rows.append([])
+        elif tag in ("td", "th"):
+            self._texts = []
+            self._rows[-1].append((attrs.get("data-value"), self._texts))
+        elif tag == "div" and attrs.get("class") == "tile":
+            self._texts = []
+            self.tiles.append(self._texts)
+
+    def handle_endtag(self, tag):
+        if tag in ("td", "th", "div"):
+            self._texts = None
+
+    def handle_data(self, data):
+        if self._texts is not None and data.strip():
+            self._texts.append(data.strip())
+
+
+@pytest.fixture(scope="module")
+def page(evaluation, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    write_report(evaluation, folder)
+    page = Page()
+    page.feed((folder / "index.html").read_text())
+    return page
+
+
+def read_numbers(text):
+    return [float(part) for part in text.replace("\u2026", " ").split()]
+
+
+def is_printed(printed, value):
+    """Whether a number is printed: a text with at least two digits, rounded."""
+    return float(printed) == pytest.approx(value, rel=0.05, abs=0.051 if "." in printed else 0.5)
+
+
+def test_the_table_of_models_prints_the_pooled_scores_of_each(page, evaluation):
+    head, *rows = page.tables["pooled"]
+    assert len(head) == 1 + len(POOLED_METRICS)
+    assert [row[0][1][0] for row in rows] == list(MODELS)
+    for (_, *cells), pooled in zip(rows, evaluation.campaign.pooled.values(), strict=True):
+        for (number, (mean, interval)), metric in zip(cells, POOLED_METRICS, strict=True):
+            expected, factor = pooled[metric], FACTORS.get(metric, 1)
+            assert float(number) == expected.mean
+            assert is_printed(mean, factor * expected.mean)
+            low, high = interval.split("\u2026")
+            assert is_printed(low, factor * expected.low)
+            assert is_printed(high, factor * expected.high)
+
+
+def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evaluation):
+    _, *rows = page.tables["case-table"]
+    for row, result in zip(rows, evaluation.campaign.cases, strict=True):
+        fast, bare = result.predictions["fast"].score, result.predictions["no-spread"].score
+        assert [cell[1][0] for cell in row[:2]] == [result.case.name, result.case.shape]
+        assert is_printed(row[2][1][0], result.case.load)
+        expected = [getattr(fast, metric) for metric in POOLED_METRICS]
+        assert [float(number) for number, _ in row[4:13]] == expected
+        for (_, texts), value, metric in zip(row[4:13], expected, POOLED_METRICS, strict=True):
+            assert is_printed(texts[0], FACTORS.get(metric, 1) * value)
+        assert float(row[13][0]) == bare.misplaced_force
+        assert is_printed(row[13][1][0], 100 * bare.misplaced_force)
+        assert row[14][1] == [str(fast.pixels_lit_line)]
+        assert float(row[15][0]) == result.reference.depth
+        assert is_printed(row[15][1][0], 1e3 * result.reference.depth)
+        assert float(row[16][0]) == result.reference.error_estimate["peak_texel"]
+        assert float(row[16][1][0]) == pytest.approx(100 * result.reference.error_estimate["peak_texel"], rel=0.05)
+
+
+def test_the_table_of_errors_prints_each_estimate_in_percent(page, evaluation):
+    printed = {row[0][1][0]: row[1][1][0] for rows in page.tables.values() for row in rows if len(row) == 3}
+    errors = {
+        f"indentations: {name.replace('_', ' ')}": value for name, value in evaluation.campaign.noise_floor.items()
+    }
+    for name, value in evaluation.derivation.error_estimate.items():
+        errors[f"point spread function: {name.replace('_', ' ')}"] = value
+    errors["radial profile against the closed-form layer solution"] = evaluation.verification["radial_profile"]
+    errors["middle texel against the closed-form layer solution"] = evaluation.verification["texel_response"]
+    for name, value in errors.items():
+        assert float(printed[name]) == pytest.approx(100 * value, rel=0.05), name
+
+
+def test_tiles_print_the_quantities_that_they_name(page, evaluation, recordings):
+    campaign, gaussian = evaluation.campaign, evaluation.derivation.fit.gaussian
+    fast, heavier = campaign.pooled["fast"], recordings.row("heavier", "fast model").pooled["image_changed_percent"]
+    null = min(
+        (recordings.row("heavier", name) for name in ("zeros", "line per texel")),
+        key=lambda row: row.pooled["image_changed_percent"].mean,
+    )
+    empty, skill = campaign.pooled["zeros"]["image_changed_percent"], campaign.skill["no-spread"]
+    best = null.pooled["image_changed_percent"].mean
+    expected = {
+        "of the load misplaced": (100 * fast["misplaced_force"].mean, f"{100 * fast['misplaced_force'].low:.3g}"),
+        "image changed": (fast["image_changed_percent"].mean, f"an empty image has {empty.mean:.3g} %"),
+        "better than no spread": (100 * skill.mean, f"{100 * skill.high:.2g}"),
+        "sigma [pitches]": (gaussian.sigma_x, f"{3.4 * gaussian.sigma_x:.2f} mm"),
+        "reference error": (100 * campaign.noise_floor["peak_texel"], "peak texel"),
+        "image changed, recordings": (heavier.mean, f"({null.model}) has {best:.3g} %"),
+    }
+    assert {name for _, name, _ in page.tiles} == set(expected)
+    for value, name, small in page.tiles:
+        assert float(value.removesuffix("%")) == pytest.approx(expected[name][0], rel=0.05), name
+        assert expected[name][1] in small, name
+
+
+def test_the_tables_of_recordings_print_the_row_that_they_name(page, recordings):
+    tables = [rows for rows in page.tables.values() if rows and rows[0][-1][1] == ["skill"]]
+    for split, (_, *rows) in zip(("between", "heavier"), tables, strict=True):
+        null = min(
+            (recordings.row(split, name) for name in ("zeros", "line per texel")),
+            key=lambda row: row.pooled["image_changed_percent"].mean,
+        ).model
+        for (model, gains), cells in zip(STAMP_MODELS, rows, strict=True):
+            row = recordings.row(split, model, texel_gains=gains)
+            kind = ["with texel gains"] if gains else ["null"] if row.kind == "null" else []
+            assert [cells[0][1], cells[1][1]] == [[model], kind]
+            for (number, (mean, interval)), (metric, factor) in zip(cells[2:8], STAMP_COLUMNS.items(), strict=True):
+                pooled = row.pooled[metric]
+                assert float(number) == pooled.mean
+                assert mean == f"{factor * pooled.mean:.3g}"
+                assert interval == f"{factor * pooled.low:.3g}\u2026{factor * pooled.high:.3g}"
+            if row.skill:
+                assert cells[8][1] == [f"{row.skill[null].mean:.2f}"]
