@@ -75,8 +75,8 @@ def regress(
     else:
         for change in changes:
             show(f"{change.quantity}: {change.text}")
-    for title, reason in failures.items():
-        say(f"not measured: {title}: {reason}")
+    for reason in dict.fromkeys(failures.values()):
+        say(f"not measured: {'; '.join(title for title, each in failures.items() if each == reason)}: {reason}")
     if update:
         say(f"wrote {baseline}: {len(readings)} quantities, {len(changes) if stored else 'all'} changed or new")
         return DONE

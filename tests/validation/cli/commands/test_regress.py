@@ -89,6 +89,15 @@ def test_json_holds_changes_and_all_values(regress, parameters):
     assert found["quantities"]["filter: rise time"]["unit"] == "ms"
 
 
+def test_what_cannot_be_measured_any_more_is_red_and_says_why(regress, parameters):
+    regress("--update")
+    dead = replace(parameters, electronics=replace(parameters.electronics, gains=(0.0,) * 40))
+    status, out, err = regress(changed=dead)
+    assert status == 1
+    assert "characteristic: sensitivity: could not be measured: no force gives a count" in out
+    assert "not measured: characteristic: force; characteristic: sensitivity" in err
+
+
 def test_bad_options_are_refused_before_anything_is_measured(regress, softcover, tmp_path):
     (tmp_path / "folder").mkdir()
     for words, fault in (
