@@ -10,7 +10,8 @@ from validation.published import contact_map, contact_points, penetration
 from validation.published.scene import Forces, Values
 
 #: How sure the implementation is.
-CODE, SECONDARY = "from its published code", "paper not read: from equations in secondary sources"
+CODE, SUMMARY = "from its published code", "from a summary of its code"
+SECONDARY = "paper not read: from equations in secondary sources"
 REPORT = "from the report; unit of the filter's cut-off and handling of borders unknown"
 OWN = "our own, for comparison"
 #: What the models take the texel forces from.
@@ -118,7 +119,7 @@ PUBLISHED: Mapping[str, Model] = {
             title="schunk_simulated_tactile_sensors",
             contact=POINTS,
             rule="sum on boxes, mean of 3 x 3 texels, clipped counts",
-            certainty=f"{CODE}; borders unknown",
+            certainty=f"{SUMMARY}; borders unknown",
             predict=contact_points.predict_mean_3x3,
             shipped={"counts_per_newton": 350.0, "most_counts": 3500.0},
             units={"counts_per_newton": "1/N"},
@@ -167,7 +168,7 @@ PUBLISHED: Mapping[str, Model] = {
             title="OpenGrasp (Moisio 2013)",
             contact=PENETRATION,
             rule="elastic foundation k d A on fine cells",
-            certainty="from its header",
+            certainty=SUMMARY,
             predict=penetration.predict_foundation,
             fitted=("stiffness",),
             units={"stiffness": "Pa/m"},
@@ -178,7 +179,7 @@ PUBLISHED: Mapping[str, Model] = {
             title="SkinSim 2014",
             contact=PENETRATION,
             rule="one spring per texel, Gaussian of 3 x 3 texels",
-            certainty=CODE,
+            certainty=SUMMARY,
             predict=penetration.predict_springs,
             shipped={"stiffness": 16.37, "amplitude": 0.159, "sigma": 10e-3},
             fitted=("stiffness", "amplitude", "sigma"),
@@ -204,7 +205,7 @@ PUBLISHED: Mapping[str, Model] = {
             title="TacSL, FlexiTac",
             contact=PENETRATION,
             rule="penalty k_n d on a distance field, one point per texel",
-            certainty=CODE,
+            certainty=SUMMARY,
             predict=penetration.predict_penalty,
             shipped={"stiffness": 5000.0},
             fitted=("stiffness",),
@@ -250,7 +251,7 @@ PUBLISHED: Mapping[str, Model] = {
             title="Shimojo 1994",
             contact=MAP,
             rule="low-pass (1 + k h) exp(-k h) of the contact pressure",
-            certainty=f"{SECONDARY}; form of the low-pass assumed",
+            certainty=f"{SECONDARY}; form of the low-pass chosen by us",
             predict=contact_map.predict_low_pass,
             shipped=None,
             start={"depth": 2e-3},
@@ -259,7 +260,7 @@ PUBLISHED: Mapping[str, Model] = {
         ),
         Model(
             name="exact-layer",
-            title="exact layer beside Shimojo",
+            title="exact layer as low-pass",
             contact=MAP,
             rule="exact transfer function of the bonded layer on the same pressure",
             certainty=OWN,

@@ -17,6 +17,7 @@ from validation.campaign.pooling import Pooled
 from validation.campaign.run import MODELS, CaseResult
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
+from validation.report.comparison import comparison_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.recordings import best_null, recordings_contents
 from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
@@ -89,6 +90,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         "calibration": describe_calibration(derivation.parameters.electronics),
         "models": MODELS,
         "metrics": METRICS,
+        "comparison": comparison_contents(campaign),
         "tiles": _tiles(evaluation),
         "psf_images": _psf_images(derivation),
         "estimates": sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != derivation.fit.estimator),

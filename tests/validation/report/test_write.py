@@ -6,30 +6,10 @@ import re
 from html.parser import HTMLParser
 
 import numpy as np
-import pytest
 
 import fastmodel
-from validation.campaign.case import Case
-from validation.campaign.evaluation import evaluate
 from validation.report import write_report
 from validation.sensor_file import load
-
-CASES = (
-    Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
-    Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),
-)
-
-
-@pytest.fixture(scope="module")
-def evaluation():
-    return evaluate(load("wts-0614-34"), cases=CASES)
-
-
-@pytest.fixture(scope="module")
-def folder(evaluation, tmp_path_factory):
-    target = tmp_path_factory.mktemp("report")
-    write_report(evaluation, target)
-    return target
 
 
 class References(HTMLParser):

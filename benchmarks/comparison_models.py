@@ -1,0 +1,111 @@
+"""Score the fast model and all published models against the finite elements at finite strain, in one table.
+
+    python benchmarks/comparison_models.py [--cases default|report] [--json FILE]
+
+The cover is wide, 2 mm of neo-Hookean rubber (1 MPa, Poisson ratio 0.49), frictionless, over the WTS 0614-34.
+`default` are the 17 cases of `softcover validate`; `report` are the shapes, loads and turns of `benchmarks/campaign.py`
+at the centre of the array, those of the 2015 report.  An empty store takes about 3 and 7 minutes of processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from campaign import LOADS, SHAPES, cover
+
+from meshes import TexelArray
+from validation.campaign.case import Case, default_cases
+from validation.campaign.pooling import Pooled
+from validation.campaign.run import MODELS, CampaignResult, run_campaign
+from validation.derivation.derive import derive
+from validation.json_values import json_text
+from validation.published.calibration import prepare_models
+from validation.sensor_file import BUILT_IN
+
+METRICS = (("misplaced_force", 100), ("image_changed_percent", 1), ("image_changed_line_percent", 1))
+
+
+def report_cases() -> tuple[Case, ...]:
+    """Return the static campaign of the 2015 report, without its two squares at once."""
+    return tuple(
+        Case(
+            name=f"{name}, {load:.3g} N, {turn} deg",
+            indenter=shape,
+            shape=name,
+            load=load,
+            yaw=float(np.radians(turn)),
+        )
+        for name, (shape, turns) in SHAPES.items()
+        for turn in turns
+        for load in LOADS
+    )
+
+
+def score(cases: tuple[Case, ...] | None) -> CampaignResult:
+    """Derive the sensor's fast model, fit the published models, and score all in the cases."""
+    sensor = dataclasses.replace(BUILT_IN["wts-0614-34"], name="campaign", cover=cover("neo-hookean"))
+    array: TexelArray = sensor.array
+    chosen = default_cases(array) if cases is None else cases
+    parameters = derive(sensor).parameters
+    started = time.process_time()
+    comparison = prepare_models(sensor.cover, parameters, chosen)
+    print(f"fits: {time.process_time() - started:.1f} s of processor time")
+    started = time.process_time()
+    result = run_campaign(sensor.cover, parameters, chosen, comparison=comparison)
+    print(f"campaign: {time.process_time() - started:.1f} s of processor time\n")
+    return result
+
+
+def list_rows(result: CampaignResult) -> Iterator[tuple[str, str, dict[str, Pooled], str]]:
+    """Yield the rows of the table: name, variant, pooled scores, and parameters."""
+    for name in MODELS:
+        yield name, "ours" if name in ("fast", "area") else "baseline", dict(result.pooled[name]), ""
+    for scores in result.published:
+        row = scores.row
+        values = ", ".join(
+            f"{'**' if name in row.fitted else ''}{name}{'**' if name in row.fitted else ''} "
+            f"{value:.3g} {row.model.units.get(name, '')}".strip()
+            for name, value in row.parameters.items()
+        )
+        yield row.model.title, row.variant, dict(scores.pooled), values
+
+
+def format_pooled(value: Pooled, factor: float) -> str:
+    """Format a mean with its interval."""
+    return f"{factor * value.mean:.2f} ({factor * value.low:.2f}..{factor * value.high:.2f})"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--cases", choices=("default", "report"), default="default")
+    parser.add_argument("--json", type=Path, help="file for all numbers")
+    options = parser.parse_args()
+    result = score(report_cases() if options.cases == "report" else None)
+    print(
+        "| model | variant | misplaced [%] | image changed, case's peak [%] | image changed, WTS line [%] "
+        "| parameters (fitted: bold) |"
+    )
+    print("|---|---|---|---|---|---|")
+    for name, variant, pooled, values in list_rows(result):
+        cells = [format_pooled(pooled[metric], factor) for metric, factor in METRICS]
+        print(f"| {name} | {variant} | {' | '.join(cells)} | {values} |")
+    for model in ("fast", "boxes"):
+        for metric, _ in METRICS[1:]:
+            values = [getattr(case.predictions[model].score, metric) for case in result.cases]
+            least, median, most = np.quantile(values, [0.0, 0.5, 1.0])
+            mean = np.mean(values)
+            print(f"\n{model}, {metric}: {least:.3f} to {most:.3f}, median {median:.3f}, mean {mean:.3f}")
+    for each in result.skipped:
+        print(f"\nnot scored: {each.case.name}: {each.reason}")
+    if options.json:
+        options.json.write_text(json_text(result.as_json()))
+
+
+if __name__ == "__main__":
+    main()

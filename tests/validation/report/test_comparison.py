@@ -1,0 +1,85 @@
+"""The report's table of comparison models shows each row's own numbers."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from validation.campaign.run import MODELS
+from validation.report.comparison import comparison_contents
+from validation.report.contents import METRICS
+
+#: Metrics in the order of the table's columns, which begin after three columns of text.
+SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")
+
+
+class Table(HTMLParser):
+    """Texts of the cells of one table, row by row."""
+
+    def __init__(self, name):
+        super().__init__()
+        self.name, self.inside, self.rows, self.heads = name, False, [], 0
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "table":
+            self.inside = dict(attrs).get("id") == self.name
+        if self.inside and tag == "tr":
+            self.rows.append([])
+        if self.inside and tag in ("td", "th"):
+            self.heads += tag == "th"
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        self.inside = self.inside and tag != "table"
+
+    def handle_data(self, data):
+        if self.inside and self.rows and self.rows[-1]:
+            self.rows[-1][-1] += data
+
+
+def test_every_row_shows_the_means_of_its_own_model(folder, evaluation):
+    table = Table("comparison-table")
+    table.feed((folder / "index.html").read_text())
+    rows = table.rows[1:]
+    campaign = evaluation.campaign
+    own = [(name, "", campaign.pooled[name]) for name in MODELS]
+    published = [(each.row.model.title, each.row.variant, each.pooled) for each in campaign.published]
+    assert len(rows) == len(own) + len(published)
+    assert len({row[1] for row in rows}) == len(rows)  # no two rows have one name
+    for row, (title, variant, pooled) in zip(rows, own + published, strict=True):
+        assert title in row[1]
+        assert variant in row[1]
+        for cell, name in zip(row[3:7], SHOWN, strict=True):
+            assert cell.strip().startswith(METRICS[name].text(pooled[name].mean))
+
+
+def test_numbers_in_the_file_are_those_of_the_table(folder, evaluation):
+    written = json.loads((folder / "scores.json").read_text())["campaign"]
+    by_name = {row["name"]: row for row in written["comparison_models"]}
+    assert len(by_name) == len(evaluation.campaign.published)
+    for scores in evaluation.campaign.published:
+        row = by_name[scores.row.name]
+        assert row["title"] == scores.row.model.title
+        assert row["parameters"] == dict(scores.row.parameters)
+        mean = sum(case["comparison_models"][scores.row.name]["scores"]["misplaced_force"] for case in written["cases"])
+        assert row["pooled"]["misplaced_force"]["mean"] == pytest.approx(mean / len(written["cases"]))
+
+
+def test_fitted_rows_name_their_presses_and_unread_papers_say_so(folder, evaluation):
+    page = re.sub(r"\s+", " ", (folder / "index.html").read_text())
+    for press in ("sphere:radius=6mm, 3 N", "cylinder:radius=3.5mm, 2 N", "sphere:radius=10mm, 1 N"):
+        assert press in page
+    assert "stiffness, on 3 presses" in page
+    found = comparison_contents(evaluation.campaign)
+    for row in found["rows"]:
+        unread = any(name in row["title"] for name in ("Tegin", "Pezzementi", "Shimojo", "RobWorkSim 2010"))
+        assert ("not read" in row["certainty"]) == unread
+
+
+def test_models_that_are_as_good_are_named(evaluation):
+    found = dict(comparison_contents(evaluation.campaign)["as_good"])
+    for metric, name in (("misplaced_force", "misplaced force"), ("image_changed_percent", "image changed")):
+        for scores in evaluation.campaign.published:
+            named = f"{scores.row.model.title} {scores.row.variant} (" in " ".join(found[name])
+            assert named == (scores.skill[metric].low <= 0)

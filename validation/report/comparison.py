@@ -1,0 +1,98 @@
+"""Contents of the report's table of comparison models: our own, the null models and all published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from validation.campaign.pooling import Pooled
+from validation.campaign.run import MODELS, SKILL_METRICS, CampaignResult, RowScores
+
+#: Metrics of the table.
+_METRICS = (*SKILL_METRICS, "centre_of_pressure_m")
+#: Our rows and the null models, with what they take the texel forces from and what was fitted.
+_OWN = {
+    "fast": ("cover's own cells", "nothing: cover data by finite elements"),
+    "area": ("engine's contact points", "sigma, on a uniform load on one texel"),
+    "boxes": ("engine's contact points", "sigma, on a uniform load on one texel"),
+    "no-spread": ("engine's contact points", "nothing"),
+    "zeros": ("nothing", "nothing"),
+}
+#: Metrics in the sentence about models that are as good as the fast model.
+_NAMES = {
+    "misplaced_force": "misplaced force",
+    "image_changed_percent": "image changed",
+    "image_changed_line_percent": "image changed after the WTS line",
+}
+
+
+def comparison_contents(campaign: CampaignResult) -> dict[str, Any] | None:
+    """Return the variables of the table for the page's template; None if no published model was scored.
+
+    Args:
+        campaign: The scores.
+    """
+    if not campaign.published:
+        return None
+    rows = [_own_row(name, campaign.pooled[name]) for name in MODELS]
+    rows += [_published_row(scores) for scores in campaign.published]
+    presses = next((scores.row.cases for scores in campaign.published if scores.row.cases), ())
+    return {
+        "metrics": _METRICS,
+        "rows": rows,
+        "presses": [f"{case.shape}, {case.load:.3g} N at {case.pose}" for case in presses],
+        "as_good": [(_NAMES[metric], _name_as_good(campaign, metric)) for metric in SKILL_METRICS],
+        "not_built": {
+            scores.row.model.title: scores.row.model.in_time
+            for scores in campaign.published
+            if scores.row.model.in_time
+        },
+    }
+
+
+def _own_row(name: str, pooled: Mapping[str, Pooled]) -> dict[str, Any]:
+    contact, fitted = _OWN[name]
+    kind = "null model" if MODELS[name].startswith("null") else "ours"
+    if name == "boxes":
+        kind = "the 2015 report's form"
+    return {
+        "title": f"{name} ({kind})",
+        "variant": "",
+        "contact": contact,
+        "rule": MODELS[name],
+        "parameters": "",
+        "fitted": fitted,
+        "certainty": "",
+        "total": "",
+        "pooled": pooled,
+    }
+
+
+def _published_row(scores: RowScores) -> dict[str, Any]:
+    row, model = scores.row, scores.row.model
+    values = (
+        f"{name.replace('_', ' ')} {row.parameters[name]:.3g} {model.units.get(name, '')}" for name in row.parameters
+    )
+    fitted = ", ".join(name.replace("_", " ") for name in row.fitted)
+    return {
+        "title": model.title,
+        "variant": row.variant,
+        "contact": model.contact,
+        "rule": model.rule,
+        "parameters": ", ".join(value.strip() for value in values),
+        "fitted": f"{fitted}, on {len(row.cases)} presses" if fitted else "nothing",
+        "certainty": model.certainty,
+        "total": model.total,
+        "pooled": scores.pooled,
+    }
+
+
+def _name_as_good(campaign: CampaignResult, metric: str) -> list[str]:
+    """Name the models that the cases do not tell from the fast model, and those that are better, by a metric."""
+    found = []
+    for scores in campaign.published:
+        skill = scores.skill[metric]
+        if skill.high < 0 or skill.low <= 0:
+            word = "better" if skill.high < 0 else "not told apart"
+            found.append(f"{scores.row.model.title} {scores.row.variant} ({word})")
+    return found
