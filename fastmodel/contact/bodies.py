@@ -2,7 +2,8 @@
 
 Geoms without a joint between them move together and count as one body.  Bodies that a `<weld>` constraint joins stay
 separate, because the constraint is soft and MuJoCo gives each of them a force of its own.  A height field, a signed
-distance field or a flex has no convex shape; its contact points stand for it.
+distance field or a flex has no convex shape; its contact points stand for it, or the depth of a flex's surface, see
+`fastmodel.pressure.flexes`.
 """
 
 from __future__ import annotations

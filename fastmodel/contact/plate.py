@@ -25,6 +25,7 @@ from fastmodel.errors import StateError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
+from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import ELLIPSOID, Solid
 from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
 from meshes import TexelArray
@@ -221,6 +222,7 @@ class PlateReader:
         self._middle = panels[0].origin - 0.5 * plate.height * panels[0].axes[:, 2]
         self._bodies = Bodies(model, self._geoms, name, edge)
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
+        self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
         self._press_plate, self._transform_poses = compile_kernel(press_plate), compile_kernel(transform_poses)
         self.net_force = NetForceReader(model, array, self._geoms, axes=panels[0].axes, middle=self._middle)
 
@@ -266,6 +268,7 @@ class PlateReader:
             self._press_plate(contacts, data.geom_xmat, data.geom_xpos, self.net_force.parts, self._bodies.of_geom)
         self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, np.zeros((4, 3)))
         self.net_force.compile_kernels(data)
+        self._flexes.compile_kernels(data.flexvert_xpos.copy())
         self._bodies.find_shapes()
 
     def imitate_ball(self, radius: float) -> PlateContact:
@@ -284,7 +287,13 @@ class PlateReader:
         bodies, sums, owner, touches, place, totals = self._press_plate(
             contacts, data.geom_xmat, data.geom_xpos, self.net_force.parts, self._bodies.of_geom
         )
-        *_, beside = totals
+        pressed, _, _, beside = totals
+        if self._model.nflex and (owner < 0).any():
+            size, low, edge = self._grid.arrays
+            bounds = np.array([[*low, -self._height], [*(low + size * edge), 0.0]])
+            owner, touches = self._flexes.replace_points(
+                data, pressed.sum(axis=1), owner, touches, place=place, bounds=bounds
+            )
         found, poses, loads, pulls, scattered = [], [], [], [], len(owner)
         for k, (body, (force, x, y, depth, count)) in enumerate(zip(bodies.tolist(), sums.tolist(), strict=True)):
             scattered -= int(count)
