@@ -139,8 +139,7 @@ def run_tests(
 
     def work(write: Callable[[dict[str, Any]], None]) -> None:
         signal.setitimer(signal.ITIMER_PROF, 4 * CONSTANT + extra)  # importing and collecting
-        store = KeptStore(tree / "store")
-        shutil.copytree(tree.parent / "store", tree / "store", copy_function=os.link)
+        store = KeptStore(tree.parent / "store")
         for batch in batches:
             clock = _Clock(write, seconds, extra)
             status = pytest.main([*PYTEST, "-x", *batch], plugins=[clock, store])

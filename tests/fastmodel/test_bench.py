@@ -1,4 +1,6 @@
+import dataclasses
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from fastmodel import (
     bench,
     indent,
 )
-from meshes import Box, Cylinder, RoundedTip, Sphere
+from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 
@@ -49,6 +51,15 @@ def test_force_lands_under_the_indenter_and_nowhere_else():
     result = indent(PARAMETERS, RoundedTip(), load=1.0, at=(at[0], at[1]))
     assert np.flatnonzero(result.contact_forces).tolist() == [20]
     assert np.allclose(result.texel_forces, Gaussian.from_sigma(0.6).operator(WTS)[:, 20], rtol=1e-3)
+
+
+@pytest.mark.parametrize("method", ["boxes", "area"])
+@pytest.mark.parametrize("at", [(0.2e-3, 1.8e-3), (-0.2e-3, 1.6e-3), (0.2e-3, -1.8e-3)])
+def test_force_lands_on_texels_that_are_not_square(method, at):
+    array = TexelArray.grid(3, 5, (2e-3, 5e-3))
+    parameters = dataclasses.replace(PARAMETERS, array=array)
+    found = indent(parameters, Sphere(radius=2e-3), load=0.02, at=at, method=method)
+    assert found.contact_forces[array.middle] > 0.9 * 0.02
 
 
 def test_mirrored_pose_mirrors_the_image():
@@ -123,6 +134,17 @@ def test_forces_that_do_not_settle_are_averaged(monkeypatch):
     assert 0 < averaged.chatter < 1e-3
     assert averaged.total_force == pytest.approx(0.952, rel=1e-3)
     assert np.allclose(averaged.contact_forces, settled.contact_forces, atol=1e-3)
+
+
+@pytest.mark.parametrize(("steps", "share"), [(2, 0.54), (6, 0.89), (20, 0.99)])
+def test_a_load_of_which_a_part_is_missing_is_refused(monkeypatch, steps, share):
+    """Averaged from the first touch on, the texels carry a part of the load only."""
+    monkeypatch.setattr(bench, "SETTLE_TIME", 0.0)
+    monkeypatch.setattr(bench, "AVERAGE_TIME", (steps + 0.5) * bench.TIMESTEP)
+    with pytest.raises(bench.MissedArrayError, match="of 2 N; 'at' must lie on the array") as refused:
+        indent(PARAMETERS, Sphere(radius=5e-3), load=2.0, method="boxes")
+    carried = float(re.search(r"carry ([\d.]+) N", str(refused.value))[1])
+    assert carried / 2 == pytest.approx(share, abs=0.02)
 
 
 def test_bad_input_raises_an_error_that_names_the_fault():

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fastmodel.pressure.cell_grid import BaseForces
+from fastmodel.pressure.cell_grid import BaseForces, CellGrid
+from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.cover_data import WTS, cells
 from tests.support.posed_bodies import GRID
@@ -14,12 +15,15 @@ BASE = BaseForces(CELLS, GRID, WTS)
 WINDOWS = arrays(np.float64, (5, 7), elements=st.floats(0, 1))
 
 
-def test_cells_belong_to_the_texel_over_them():
-    row, column = np.divmod(np.arange(GRID.rows * GRID.columns), GRID.columns)
-    texel = GRID.find_texel(row, column)
-    x, y = GRID.low[0] + (column + 0.5) * GRID.edge[0], GRID.low[1] + (row + 0.5) * GRID.edge[1]
-    apart = np.abs(np.column_stack([x, y])[:, None] - WTS.centres[:, :2])
-    expected = (apart < 1.7e-3).all(axis=2)
+@pytest.mark.parametrize("array", [WTS, TexelArray.grid(3, 5, (2e-3, 5e-3))], ids=["square", "oblong"])
+def test_cells_belong_to_the_texel_over_them(array):
+    grid = CellGrid.over(array, 4, 1)
+    row, column = np.divmod(np.arange(grid.rows * grid.columns), grid.columns)
+    texel = grid.find_texel(row, column)
+    x, y = grid.low[0] + (column + 0.5) * grid.edge[0], grid.low[1] + (row + 0.5) * grid.edge[1]
+    apart = np.abs(np.column_stack([x, y])[:, None] - array.centres[:, :2])
+    expected = (apart < np.array(array.pitch) / 2).all(axis=2)
+    assert expected.sum() == 16 * array.count
     np.testing.assert_array_equal(texel >= 0, expected.any(axis=1))
     np.testing.assert_array_equal(texel[texel >= 0], expected.argmax(axis=1)[texel >= 0])
 
@@ -50,8 +54,6 @@ def test_uniform_forces_on_texels_arrive_as_forces_on_their_cells():
 def test_masked_texels_read_zero():
     array = ARRAYS["sdh2-distal"]
     data = cells(array)
-    from fastmodel.pressure.cell_grid import CellGrid
-
     grid = CellGrid.over(array, data.per_texel, 1)
     found = BaseForces(data, grid, array).from_texels(np.ones(array.count))
     assert (found[~array.active] == 0).all()

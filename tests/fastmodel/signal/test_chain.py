@@ -132,6 +132,18 @@ def test_settling_resets_hysteresis_and_continues_the_noise():
     assert (np.array(runs[1]) != runs[2]).any()
 
 
+def test_a_settled_chain_remembers_no_heavier_load():
+    electronics = dataclasses.replace(WTS_0614_34, hysteresis_share=0.5, hysteresis_width=0.2)
+    fresh, pressed, kept = (resting_chain(dataclasses.replace(PARAMETERS, electronics=electronics)) for _ in range(3))
+    light, heavy = np.full((40, ARRAY.count), 0.3), np.full((40, ARRAY.count), 2.0)
+    for chain in (pressed, kept):
+        run(chain, heavy, 4)
+    pressed.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
+    last = [run(chain, light, 4)[-1][0].counts for chain in (fresh, pressed, kept)]
+    np.testing.assert_array_equal(last[0], last[1])
+    assert (last[2] > last[0])[ARRAY.active].all()
+
+
 def test_frames_stay_as_they_were_returned():
     chain = resting_chain(spreads=False)
     first = run(chain, random_forces(3), 3)[-1][0]

@@ -56,6 +56,8 @@ def test_disks_of_one_shape_scale_with_size_and_modulus():
     [
         ({"radius": 0.0}, "positive radius"),
         ({"strains": [0.1, 0.05]}, "ascend"),
+        ({"strains": [0.1, 0.3, 0.2]}, "ascend"),
+        ({"strains": [0.1, 0.1]}, "ascend"),
         ({"strains": []}, "ascend"),
         ({"strains": [1.0]}, "ascend"),
     ],

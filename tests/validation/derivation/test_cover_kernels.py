@@ -40,6 +40,19 @@ def test_number_of_cells_follows_the_thickness_within_its_limits(derivation, bon
     assert cover_cells(bonded(0.49), array, spread, per_texel=5).cell == pytest.approx((0.68e-3, 0.68e-3))
 
 
+def test_kernels_of_texels_that_are_not_square_spread_alike_along_both_axes(derivation, bonded):
+    """Without the widths of texel and cell, the influence has the same variance along x and y."""
+    array = TexelArray.grid(9, 9, (2.5e-3, 5e-3))
+    cells = cover_cells(bonded(0.49), array, derivation.influence, per_texel=4)
+    assert cells.cell == pytest.approx((0.625e-3, 1.25e-3))
+    count = len(cells.influence)
+    places = np.arange(count) - (count - 1) / 2
+    shares = [cells.influence.sum(axis=axis) / cells.influence.sum() for axis in (0, 1)]
+    edges = zip(shares, cells.cell, array.pitch, strict=True)
+    spread = [share @ (places * cell) ** 2 - (pitch**2 + cell**2) / 12 for share, cell, pitch in edges]
+    assert spread[0] == pytest.approx(spread[1], rel=0.05)
+
+
 @pytest.mark.parametrize("poisson_ratio", [0.0, 0.3, 0.49, 0.499])
 @pytest.mark.parametrize("pitch_by_thickness", [0.2, 3.0, 10.0, 30.0])
 def test_a_cell_yields_under_its_own_pressure_as_its_parts_together(
