@@ -162,7 +162,9 @@ def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts, face)
         press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1.0)
 
 
-@pytest.mark.parametrize("shape", [Box(size=(8e-3, 2e-3, 5e-3)), Sphere(radius=5e-3)])
+@pytest.mark.parametrize(
+    "shape", [pytest.param(Box(size=(8e-3, 2e-3, 5e-3)), marks=pytest.mark.slow), Sphere(radius=5e-3)]
+)
 def test_a_contact_solver_that_misses_the_load_shows_in_the_balance(bonded, wts, shape, monkeypatch, tmp_path):
     """Pressures 2 % too large: planted in the solver, found in the result."""
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))

@@ -65,6 +65,7 @@ def test_sides_add_displacement_near_the_load_and_reciprocally(bonded):
     assert abs(moved[0, 1]) < 0.2 * moved[0, 0]
 
 
+@pytest.mark.slow
 def test_softer_near_a_side(bonded):
     cover, places = pad(bonded), ((0.0, 0.0), (3.5e-3, 0.0))
     middle, side = (pressed(cover, BALL, at=at, half=1.5e-3, load=0.5, cells=24).depth for at in places)

@@ -42,6 +42,7 @@ def test_a_narrow_contact_beside_the_axis_is_resolved(wts):
     assert find_moment(found)[0] > 2e-3
 
 
+@pytest.mark.slow
 def test_yaw_turns_the_tilted_indenter(wts):
     """Tilted about its own x axis by yaw 90 degrees, the lowered side of negative y points to positive x."""
     found = press(make_cover(0.45, "linear-elastic"), wts, BOX, load=1.0, tilt=(0.03, 0.0), yaw=np.pi / 2)

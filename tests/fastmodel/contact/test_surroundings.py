@@ -106,8 +106,15 @@ def press(method, geoms, load=3.0, steps=250):
     return sensor, model, data
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        pytest.param(name, method, marks=pytest.mark.slow if method == "area" and name not in few else ())
+        for few in [("pad in a mug", "rail")]
+        for name in SCENES
+        for method in METHODS
+    ],
+)
 def test_what_reaches_round_the_array_loads_no_texel(name, method):
     near, far = SCENES[name]
     whole, model, data = press(method, near + far)
@@ -343,7 +350,10 @@ def load_fields():
     mujoco.mj_loadPluginLibrary(str(library))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(method, marks=pytest.mark.slow if method in ("area", "boxes") else ()) for method in METHODS],
+)
 def test_a_signed_distance_field_is_laid_out_at_its_contact_points(method):
     """A torus from MuJoCo's own plugin lies on the array: a ring of texels, and nothing in its hole."""
     load_fields()

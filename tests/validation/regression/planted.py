@@ -241,7 +241,7 @@ NEIGHBOURS = {
     "threshold lost": (edit(Electronics, "counts", "signal - self.threshold", "signal"), "electronics: threshold"),
     "hysteresis halved": (edit(Electronics, "apply_hysteresis", "forces - self.hysteresis_width, forces", "forces - 0.5 * self.hysteresis_width, forces"), "electronics: hysteresis"),
     "hysteresis not reset": (
-        edit(SignalChain, "settle", "reading.carried)\n", "reading.carried)._replace(play=self._state.play) if hasattr(self, '_state') else self._functions.settle(_pressing(reading), reading.carried)\n"),
+        edit(SignalChain, "settle", "others)\n", "others)._replace(play=self._state.play) if hasattr(self, '_state') else self._functions.settle(forces, np.float64(reading.carried), others)\n"),
         "reset: trace of the load before",
     ),
     "noise +10 %": (edit(Electronics, "counts", "self.noise * drawn", "1.1 * self.noise * drawn"), "noise: standard deviation"),
@@ -251,7 +251,7 @@ NEIGHBOURS = {
     "seed ignored": (edit(RunningSensor, "seed", "make_generator(seed,", "make_generator(0,"), "noise: correlation"),
     "seed never the same": (edit(RunningSensor, "seed", "make_generator(seed, self._name)", "np.random.default_rng()"), "noise: difference for the same seed"),
     "frame stamped one step late": (edit(RunningSensor, "step", "self.reading, self._sampled_at = reading, now", "self.reading, self._sampled_at = reading, now + self._timestep"), "frames: delay of the time"),
-    "load carried by the boxes +5 %": (edit(BoxReader, "read", "float(total.sum()) + beside", "1.05 * float(total.sum()) + beside"), "H: boxes, load carried"),
+    "load carried by the boxes +5 %": (edit(BoxReader, "read", "None, carried)", "None, 1.05 * carried)"), "H: boxes, load carried"),
     "cover: depth +5 %": (cover_depth, "ball: cover, depth"),
     "foundation modulus +5 %": (scale_result(CoverCells, "foundation_modulus", 1.05), "spread: foundation modulus"),
     "cells of the cover along x and y exchanged": (edit(CellGrid, "over", "(array.pitch[0] / per_texel, array.pitch[1] / per_texel)", "(array.pitch[1] / per_texel, array.pitch[0] / per_texel)"), "oblong texels: cover, force of each texel"),

@@ -14,7 +14,7 @@ CASES = (
 
 
 @pytest.fixture(scope="session")
-def evaluation():
+def evaluation(wts_derivation):  # whose solutions are read from the store
     return evaluate(load("wts-0614-34"), cases=CASES)
 
 
