@@ -83,3 +83,15 @@ def test_models_that_are_as_good_are_named(evaluation):
         for scores in evaluation.campaign.published:
             named = f"{scores.row.model.title} {scores.row.variant} (" in " ".join(found[name])
             assert named == (scores.skill[metric].low <= 0)
+
+
+def test_command_line_prints_the_published_models(evaluation, capsys, monkeypatch):
+    from validation.cli.commands.validate import _print
+
+    monkeypatch.setenv("COLUMNS", "200")
+    _print(evaluation)
+    lines = capsys.readouterr().out.splitlines()
+    for scores in evaluation.campaign.published:
+        (line,) = (line for line in lines if f" {scores.row.model.title}, {scores.row.variant} " in line)
+        means = [METRICS[name].text(scores.pooled[name].mean) for name in SHOWN[:3]]
+        assert re.findall(r"(?<=[│┃] )\s*([\d.]+) %", line) == means

@@ -120,6 +120,7 @@ def _evaluate(
 
 
 def _print(evaluation: Evaluation) -> None:
+    from validation.campaign.run import SKILL_METRICS
     from validation.report.contents import METRICS
 
     sensor, fit, campaign = evaluation.sensor, evaluation.derivation.fit, evaluation.campaign
@@ -136,6 +137,12 @@ def _print(evaluation: Evaluation) -> None:
         caption=f"error estimate of the reference: depth {100 * floor['depth']:.2g} %, "
         f"peak texel {100 * floor['peak_texel']:.2g} %",
     )
+    if campaign.published:
+        print_table(
+            ("published model", *(METRICS[name].heading for name in SKILL_METRICS)),
+            _list_published(campaign),
+            title="Published models in the same cases, means; the fitted ones were fitted to other presses",
+        )
     scores = evaluation.recordings
     if scores is not None:
         splits = list(dict.fromkeys(row.split for row in scores.rows))
@@ -151,6 +158,15 @@ def _list_scores(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
 
     for model, metrics in campaign.pooled.items():
         yield model, *(_format_pooled(metrics[name], METRICS[name]) for name in _COLUMNS)
+
+
+def _list_published(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
+    from validation.campaign.run import SKILL_METRICS
+    from validation.report.contents import METRICS
+
+    for scores in campaign.published:
+        means = (f"{METRICS[name].text(scores.pooled[name].mean)} {METRICS[name].unit}" for name in SKILL_METRICS)
+        yield f"{scores.row.model.title}, {scores.row.variant}", *means
 
 
 def _format_pooled(value: Pooled, metric: Metric) -> str:
