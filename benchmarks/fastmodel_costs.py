@@ -1,7 +1,7 @@
 """What the fast model costs: every contact method against a bare plate, and the signal chain, in one run.
 
-Ratios of medians of interleaved runs in processor time, so that a busy machine hits all alike.  1 kHz physics, 271 Hz
-frames, one core.  The picture shows cost and memory against the number of texels.
+Ratios of the shortest of interleaved runs in processor time, so that other work on the machine counts little.  1 kHz
+physics, 271 Hz frames, one core.  The picture shows cost and memory against the number of texels.
 
     OMP_NUM_THREADS=1 python benchmarks/fastmodel_costs.py [--json FILE] [--picture FILE]
 """
@@ -104,12 +104,12 @@ class Scene:
 
 
 def interleaved(runs: dict[str, Callable[[], float]]) -> dict[str, float]:
-    """Median seconds of each, taken in turns."""
+    """Shortest seconds of each, taken in turns."""
     taken: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(ROUNDS):
         for name, run in runs.items():
             taken[name].append(run())
-    return {name: float(np.median(values)) for name, values in taken.items()}
+    return {name: min(values) for name, values in taken.items()}
 
 
 def methods(settings: Parameters) -> list[dict[str, Any]]:

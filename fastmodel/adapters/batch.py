@@ -3,9 +3,11 @@
 The worlds share only the model, which stepping does not change.  So the results of each world are bit for bit equal to
 those of the same world simulated alone, in however many processes.
 
-Python holds a lock for most of a step, so threads do not make a batch faster.  Processes do: each owns some of the
-worlds, and gets functions and returns frames.  Many steps per call and several worlds per process keep the cost of
-sending small.
+Python holds a lock for most of a step, so threads do not make a batch faster.  Processes divide the processor time:
+each owns some of the worlds, and gets functions and returns frames.  Of two processes, the longer took 0.5 to 0.6 of
+the processor time of one (`benchmarks/many_worlds.py`, 8 worlds).  That is a gain in wall time only if a processor is
+free for every process: on a machine with more other work than processors, the wall time did not shrink.  Many steps
+per call and several worlds per process keep the cost of sending small.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ class Batch:
             model: The compiled model.
             sensors: The sensors that were attached to the spec of the model; each world gets its own copies.
             worlds: Number of worlds [-].
-            processes: Number of processes that step the worlds at the same time; with 1, this process steps them [-].
+            processes: Number of processes that step the worlds at the same time, of use up to the number of free
+                processors; with 1, this process steps them [-].
             seed: Seed of the noise, which differs between worlds and sensors; by default each sensor's
                 `Electronics.seed`.
 

@@ -87,6 +87,7 @@ class AreaReader(BoxReader):
         """
         if np.count_nonzero(total) <= 1:
             return total
+        self._bodies.follow_changes()
         texel, body, force, place = self._list_contacts(data, pressed)
         rotation = data.geom_xmat[self._first].reshape(3, 3)
         local = (place - data.geom_xpos[self._first]) @ rotation

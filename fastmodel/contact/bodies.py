@@ -38,10 +38,26 @@ class Bodies:
         self._model, self._own, self._name, self._edge = model, own, name, edge
         self._size = model.geom_size[own].copy()
         self.of_geom = np.empty(0, dtype=np.int64)
-        self._state = b""
+        self._sizes = self._state = b""
         self._shapes: dict[int, tuple[IntArray, BodyShape]] = {}
         self._vertices: dict[int, FloatArray] = {}
         self.follow_changes()
+
+    def check_size(self) -> None:
+        """Check that the array's own geoms have the size with which they were attached.
+
+        Raises:
+            LifeCycleError: If their size has changed.
+        """
+        sizes = self._model.geom_size.tobytes()
+        if sizes == self._sizes:
+            return
+        if not np.array_equal(self._model.geom_size[self._own], self._size):
+            raise LifeCycleError(
+                f"the geoms of sensor {self._name!r} have another size than when they were attached; the array's size "
+                f"belongs to its parameters: attach it anew"
+            )
+        self._sizes = sizes
 
     def follow_changes(self) -> None:
         """Discard what is known of geoms if their shapes, or what they may touch, have changed since the last call.
@@ -49,8 +65,9 @@ class Bodies:
         Raises:
             LifeCycleError: If the size of the array's own geoms has changed.
         """
+        self.check_size()
         model = self._model
-        shapes = (model.geom_size, model.geom_type, model.geom_dataid)
+        shapes = (model.geom_type, model.geom_dataid)
         rules = (
             model.geom_contype,
             model.geom_conaffinity,
@@ -58,14 +75,9 @@ class Bodies:
             model.pair_geom1,
             model.pair_geom2,
         )
-        state = b"".join([each.tobytes() for each in (*shapes, *rules)])
+        state = b"".join([self._sizes, *(each.tobytes() for each in (*shapes, *rules))])
         if state == self._state:
             return
-        if not np.array_equal(model.geom_size[self._own], self._size):
-            raise LifeCycleError(
-                f"the geoms of sensor {self._name!r} have another size than when they were attached; the array's size "
-                f"belongs to its parameters: attach it anew"
-            )
         self._state = state
         self._shapes.clear()
         solid = np.array([is_solid(model, geom) for geom in range(model.ngeom)], dtype=bool)

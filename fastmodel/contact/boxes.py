@@ -121,7 +121,7 @@ class BoxReader:
         Raises:
             LifeCycleError: If the size of the boxes has changed.
         """
-        self._bodies.follow_changes()
+        self._bodies.check_size()
         contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
         forces, carried, sums = self._press_boxes(contacts, data.geom_xmat, data.geom_xpos, self._net_force.parts)
         return self._net_force.add(Reading(self._share(data, sums[0], forces), None, carried), sums)
