@@ -5,9 +5,9 @@
 
 A seeded sample is drawn from all mutants (`mutants.py`) of the four packages, so each package takes part in proportion
 to its size.  For each mutant, the tests that run its line (`coverage_by_test.py`) run in a copy of the repository
-(`isolated_tests.py`), fastest first, up to the first failure.  Lines that coverage does not see, in compiled kernels
-and outside functions, are found through the lines that use their names.  A mutant whose tests need more than about ten
-times their processor time counts as killed.
+(`isolated_tests.py`) up to the first failure: those of its package first, and each kind fastest first.  Lines that
+coverage does not see, in compiled kernels and outside functions, are found through the lines that use their names.  A
+mutant whose tests need more than about ten times their processor time counts as killed.
 
 Neither mutmut nor cosmic-ray fits: mutmut 3 leaves decorated functions out and chooses among its mutants inside the
 process, where numba has compiled one; cosmic-ray changes the files of the tree itself and runs one fixed command.
@@ -37,8 +37,9 @@ HERE = Path(__file__).resolve().parent
 BUDGET = 60.0
 #: Tests are collected in batches; limits between them [s].
 BATCHES = (2.0, 15.0)
-#: Processor time that compilation of changed kernels may take [s].
-COMPILATION = 120.0
+#: Processor time that a test may take besides, to compile changed kernels, or to compute finite-element results anew:
+#: kept results are those of unchanged `meshes` and `fem_reference` [s].
+RENEWAL = 120.0
 #: Number of steps from a name to the names of the functions that use it.
 STEPS = 4
 
@@ -76,14 +77,15 @@ class Chooser:
         return {name for name, lines in self._lines.get(path, ()) if lines & bits}
 
     def choose(self, mutant: Mutant) -> list[str]:
-        """Return tests that may notice a mutant, fastest first, within the budget."""
+        """Return tests that may notice a mutant within the budget: its package's first, each kind fastest first."""
         found: set[str] = set()
         if mutant.runs:
             found = self._covering(mutant.path, sum(1 << line for line in mutant.lines))
         if not found or is_compiled(mutant.path):
             found |= self._find_users(mutant)
         chosen, used = [], 0.0
-        for name in sorted(found, key=lambda name: (self.seconds[name], name)):
+        near = (f"tests/{mutant.path.split('/')[0]}/", "tests/verification/")
+        for name in sorted(found, key=lambda name: (not name.startswith(near), self.seconds[name], name)):
             used += self.seconds[name]
             if used <= BUDGET or not chosen:
                 chosen.append(name)
@@ -145,9 +147,10 @@ def is_compiled(path: str) -> bool:
 def try_change(path: str, source: str, batches: list[list[str]], seconds: dict[str, float]) -> dict[str, Any]:
     """Run tests in a copy of the repository in which one file has another source."""
     kernels = path.endswith(".py") and is_compiled(path)
+    renewed = kernels or path.startswith(("meshes/", "fem_reference/"))
     with tempfile.TemporaryDirectory() as own, copied_tree(compiled=Path(own) if kernels else None) as tree:
         (tree / path).write_text(source)
-        return run_tests(tree, batches, seconds, extra=COMPILATION if kernels else 0.0)
+        return run_tests(tree, batches, seconds, extra=RENEWAL if renewed else 0.0)
 
 
 @cache
