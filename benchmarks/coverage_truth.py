@@ -34,6 +34,8 @@ BOX_CELLS, FACE_CELLS, ROLLER_CELLS = (8, 12, 18, 27), (6, 9, 14, 21), (15, 22, 
 SECOND, SHARE = 2.6, 6.0
 #: Range of the order of convergence of a force under a sharp edge [-].
 ORDERS = (1.3, 3.0)
+#: Largest radius of a growing contact without slip over the thickness of the thinnest layer [-].
+WIDEST = 8.0
 #: Increments of a contact without slip on the two grids, and coarser step of the integrals under a flat punch [-].
 INCREMENTS, COARSE_STEP = (16, 32), 0.2
 #: Rings of a contact with friction, of a curved indenter and of a flat punch, and relative error of the area that two
@@ -194,6 +196,8 @@ def _solve_stuck(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerC
             cover, indenter.radius
         ).press(depth)
     first = indent(cover, indenter, depth=depth).contact_radius
+    if first > WIDEST * min(layer.thickness for layer in cover.layers):
+        raise ValueError("the integral equations without slip take hours for contacts that wide")
 
     def gap(r: FloatArray) -> FloatArray:
         return indenter.gap(r, np.zeros_like(r))

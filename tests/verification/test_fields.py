@@ -96,6 +96,7 @@ def integrate_base(fields, array, at=(0.0, 0.0)):
             marks=pytest.mark.slow,
         ),
         pytest.param("neo-hookean", BALL, {"depth": 0.4e-3}, 0.02, marks=pytest.mark.slow),
+        pytest.param("linear-elastic", BALL, {"load": 0.3, "friction": 0.4}, 0.02, marks=pytest.mark.slow),
         pytest.param(
             "linear-elastic", Box(size=(4e-3, 3e-3, 4e-3)), {"load": 0.3, "friction": 0.4}, 0.1, marks=pytest.mark.slow
         ),
