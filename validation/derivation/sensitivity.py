@@ -90,11 +90,9 @@ def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: i
 
 
 def _scaled_array(array: TexelArray, factor: float) -> TexelArray:
+    (width, height), (along_x, along_y) = (factor * np.array([array.texel_size, array.pitch])).tolist()
     return dataclasses.replace(
-        array,
-        centres=array.centres * factor,
-        texel_size=(array.texel_size[0] * factor, array.texel_size[1] * factor),
-        pitch=(array.pitch[0] * factor, array.pitch[1] * factor),
+        array, centres=array.centres * factor, texel_size=(width, height), pitch=(along_x, along_y)
     )
 
 

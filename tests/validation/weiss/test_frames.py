@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from validation.weiss.commands import Command, Status, encode_answer
@@ -14,7 +14,9 @@ COUNTS = st.integers(0, 4095)
 RUNS = st.lists(st.tuples(COUNTS, st.integers(1, 70)), max_size=8)
 
 
-@given(st.lists(COUNTS, max_size=200), st.booleans(), st.integers(0, 2**32 - 1))
+@given(values=st.lists(COUNTS, max_size=200), run_length=st.booleans(), ticks=st.integers(0, 2**32 - 1))
+@example(values=[0, 4095], run_length=False, ticks=0)
+@example(values=[4095, 4095], run_length=True, ticks=2**32 - 1)
 def test_encoded_frames_come_back(values, run_length, ticks):
     frame = decode_frame(encode_frame(ticks, values, run_length=run_length), texels=len(values))
     assert frame.counts.tolist() == values
