@@ -130,7 +130,7 @@ class _Finder:
                 comma = self.source[self._span(first)[1] : self._span(second)[0]]
                 yield start, self.source[start:end], self._piece(second) + comma + self._piece(first)
         for keyword in node.keywords:
-            if keyword.arg is not None:
+            if keyword.arg not in (None, "strict"):
                 start, end = self._span(keyword)
                 rest = self.source[end:]
                 blank = len(rest) - len(rest.lstrip())
@@ -179,6 +179,8 @@ def _is_for_types(node: ast.AST) -> bool:
             return name in _SKIPPED_CALLS
         case ast.Assign(targets=[ast.Name(id=name)]):
             return name == "__all__"
+        case ast.keyword(arg="strict"):  # of `zip`: a guard against what does not happen
+            return True
     return False
 
 

@@ -12,7 +12,7 @@ SOURCE = '''"""Words 1 + 2."""
 LIMIT: int = 3
 def middle(low: int = 0, high=5):
     """Say 1 < 2."""
-    if low < high and not skipped(low, high, strict=True):
+    if low < high and not skipped(low, high, least=True):
         raise ValueError(f"{low + 1}")
     return (low + high) / 2
 '''
@@ -24,9 +24,9 @@ CHANGES = {
     (5, "<", "<="),
     (5, "<", ">="),
     (5, "and", "or"),
-    (5, "not skipped(low, high, strict=True)", "(skipped(low, high, strict=True))"),
+    (5, "not skipped(low, high, least=True)", "(skipped(low, high, least=True))"),
     (5, "low, high", "high, low"),
-    (5, "strict=True", ""),
+    (5, "least=True", ""),
     (5, "True", "False"),
     (7, "+", "-"),
     (7, "/", "*"),
