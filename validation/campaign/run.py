@@ -268,11 +268,12 @@ def run_case(
         # The published models read the contacts of the same simulation.
         scene, published = comparison.predict(cover, parameters, case)
         boxes = scene.boxes
+    kept = np.where(array.active, boxes.contact_forces, 0.0)
     forces = {
         "fast": (fast.texel_forces, fast.outside),
         "area": (area.texel_forces, area.outside),
         "boxes": (boxes.texel_forces, boxes.outside),
-        "no-spread": (np.where(array.active, boxes.contact_forces, 0.0), 0.0),
+        "no-spread": (kept, case.load - float(kept.sum())),
         "zeros": (np.zeros(array.count), 0.0),
     }
 
