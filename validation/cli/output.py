@@ -43,10 +43,11 @@ def show(text: str) -> None:
 
 
 def print_json(result: Mapping[str, Any]) -> None:
-    """Write one JSON object to standard output."""
+    """Write one JSON object to standard output, at once: a program may wait for it while the command still runs."""
     from validation.json_values import json_text
 
     sys.stdout.write(f"{json_text(result)}\n")
+    sys.stdout.flush()
 
 
 def describe_vector(force: Sequence[float] | FloatArray) -> str:

@@ -109,7 +109,11 @@ def test_emulate_serves_a_port_until_it_is_stopped(tmp_path):
     words = ["emulate", str(port), "--show", "ramp", "--fault", "lose=0.05", "--json"]
     code = "import sys; from validation.cli.entry import main; main(sys.argv[1:])"
     run = subprocess.Popen(  # noqa: S603
-        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", code, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"},
     )
     told = "".join(iter(run.stdout.readline, "}\n")) + "}"
     assert json.loads(told)["port"] == str(port)
