@@ -239,7 +239,9 @@ def make_rubber(rng: np.random.Generator, thickness: float) -> Cover:
 
 def limit_size(rng: np.random.Generator, cover: Cover, indenter: Indenter, depth: float) -> Cover:
     """Cut a cover so far from the contact that its free sides have no effect: the truth is that of a wide cover."""
-    contact = min(indenter.footprint[0], 1.3 * math.sqrt(3 * depth * max(indenter.footprint[0], depth)))
+    contact = indenter.footprint[0]
+    if not indenter.is_flat:
+        contact = min(contact, 1.3 * math.sqrt(3 * depth * max(contact, depth)))
     half = contact + cover.thickness * float(rng.uniform(4, 6))
     layer = Layer(thickness=cover.thickness, material=cover.layers[0].material)
     return Cover(layers=(layer,), base="bonded", size=(2 * half, 2 * half))
