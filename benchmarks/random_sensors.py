@@ -1,8 +1,8 @@
 """Run random sensors through `softcover derive` and `softcover press`, each as a user would, and count what goes wrong.
 
 Wrong are: a traceback; NaN, infinity or null in place of a number, in the output or in the files of the derived
-sensor; a command of more than a minute that has not said within this minute that it takes long; and a refusal that does
-not name the option and what would be accepted.
+sensor; a command of more than a minute of processor time that has not said within this minute that it takes long; and a
+refusal that does not name the option and what would be accepted.
 
     python benchmarks/random_sensors.py [--cases 300] [--seed 12] [--processes 2] [--out benchmarks/random_sensors.md]
 
@@ -20,7 +20,6 @@ import resource
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,9 +30,9 @@ from resumable import hash_code, read_options, run_cases, state_code
 
 #: Folder of the repository.
 ROOT = Path(__file__).resolve().parents[1]
-#: Seconds after which a command is ended, and address space that it may take [bytes].
+#: Processor time after which a command is ended [s], which a busy machine does not change, and address space [bytes].
 LIMIT, MEMORY = 400, 8 * 2**30
-#: Seconds beyond which a command must have said on standard error that it takes long.
+#: Processor time beyond which a command must have said on standard error that it takes long [s].
 PATIENCE = 60
 #: Shares of presses in three dimensions (a cover of limited size, or a shape that is not round on rubber), of
 #: those with friction, of sensors with rubber, and of covers on a sliding base [-].
@@ -152,24 +151,22 @@ def run_command(arguments: list[str], folder: Path) -> dict[str, Any]:
             stderr=subprocess.PIPE,
             text=True,
             env=environment,
-            preexec_fn=_limit_memory,  # noqa: PLW1509 -- no threads run yet
+            preexec_fn=_set_limits,  # noqa: PLW1509 -- no threads run yet
         )
-        end = threading.Timer(LIMIT, process.kill)
-        end.start()
         lines = [(round(time.perf_counter() - started, 1), line.rstrip()) for line in process.stderr or ()]
         _, code, usage = os.wait4(process.pid, 0)
-        end.cancel()
         seconds = time.perf_counter() - started
         output.seek(0)
         out = output.read()
     status = None if os.WIFSIGNALED(code) else os.WEXITSTATUS(code)
-    faults = find_faults(status, out, lines, seconds)
+    cpu = usage.ru_utime + usage.ru_stime
+    faults = find_faults(status, out, [(when * cpu / seconds, text) for when, text in lines], cpu)
     if status == 0:
         faults += [f"{path.name}: not a number" for path in sorted(folder.glob("derived/*")) if _has_no_number(path)]
     return {
         "command": "softcover " + " ".join(arguments),
         "seconds": round(seconds, 1),
-        "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 1),
+        "cpu_seconds": round(cpu, 1),
         "gigabytes": round(usage.ru_maxrss / 1e6, 2),
         "status": status,
         "faults": faults,
@@ -177,7 +174,8 @@ def run_command(arguments: list[str], folder: Path) -> dict[str, Any]:
     }
 
 
-def _limit_memory() -> None:
+def _set_limits() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
@@ -187,8 +185,8 @@ def find_faults(status: int | None, out: str, lines: list[tuple[float, str]], se
     Args:
         status: Exit status; None if the command was ended.
         out: Standard output.
-        lines: Time [s] and text of each line on standard error.
-        seconds: Time that the command took.
+        lines: Processor time [s] and text of each line on standard error.
+        seconds: Processor time that the command took.
     """
     faults = []
     err = "\n".join(text for _, text in lines)
