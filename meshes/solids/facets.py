@@ -1,0 +1,90 @@
+"""Shape functions and normals of the facets of solid meshes: quadrilaterals of 9 nodes and triangles of 3 nodes.
+
+The nodes of a quadrilateral are in lexicographic order, node i + 3 j at (i, j) of 3 x 3, with i along the first
+coordinate; the reference square is -1..1.  The reference triangle has the corners (0, 0), (1, 0) and (0, 1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshes.array_types import FloatArray, IntArray
+
+#: Numbers of nodes of a quadrilateral and of a triangle [-].
+QUADRILATERAL, TRIANGLE = 9, 3
+
+
+def line_shape(x: FloatArray) -> FloatArray:
+    """Evaluate the three quadratic shape functions on -1..1 with nodes -1, 0, 1, shape (..., 3)."""
+    return np.stack([x * (x - 1) / 2, 1 - x * x, x * (x + 1) / 2], axis=-1)
+
+
+def line_slope(x: FloatArray) -> FloatArray:
+    """Evaluate the derivatives of `line_shape`, shape (..., 3)."""
+    return np.stack([x - 0.5, -2 * x, x + 0.5], axis=-1)
+
+
+def facet_shape(nodes: int, place: FloatArray) -> FloatArray:
+    """Evaluate the shape functions of a facet.
+
+    Args:
+        nodes: Number of nodes of the facet, 9 or 3 [-].
+        place: Points on the reference facet, shape (..., 2).
+
+    Returns:
+        Values, shape (..., nodes) [-].
+    """
+    u, v = place[..., 0], place[..., 1]
+    if nodes == TRIANGLE:
+        return np.stack([1 - u - v, u, v], axis=-1)
+    out = line_shape(v)[..., :, None] * line_shape(u)[..., None, :]
+    return out.reshape(*u.shape, QUADRILATERAL)
+
+
+def facet_slope(nodes: int, place: FloatArray) -> FloatArray:
+    """Evaluate the derivatives of `facet_shape` along the two reference coordinates, shape (..., 2, nodes) [-]."""
+    u, v = place[..., 0], place[..., 1]
+    if nodes == TRIANGLE:
+        return np.broadcast_to(np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]), (*u.shape, 2, TRIANGLE))
+    first = line_shape(v)[..., :, None] * line_slope(u)[..., None, :]
+    second = line_slope(v)[..., :, None] * line_shape(u)[..., None, :]
+    return np.stack([each.reshape(*u.shape, QUADRILATERAL) for each in (first, second)], axis=-2)
+
+
+def node_places(nodes: int) -> FloatArray:
+    """Return the nodes of the reference facet, shape (nodes, 2)."""
+    if nodes == TRIANGLE:
+        return np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    v, u = np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij")
+    return np.column_stack([u.ravel(), v.ravel()])
+
+
+def area_vectors(nodes: FloatArray, facets: IntArray, place: FloatArray) -> FloatArray:
+    """Compute the normal vectors of facets whose length is the area per reference area.
+
+    Args:
+        nodes: Positions of the nodes, shape (n, 3) [m].
+        facets: Indices of the a nodes of each of f facets, shape (f, a).
+        place: q points on the reference facet, shape (q, 2).
+
+    Returns:
+        Vectors, shape (f, q, 3) [m2].
+    """
+    along = np.einsum("qda,fac->fqdc", facet_slope(facets.shape[1], place), nodes[facets], optimize=True)
+    return np.cross(along[:, :, 0], along[:, :, 1])
+
+
+def node_normals(nodes: FloatArray, facets: IntArray) -> tuple[IntArray, FloatArray]:
+    """Compute unit normals at the nodes of facets, averaged over the facets of a node by area.
+
+    Args:
+        nodes: Positions of the nodes, shape (n, 3) [m].
+        facets: Indices of the a nodes of each of f facets, shape (f, a).
+
+    Returns:
+        Indices of the m nodes, ascending, shape (m,), and their unit normals, shape (m, 3) [-].
+    """
+    vectors = area_vectors(nodes, facets, node_places(facets.shape[1]))
+    used, place = np.unique(facets, return_inverse=True)
+    total = np.stack([np.bincount(place.ravel(), vectors[..., k].ravel(), len(used)) for k in range(3)], axis=1)
+    return used, total / np.linalg.norm(total, axis=1, keepdims=True)

@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshes.solids import check_quality, check_texels, fingertip, flat_pad, phalanx, read_mesh, sweep, write_mesh
+from meshes.solids.base_surface import cylinder_surface, flat_surface, join_grids
+from meshes.solids.facets import facet_shape, facet_slope, node_normals, node_places
+from meshes.solids.quality import compute_volume, measure_area
+from meshes.solids.texels import covered_share, tangent_axes
+
+R, H, L = 6e-3, 2e-3, 14.4e-3
+
+
+def test_shape_functions_are_one_at_their_node_and_their_slopes_are_their_derivatives():
+    for nodes in (9, 3):
+        np.testing.assert_allclose(facet_shape(nodes, node_places(nodes)), np.eye(nodes), atol=1e-15)
+        place, step = np.array([[0.21, 0.37]]), 1e-6
+        slope = facet_slope(nodes, place)[0]
+        for axis in (0, 1):
+            move = step * np.eye(2)[axis]
+            difference = (facet_shape(nodes, place + move) - facet_shape(nodes, place - move))[0] / (2 * step)
+            np.testing.assert_allclose(slope[axis], difference, atol=1e-9)
+
+
+def test_volume_and_base_of_a_fingertip_are_those_of_its_geometry():
+    mesh = fingertip().mesh()
+    volume = np.pi / 2 * ((R + H) ** 2 - R**2) * L + np.pi / 3 * ((R + H) ** 3 - R**3)
+    assert compute_volume(mesh) == pytest.approx(volume, rel=1e-5)
+    assert measure_area(mesh, "base") == pytest.approx(np.pi * R * (L + R), rel=1e-5)
+    assert measure_area(mesh, "top") == pytest.approx(np.pi * (R + H) * (L + R + H), rel=3e-2)
+    nodes = mesh.nodes[np.unique(mesh.base)]
+    radius = np.linalg.norm(np.column_stack([nodes[:, 0], np.maximum(nodes[:, 1], 0), nodes[:, 2]]), axis=1)
+    np.testing.assert_allclose(radius, R, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cover", [flat_pad(), phalanx(), fingertip()], ids=lambda cover: cover.texels.name)
+def test_built_in_covers_have_good_meshes_with_all_texels_on_the_base(cover):
+    mesh = cover.mesh()
+    quality = check_quality(mesh)
+    assert quality.faults == ()
+    assert quality.scaled_jacobian > 0.85
+    assert quality.through == 4
+    check_texels(mesh, cover.texels)
+
+
+def test_the_fingertip_has_at_least_sixty_texels():
+    assert fingertip().texels.count >= 60
+
+
+def test_the_surface_of_a_mesh_is_closed():
+    mesh = fingertip().mesh(2e-3, layers=2)
+    used, normals = node_normals(mesh.nodes, mesh.top)
+    assert (np.einsum("nc,nc->n", normals, mesh.nodes[used] * [1, 0, 1]) >= 0).all()
+    corners = [0, 2, 8, 6]
+    facets = np.concatenate([mesh.base[:, corners][:, ::-1], mesh.top[:, corners], mesh.sides[:, corners]])
+    edges = [tuple(edge) for k in range(4) for edge in facets[:, [k, (k + 1) % 4]].tolist()]
+    assert len(set(edges)) == len(edges)
+    assert {(b, a) for a, b in edges} == set(edges)
+
+
+def test_an_inward_sweep_meets_the_outer_surface_exactly():
+    surface = cylinder_surface(8e-3, 2.0, 10e-3, 2e-3)
+    mesh = sweep(surface, 2e-3, inward=True)
+    np.testing.assert_array_equal(mesh.nodes[-len(surface.points) :], surface.points)
+    assert compute_volume(mesh) == pytest.approx(2.0 / 2 * (64e-6 - 36e-6) * 10e-3, rel=1e-4)
+
+
+def test_a_surface_on_a_grid_computes_its_normals():
+    x, y = np.meshgrid(np.linspace(-1e-2, 1e-2, 9), np.linspace(-1e-2, 1e-2, 7))
+    surface = join_grids([(np.stack([x, y, 0.1 * x], axis=-1), None)], "given")
+    np.testing.assert_allclose(surface.normals, np.tile(np.array([-0.1, 0, 1]) / np.hypot(1, 0.1), (63, 1)), atol=1e-12)
+    with pytest.raises(ValueError, match="odd numbers of points"):
+        join_grids([(np.zeros((4, 5, 3)), None)], "given")
+
+
+def test_the_same_cover_gives_the_same_mesh_bit_by_bit_and_another_size_another():
+    cover = phalanx()
+    assert cover.mesh(2e-3).digest == cover.mesh(2e-3).digest
+    assert cover.mesh(2e-3).digest != cover.mesh(1.9e-3).digest
+
+
+def test_a_mesh_file_holds_its_mesh_and_a_changed_one_is_named(tmp_path):
+    mesh = flat_pad().mesh(4e-3)
+    path = tmp_path / "pad.npz"
+    write_mesh(path, mesh)
+    assert read_mesh(path).digest == mesh.digest
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays["nodes"][7, 2] += 1e-9
+    np.savez(path, **arrays)
+    with pytest.raises(ValueError, match=r"pad\.npz was changed"):
+        read_mesh(path)
+    path.write_text("no mesh")
+    with pytest.raises(ValueError, match=r"pad\.npz"):
+        read_mesh(path)
+    with pytest.raises(ValueError, match="give the path"):
+        read_mesh(tmp_path / "absent.npz")
+
+
+def test_a_concave_base_of_smaller_radius_than_the_cover_is_refused():
+    surface = cylinder_surface(1e-3, 2.0, 10e-3, 0.5e-3)
+    mesh = sweep(surface, 2e-3, inward=True)
+    with pytest.raises(ValueError, match="elements are inverted"):
+        check_quality(mesh).require()
+
+
+def test_millimetres_taken_for_metres_are_refused():
+    mesh = sweep(flat_surface((20.0, 20.0), 5.0), 2.0)
+    with pytest.raises(ValueError, match="were millimetres taken for metres"):
+        check_quality(mesh).require()
+
+
+def test_a_thickness_that_is_not_positive_is_refused():
+    surface = flat_surface((1e-2, 1e-2), 5e-3)
+    with pytest.raises(ValueError, match="must be positive everywhere"):
+        sweep(surface, np.where(np.arange(len(surface.points)) == 3, 0.0, 1e-3))
+    with pytest.raises(ValueError, match="at least 2 layers"):
+        sweep(surface, 1e-3, layers=1)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"centres": np.array([[0, 0, 1e-3]])}, "off the base: texel 0 by 1 mm"),
+        ({"centres": np.array([[0.02, 0, 0]])}, "off the base: texel 0"),
+        ({"normals": np.array([[0.0, 0, -1]])}, "do not point out of the base"),
+    ],
+)
+def test_texels_off_the_base_are_refused(fault, message):
+    from meshes import TexelArray
+
+    mesh = flat_pad().mesh(4e-3)
+    place = {"centres": np.zeros((1, 3)), "normals": np.array([[0.0, 0, 1]])} | fault
+    texels = TexelArray(
+        **place, texel_size=(1e-3, 1e-3), pitch=(1e-3, 1e-3), rows=1, columns=1, active=np.ones(1, dtype=bool)
+    )
+    with pytest.raises(ValueError, match=message):
+        check_texels(mesh, texels)
+
+
+def test_texels_that_touch_share_a_flat_base_without_rest_and_overlap_on_a_cylinder():
+    texels = flat_pad().texels
+    axes = tangent_axes(texels.normals)
+    np.testing.assert_array_equal(axes, np.tile([[1.0, 0, 0], [0, 1, 0]], (25, 1, 1)))
+    points = np.array([[1e-4, 2e-4, 0], [1.7e-3, 0.0, 0], [9e-3, 0, 0]])
+    spread = np.tile([[1e-3, 0, 0], [0, 1e-3, 0]], (3, 1, 1))
+    share = covered_share(texels, points, np.tile([0.0, 0, 1], (3, 1)), spread)
+    np.testing.assert_allclose(share.sum(axis=0), [1, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(np.sort(share[:, 1])[-2:], 0.5)
