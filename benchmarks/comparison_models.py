@@ -19,9 +19,11 @@ import numpy as np
 from campaign import LOADS, SHAPES, cover
 
 from meshes import TexelArray
-from validation.campaign.case import Case, default_cases
+from validation.campaign.campaign_file import default_cases
+from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
-from validation.campaign.run import MODELS, CampaignResult, run_campaign
+from validation.campaign.results import MODELS, CampaignResult
+from validation.campaign.run import run_campaign
 from validation.derivation.derive import derive
 from validation.json_values import json_text
 from validation.published.calibration import prepare_models

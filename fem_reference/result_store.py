@@ -19,7 +19,9 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from importlib import metadata
@@ -49,6 +51,14 @@ _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
 #: The arrays of a result by name.
 Arrays = dict[str, npt.NDArray[Any]]
+
+
+#: Whether `fetch` refuses to compute, set by `stored_only`.
+_STORED_ONLY: ContextVar[bool] = ContextVar("stored_only", default=False)
+
+
+class NotStoredError(LookupError):
+    """A result is not in the store, and `stored_only` forbids to compute it."""
 
 
 class DamagedEntryError(ValueError):
@@ -107,6 +117,7 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
 
     Raises:
         TypeError: If an input cannot be part of a key.
+        NotStoredError: If the result is not stored, within `stored_only`.
     """
     _sweep_at_start(folder())
     described = describe(dict(inputs))
@@ -114,7 +125,22 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
     found = read(key)
     if found is not None:
         return _StoredArrays(found, lambda: _compute(key, kind, described, compute))
+    if _STORED_ONLY.get():
+        raise NotStoredError(kind)
     return _compute(key, kind, described, compute)
+
+
+@contextmanager
+def stored_only() -> Iterator[None]:
+    """Let `fetch` raise NotStoredError instead of computing a result, in the `with` block.
+
+    To find out what a computation would cost, run it in this block.
+    """
+    token = _STORED_ONLY.set(True)
+    try:
+        yield
+    finally:
+        _STORED_ONLY.reset(token)
 
 
 class _StoredArrays(Arrays):

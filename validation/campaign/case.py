@@ -1,35 +1,14 @@
-"""Cases: indentations in which the fast model is scored against the finite elements, and the default list of cases."""
+"""Cases: indentations in which the fast model is scored against the finite elements."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
-from meshes import Indenter, TexelArray
+from meshes import Indenter, TexelArray, tilt_indenter
 from validation.text.indenter import read_indenter, read_load, read_position, read_yaw
 
-#: The default list of cases: name, indenter, load, name of a position, and yaw.  It holds flat and round indenters, the
-#: weights of 100 g and 500 g and the three yaws of the 2015 report, and positions at which a part of the load acts
-#: outside the array.
-_DEFAULT_CASES = (
-    ("sphere, centre", "sphere:radius=5mm", "100 g", "centre", "0deg"),
-    ("sphere, centre, heavy", "sphere:radius=5mm", "500 g", "centre", "0deg"),
-    ("sphere, texel", "sphere:radius=5mm", "500 g", "texel", "0deg"),
-    ("large sphere, off grid", "sphere:radius=8mm", "500 g", "off grid", "0deg"),
-    ("sphere, edge", "sphere:radius=5mm", "500 g", "edge", "0deg"),
-    ("cylinder, centre", "cylinder:radius=5mm", "100 g", "centre", "0deg"),
-    ("cylinder, off grid", "cylinder:radius=5mm", "500 g", "off grid", "0deg"),
-    ("cylinder, corner", "cylinder:radius=4mm", "500 g", "corner", "0deg"),
-    ("big square, centre", "box:size=12mmx12mmx8mm", "500 g", "centre", "0deg"),
-    ("big square, off grid, 45", "box:size=12mmx12mmx8mm", "500 g", "off grid", "45deg"),
-    ("small square, texel", "box:size=6mmx6mmx8mm", "100 g", "texel", "0deg"),
-    ("big rectangle, 0", "box:size=6mmx18mmx8mm", "500 g", "off grid", "0deg"),
-    ("big rectangle, 45", "box:size=6mmx18mmx8mm", "500 g", "off grid", "45deg"),
-    ("big rectangle, 90", "box:size=6mmx18mmx8mm", "500 g", "off grid", "90deg"),
-    ("small rectangle, edge", "box:size=4mmx10mmx8mm", "100 g", "edge", "0deg"),
-    ("tip, texel", "tip:radius=1mm", "20 g", "texel", "0deg"),
-    ("tip, off grid", "tip:radius=1mm", "100 g", "off grid", "0deg"),
-)
 #: Distances along x and y from a texel's centre or the array's centre, over the pitch: 0.7 mm and 1.1 mm on a pitch of
 #: 3.4 mm.  An indenter there is not symmetric to the grid of texels [-].
 _OFF_GRID_X, _OFF_GRID_Y = 0.206, 0.324
@@ -47,6 +26,9 @@ class Case:
         at: Position (x, y) of the indenter's axis in the array's frame [m].
         yaw: Rotation of the indenter about its axis [rad].
         tilt: Rotations about the x and y axes of the indenter's frame [rad].
+        path: Ascending loads of the loading path that the load belongs to; empty if it is applied at once [N].
+        compared: Names of the metrics that are pooled over cases, fields of `Score`; empty for all.
+        required: Largest accepted value of metrics in this case, by name, in SI units or as a fraction.
     """
 
     name: str
@@ -56,6 +38,9 @@ class Case:
     at: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
     tilt: tuple[float, float] = (0.0, 0.0)
+    path: tuple[float, ...] = ()
+    compared: tuple[str, ...] = ()
+    required: Mapping[str, float] = dataclasses.field(default_factory=dict, hash=False)
 
     @classmethod
     def read(cls, name: str, shape: str, load: str, *, at: str = "0mm,0mm", yaw: str = "0deg") -> Case:
@@ -81,6 +66,17 @@ class Case:
         )
 
     @property
+    def turned(self) -> Case:
+        """The same case with the tilt in the shape of its indenter, for models that know no tilt."""
+        return dataclasses.replace(self, indenter=tilt_indenter(self.indenter, self.tilt), tilt=(0.0, 0.0))
+
+    def has_shape_of(self, other: Case) -> bool:
+        """Whether two cases have the same indenter, however its text is written."""
+        from fem_reference.result_store import describe
+
+        return type(self.indenter) is type(other.indenter) and describe(self.indenter) == describe(other.indenter)
+
+    @property
     def pose(self) -> str:
         """Position and rotation of the indenter as text, in mm and degrees."""
         x, y = (1e3 * value for value in self.at)
@@ -90,22 +86,12 @@ class Case:
         return f"({_format_number(x)}, {_format_number(y)}) mm, {_format_number(math.degrees(self.yaw))}°{tilted}"
 
 
-def default_cases(array: TexelArray) -> tuple[Case, ...]:
-    """Return the default list of cases for a flat array that is at least as large as a fingertip.
+def name_positions(array: TexelArray) -> dict[str, tuple[float, float]]:
+    """Return the positions (x, y) that a campaign file can name, in the frame of an array [m].
 
-    Args:
-        array: The array, which defines the positions of the indenter: over the centre of the array, over the centre of
-            a texel, less than half a pitch beside the array's centre, over an edge and near a corner.
+    They are the centre of the array, the centre of a texel, a point less than half a pitch beside the array's centre,
+    a point over an edge and a point near a corner.
     """
-    positions = _positions(array)
-    return tuple(
-        dataclasses.replace(Case.read(name, shape, load, yaw=yaw), at=positions[position])
-        for name, shape, load, position, yaw in _DEFAULT_CASES
-    )
-
-
-def _positions(array: TexelArray) -> dict[str, tuple[float, float]]:
-    """Return the named positions (x, y) of the default list of cases, in the frame of an array [m]."""
     right, top = array.centres[array.active, :2].max(axis=0).tolist()
     middle_x, middle_y = array.centres[array.middle, :2].tolist()
     pitch_x, pitch_y = array.pitch

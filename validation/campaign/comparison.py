@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from meshes import tilt_indenter
 from validation.campaign.case import Case
-from validation.campaign.run import describe_reference, score_forces
+from validation.campaign.results import describe_reference
+from validation.campaign.run import score_forces
 from validation.errors import InputError
 from validation.metrics import Score
 from validation.sensor_file import SensorDescription

@@ -9,15 +9,19 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from validation.campaign.case import Case, default_cases
-from validation.campaign.run import CampaignResult, run_campaign
+from validation.campaign.campaign_file import Campaign, read_campaign
+from validation.campaign.case import Case
+from validation.campaign.cost import Plan, plan_solves
+from validation.campaign.results import CampaignResult
+from validation.campaign.run import run_campaign
+from validation.campaign.verdict import Verdict, judge
 from validation.derivation.derive import Derivation, derive
 from validation.derivation.quadrature import gauss_points
 from validation.errors import InputError
@@ -49,7 +53,9 @@ class Evaluation:
         verification: Differences between the finite elements and the closed-form layer solution: `radial_profile` is
             the largest difference of base pressure under a point load over the peak pressure, `texel_response` the
             difference of the force on the loaded texel over the load [-].
+        plan: The campaign as its file describes it: cases, intended use and acceptance criterion.
         campaign: Scores of the fast model against the finite elements.
+        verdict: Whether the fast model meets the acceptance criterion.
         recordings: Scores of the fast model against recordings, or None without recordings.
         recorded: The sensor that made the recordings.
         seconds: Wall time by stage [s].
@@ -58,7 +64,9 @@ class Evaluation:
 
     derivation: Derivation
     verification: Mapping[str, float]
+    plan: Campaign
     campaign: CampaignResult
+    verdict: Verdict
     recordings: StampScores | None
     recorded: SensorDescription
     seconds: Mapping[str, float]
@@ -72,6 +80,8 @@ class Evaluation:
     def as_json(self) -> dict[str, Any]:
         """Return all results as a dictionary of JSON values."""
         return {
+            "verdict": self.verdict.as_json(),
+            "campaign_file": self.plan.as_json(),
             "sensor": self.sensor.name,
             "cover_assumed": self.sensor.cover.assumed,
             "friction": describe_friction(self.sensor.friction),
@@ -89,32 +99,31 @@ def evaluate(
     *,
     recordings: Path | None = None,
     recorded: SensorDescription | None = None,
+    campaign: Campaign | None = None,
     cases: Sequence[Case] | None = None,
     progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
 ) -> Evaluation:
     """Derive the parameters of a sensor's fast model, and score the fast model in a campaign (a list of indentations).
 
-    The spread kernel is fitted to the finite-element response to one loaded texel, before any case is computed, and
-    does not change afterwards.
+    The spread kernel is fitted to the response to one loaded texel before any case is computed, and kept.
 
     Args:
         sensor: Array, cover and electronics of the sensor, and friction for the finite elements of the campaign.
-        recordings: Folder with recordings of the stamp, the flat square indenter, under a series of known weights; None
-            to score nothing against recordings.
+        recordings: Folder with recordings under a series of known weights; None for none.
         recorded: The sensor that made the recordings; `sensor` if None.
-        cases: The indentations of the campaign; the default list if None.
+        campaign: Cases, intended use and acceptance criterion; the default campaign if None.
+        cases: Indentations that replace those of the campaign; None to keep these.
         progress: Display of progress.
+        announce: Called once, before the long computations, with a line about what is missing and how long it takes.
 
     Raises:
         InputError: If the sensor cannot be evaluated.
+        KeyboardInterrupt: If it is interrupted before a case is finished; after that the finished cases are returned.
         RecordingError: If the recordings are damaged or from another array.
         ConvergenceError: If the finite-element solver did not converge.
     """
-    if sensor.cover.size is not None:
-        raise InputError(
-            f"{sensor.source}: cover.size: a report takes laterally wide covers only; use `softcover derive` and "
-            "`softcover press`, or remove the key"
-        )
+    _check_wide(sensor)
     clock = [time.perf_counter()]
     recorded = recorded or sensor
     # Recordings are scored first, so that a fault in them is reported before the long computations.
@@ -124,16 +133,22 @@ def evaluate(
 
         scores = score_recordings(recordings, recorded, progress=progress)
     clock.append(time.perf_counter())
+    plan = campaign or read_campaign(None, sensor.array)
+    plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
+    cost = plan_solves(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
+    if announce:
+        announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
     verification = verify(derivation)
-    chosen = default_cases(sensor.array) if cases is None else cases
-    campaign = _score(sensor, derivation.parameters, chosen, progress)
+    result = _score(sensor, derivation.parameters, plan.cases, cost, progress)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,
         verification=verification,
-        campaign=campaign,
+        plan=plan,
+        campaign=result,
+        verdict=judge(plan, result),
         recordings=scores,
         recorded=recorded,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
@@ -141,8 +156,16 @@ def evaluate(
     )
 
 
+def _check_wide(sensor: SensorDescription) -> None:
+    if sensor.cover.size is not None:
+        raise InputError(
+            f"{sensor.source}: cover.size: a report takes laterally wide covers only; use `softcover derive` and "
+            "`softcover press`, or remove the key"
+        )
+
+
 def _score(
-    sensor: SensorDescription, parameters: Parameters, cases: Sequence[Case], progress: Progress | None
+    sensor: SensorDescription, parameters: Parameters, cases: Sequence[Case], cost: Plan, progress: Progress | None
 ) -> CampaignResult:
     """Fit the published models to presses that are not scored, and score them and the fast model in all cases."""
     if progress:
@@ -154,6 +177,7 @@ def _score(
         cases,
         comparison=comparison,
         friction=sensor.friction,
+        plan=cost,
         progress=progress.step if progress else None,
     )
 

@@ -1,197 +1,42 @@
 """Run of a campaign: indentations (cases) are computed by finite elements and by the fast model, which is scored.
 
-The finite-element solution is the reference.  Simpler contact methods of the fast model and two null models are scored
-for comparison.  The null models are an empty image, and the contact forces on rigid boxes without any spread to other
-texels.  Published models can be scored in the same cases; `validation.published` holds them.  The error estimate of the
-reference is the noise floor of all scores.
+A case that a model cannot compute is named and left out.  An interrupted run keeps the cases that are finished.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from meshes import Cover
 from validation.campaign.case import Case
+from validation.campaign.cost import Clock, Plan, plan_solves
 from validation.campaign.pooling import Pooled, pool, skill
+from validation.campaign.reference_press import press_reference
+from validation.campaign.results import (
+    MODELS,
+    POOLED_METRICS,
+    SKILL_METRICS,
+    CampaignResult,
+    CaseResult,
+    FloatArray,
+    Prediction,
+    RowScores,
+    SkippedCase,
+)
 from validation.errors import InputError
 from validation.metrics import Score, published_line, score
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.indentation.result import Indentation
-    from validation.published.calibration import ComparisonModels, Row
+    from validation.published.calibration import ComparisonModels
     from validation.published.scene import Forces
 
-FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
-
-#: Names of the scored models, with a description of each for tables.
-MODELS: Mapping[str, str] = {
-    "fast": "the fast model by default: contact on the cover's own cells, or boxes if there are none",
-    "area": "rigid box texels in MuJoCo, forces shared by contact area, fitted Gaussian spread",
-    "boxes": "the 2015 report's: rigid box texels, forces by contact points, fitted Gaussian spread",
-    "no-spread": "null: the same boxes, their texel forces without spread",
-    "zeros": "null: an empty image",
-}
-
-#: Names of the metrics, attributes of `Score`, whose means over cases are tabulated.
-POOLED_METRICS = (
-    "misplaced_force",
-    "relative_l2",
-    "total_force_error",
-    "peak_error",
-    "centre_of_pressure_m",
-    "wasserstein_m",
-    "image_changed_percent",
-    "image_changed_line_percent",
-    "pixels_changed",
-)
-
-
-#: Names of the metrics by which the fast model is compared with published models.
-SKILL_METRICS = ("misplaced_force", "image_changed_percent", "image_changed_line_percent")
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
-    """Texel forces that a model predicts in one case, with their score.
-
-    Attributes:
-        texel_forces: Steady forces on the n texels, shape (n,) [N].
-        outside: Force that no active texel measures [N].
-        score: Score against the finite-element reference.
-    """
-
-    texel_forces: FloatArray
-    outside: float
-    score: Score
-
-    def as_json(self) -> dict[str, Any]:
-        """Return forces and scores as a dictionary of JSON values."""
-        return {"texel_forces": self.texel_forces, "outside": self.outside, "scores": self.score.as_json()}
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class CaseResult:
-    """Results of one case: the finite-element reference, and every model scored against the reference.
-
-    Attributes:
-        case: The indentation.
-        reference: Result of the finite elements.
-        predictions: Result and score of each scored model, by the name of the model.
-        warnings: Sentences about reasons not to rely on the fast model in this case.
-        published: Result and score of each published model, by the name of its row; empty if none was scored.
-    """
-
-    case: Case
-    reference: Indentation
-    predictions: Mapping[str, Prediction]
-    warnings: tuple[str, ...]
-    published: Mapping[str, Prediction] = dataclasses.field(default_factory=dict)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the case and all its results as a dictionary of JSON values."""
-        return {
-            "name": self.case.name,
-            "indenter": self.case.shape,
-            "load": self.case.load,
-            "at": list(self.case.at),
-            "yaw": self.case.yaw,
-            "reference": describe_reference(self.reference),
-            "warnings": list(self.warnings),
-            "models": {name: prediction.as_json() for name, prediction in self.predictions.items()},
-            "comparison_models": {name: prediction.as_json() for name, prediction in self.published.items()},
-        }
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SkippedCase:
-    """A case without scores, because a model failed.
-
-    Attributes:
-        case: The indentation.
-        reason: Why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
-        converged: False if the finite-element solver did not converge.
-    """
-
-    case: Case
-    reason: str
-    converged: bool
-
-    def as_json(self) -> dict[str, Any]:
-        """Return name, indenter and reason as a dictionary of JSON values."""
-        return {
-            "name": self.case.name,
-            "indenter": self.case.shape,
-            "reason": self.reason,
-            "converged": self.converged,
-        }
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class RowScores:
-    """Scores of a published model, pooled over the cases of a campaign.
-
-    Attributes:
-        row: The model and its parameters.
-        pooled: Mean over the scored cases with bootstrap interval, by metric.
-        skill: Skill of the fast model, 1 - its mean error / mean error of this model [-], by metric (`SKILL_METRICS`).
-    """
-
-    row: Row
-    pooled: Mapping[str, Pooled]
-    skill: Mapping[str, Pooled]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the model, its parameters and its scores as a dictionary of JSON values."""
-        pooled, skills = (
-            {metric: dataclasses.asdict(value) for metric, value in values.items()}
-            for values in (self.pooled, self.skill)
-        )
-        return {**self.row.as_json(), "pooled": pooled, "skill": skills}
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class CampaignResult:
-    """Results of all cases of a campaign.
-
-    Attributes:
-        cases: One result per scored case.
-        skipped: The cases without scores.
-        pooled: Mean over the scored cases with bootstrap interval, by model and metric.
-        skill: Skill of the fast model in misplaced force, 1 - mean error / mean error of another model [-], by the name
-            of the other model.
-        noise_floor: Mean over cases of each relative error estimate of the reference, by name [-].
-        published: Pooled scores of the published models, in the order of their table; empty if none was scored.
-    """
-
-    cases: Sequence[CaseResult]
-    skipped: Sequence[SkippedCase]
-    pooled: Mapping[str, Mapping[str, Pooled]]
-    skill: Mapping[str, Pooled]
-    noise_floor: Mapping[str, float]
-    published: Sequence[RowScores] = ()
-
-    def as_json(self) -> dict[str, Any]:
-        """Return all results of the campaign as a dictionary of JSON values."""
-        return {
-            "models": dict(MODELS),
-            "pooled": {
-                model: {metric: dataclasses.asdict(value) for metric, value in metrics.items()}
-                for model, metrics in self.pooled.items()
-            },
-            "skill": {model: dataclasses.asdict(value) for model, value in self.skill.items()},
-            "noise_floor": dict(self.noise_floor),
-            "comparison_models": [scores.as_json() for scores in self.published],
-            "cases": [result.as_json() for result in self.cases],
-            "skipped": [each.as_json() for each in self.skipped],
-        }
 
 
 def run_campaign(
@@ -201,6 +46,7 @@ def run_campaign(
     *,
     friction: float = 0.0,
     comparison: ComparisonModels | None = None,
+    plan: Plan | None = None,
     progress: Progress | None = None,
 ) -> CampaignResult:
     """Compute every case by finite elements and by the fast model, and score the fast model.
@@ -211,30 +57,45 @@ def run_campaign(
         cases: The indentations.
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
         comparison: Published models to score in the same cases, already fitted (`prepare_models`); None for none.
-        progress: Called before each case with (number of cases done, number of all cases, name of the next case).
+        plan: Which solutions are missing from the store; found out anew if None.
+        progress: Called before each case with (number of cases done, number of all cases, name of the next case and
+            time left).
+
+    Returns:
+        The results; those of the finished cases if the run is interrupted after at least one case.
 
     Raises:
         InputError: If no case can be computed by all models.
         ValueError: If a published model was fitted to one of the cases.
+        KeyboardInterrupt: If the run is interrupted before the first case is finished.
     """
     from fem_reference import ConvergenceError
 
     if comparison is not None:
         comparison.check_unseen(cases)
-    results, skipped = [], []
-    for number, case in enumerate(cases):
-        if progress:
-            progress(number, len(cases), case.name)
-        try:
-            results.append(run_case(cover, parameters, case, comparison, friction=friction))
-        except (ValueError, ConvergenceError) as error:
-            converged = not isinstance(error, ConvergenceError)
-            skipped.append(SkippedCase(case=case, reason=str(error), converged=converged))
+    clock = Clock(plan or plan_solves(cover, parameters.array, cases, friction=friction))
+    results: list[CaseResult] = []
+    skipped: list[SkippedCase] = []
+    number, interrupted = 0, False
+    try:
+        for number, case in enumerate(cases):
+            if progress:
+                progress(number, len(cases), clock.describe(number, case.name))
+            try:
+                results.append(run_case(cover, parameters, case, comparison, friction=friction))
+            except (ValueError, ConvergenceError) as error:
+                converged = not isinstance(error, ConvergenceError)
+                skipped.append(SkippedCase(case=case, reason=str(error), converged=converged))
+    except KeyboardInterrupt:
+        if not results:
+            raise
+        interrupted = True
+        skipped += [SkippedCase(case=case, reason="interrupted", converged=True) for case in cases[number:]]
     if progress:
         progress(len(cases), len(cases), "")
     if not results:
         raise InputError(*(f"{each.case.name} ({each.case.shape}): {each.reason}" for each in skipped))
-    return _summarise(results, skipped, comparison)
+    return summarise(results, skipped, comparison, interrupted=interrupted)
 
 
 def run_case(
@@ -255,18 +116,18 @@ def run_case(
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
     """
     from fastmodel import indent
-    from fem_reference.indentation.press import press
 
     array = parameters.array
-    reference = press(cover, array, case.indenter, load=case.load, at=case.at, yaw=case.yaw, friction=friction)
-    press_fast = partial(indent, parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw)
+    reference = press_reference(cover, array, case, friction=friction)
+    turned = case.turned
+    press_fast = partial(indent, parameters, turned.indenter, load=case.load, at=case.at, yaw=case.yaw)
     fast, area = press_fast(method="default"), press_fast(method="area")
     published: dict[str, Forces] = {}
     if comparison is None:
         boxes = press_fast(method="boxes")
     else:
         # The published models read the contacts of the same simulation.
-        scene, published = comparison.predict(cover, parameters, case)
+        scene, published = comparison.predict(cover, parameters, turned)
         boxes = scene.boxes
     kept = np.where(array.active, boxes.contact_forces, 0.0)
     forces = {
@@ -319,26 +180,35 @@ def score_forces(
     )
 
 
-def describe_reference(reference: Indentation) -> dict[str, Any]:
-    """Return the finite-element result of an indentation as a dictionary, under the names used in JSON."""
-    numbers = ("texel_forces", "outside", "total_force", "balance", "depth", "contact_area", "energy", "seconds")
-    texts = {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}
-    return {name: getattr(reference, name) for name in numbers} | texts | {"warnings": list(reference.warnings)}
-
-
-def _summarise(
-    results: Sequence[CaseResult], skipped: Sequence[SkippedCase], comparison: ComparisonModels | None
+def summarise(
+    results: Sequence[CaseResult],
+    skipped: Sequence[SkippedCase],
+    comparison: ComparisonModels | None,
+    *,
+    interrupted: bool = False,
 ) -> CampaignResult:
-    """Average the scores over the cases of a campaign."""
+    """Average the scores over the cases of a campaign.
+
+    Args:
+        results: The scored cases.
+        skipped: The cases without scores.
+        comparison: The published models that were scored; None for none.
+        interrupted: Whether the run was interrupted.
+    """
+    cases = [result.case for result in results]
+
+    def collect(predictions: Sequence[Prediction], metric: str) -> list[float]:
+        """Collect a metric over the cases that compare it; NaN in the others."""
+        return [
+            float(getattr(each.score, metric)) if not case.compared or metric in case.compared else np.nan
+            for case, each in zip(cases, predictions, strict=True)
+        ]
 
     def pool_scores(predictions: Sequence[Prediction]) -> dict[str, Pooled]:
-        return {metric: pool([float(getattr(each.score, metric)) for each in predictions]) for metric in POOLED_METRICS}
+        return {metric: pool(collect(predictions, metric)) for metric in POOLED_METRICS}
 
     def measure_skill(predictions: Sequence[Prediction], metric: str = "misplaced_force") -> Pooled:
-        errors, others = (
-            [float(getattr(each.score, metric)) for each in scores] for scores in (scored["fast"], predictions)
-        )
-        return skill(errors, others)
+        return skill(collect(scored["fast"], metric), collect(predictions, metric))
 
     scored = {model: [result.predictions[model] for result in results] for model in MODELS}
     errors = [result.reference.error_estimate for result in results]
@@ -354,4 +224,5 @@ def _summarise(
         skill={model: measure_skill(predictions) for model, predictions in scored.items() if model != "fast"},
         noise_floor={key: float(np.mean([each[key] for each in errors])) for key in errors[0]},
         published=tuple(published),
+        interrupted=interrupted,
     )

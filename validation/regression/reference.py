@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 import fastmodel
 from fastmodel import Parameters
-from validation.campaign.run import CaseResult
+from validation.campaign.results import CaseResult
 from validation.regression.subject import Subject, Values
 from validation.sensor_file import BUILT_IN
 

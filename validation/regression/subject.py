@@ -14,7 +14,7 @@ from fastmodel import Parameters
 from meshes import TexelArray
 
 if TYPE_CHECKING:
-    from validation.campaign.run import CampaignResult
+    from validation.campaign.results import CampaignResult
     from validation.derivation.derive import Derivation
 
 #: Value of a quantity, in SI units: a number, numbers by label, or an image as rows of numbers by label.  None where
@@ -45,7 +45,7 @@ class Subject:
         """Scores of the fast model in the default list of cases; None for a folder of parameters."""
         if self.derivation is None:
             return None
-        from validation.campaign.case import default_cases
+        from validation.campaign.campaign_file import default_cases
         from validation.campaign.run import run_campaign
 
         cases = default_cases(self.parameters.array)

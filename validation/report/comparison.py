@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from validation.campaign.pooling import Pooled
-from validation.campaign.run import MODELS, SKILL_METRICS, CampaignResult, RowScores
+from validation.campaign.results import MODELS, SKILL_METRICS, CampaignResult, RowScores
 
 #: Metrics of the table.
 _METRICS = (*SKILL_METRICS, "centre_of_pressure_m")

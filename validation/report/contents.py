@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,8 +11,9 @@ import numpy as np
 from fastmodel.signal.electronics import describe_calibration
 from validation.calibration.stamp import StampScores
 from validation.campaign.evaluation import Evaluation
+from validation.campaign.metric_text import METRICS
 from validation.campaign.pooling import Pooled
-from validation.campaign.run import MODELS, CaseResult
+from validation.campaign.results import MODELS, CaseResult
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.comparison import comparison_contents
@@ -22,50 +21,10 @@ from validation.report.figures import campaign_figure, point_spread_figure, texe
 from validation.report.recordings import best_null, recordings_contents
 from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Metric:
-    """How a metric is printed in tables.
-
-    Attributes:
-        heading: Heading of the metric's column.
-        factor: Factor from the metric's value, in SI units or as a fraction, to the printed unit.
-        unit: Printed unit.
-        meaning: Explanation of the metric in a few words.
-        decimals: Number of printed decimals.
-    """
-
-    heading: str
-    factor: float
-    unit: str
-    meaning: str
-    decimals: int = 1
-
-    def text(self, value: float | None) -> str:
-        """Format a value of the metric without its unit; a dash if the value is None or NaN."""
-        return "\u2013" if value is None or math.isnan(value) else f"{self.factor * value:.{self.decimals}f}"
-
-
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
 #: the parameters are fitted to light weights and scored on heavy ones.  This extrapolation separates a model from a
 #: mere table of values.
 _TILE_SPLIT = "heavier"
-
-#: How each metric of the tables is printed, by the name of the metric.
-METRICS: Mapping[str, Metric] = {
-    name: Metric(heading=heading, factor=factor, unit=unit, decimals=decimals, meaning=meaning)
-    for name, heading, factor, unit, decimals, meaning in (
-        ("misplaced_force", "misplaced force", 100, "%", 1, "share of the load on the wrong texel"),
-        ("relative_l2", "relative L2", 100, "%", 1, "norm of the difference over the norm of the reference"),
-        ("total_force_error", "total force", 100, "%", 2, "difference of the total texel forces over the load"),
-        ("peak_error", "peak", 100, "%", 1, "difference of the largest texels over the reference's largest"),
-        ("centre_of_pressure_m", "centre of pressure", 1e3, "mm", 3, "distance between the centres of pressure"),
-        ("wasserstein_m", "Wasserstein-1", 1e3, "mm", 3, "mean distance that force would have to move"),
-        ("image_changed_percent", "image changed", 1, "%", 2, "mean grey difference over 255, white = the case's peak"),
-        ("image_changed_line_percent", "image changed, WTS line", 1, "%", 2, "the same after the published line"),
-        ("pixels_changed", "pixels changed", 1, "", 0, "texels whose grey level differs"),
-    )
-}
 
 
 def contents(evaluation: Evaluation) -> dict[str, Any]:

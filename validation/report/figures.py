@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from validation.campaign.run import MODELS, CampaignResult
+from validation.campaign.results import MODELS, CampaignResult
 from validation.derivation.derive import Derivation
 
 FloatArray = npt.NDArray[np.float64]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
-from validation.campaign.case import default_cases
+from validation.campaign.campaign_file import default_cases
 
 
 @pytest.mark.parametrize("name", ["wts-0614-34", "sdh2-distal"])

@@ -9,7 +9,8 @@ import pytest
 import fastmodel
 import fem_reference
 from validation.campaign.case import Case
-from validation.campaign.run import MODELS, run_campaign
+from validation.campaign.results import MODELS
+from validation.campaign.run import run_campaign
 from validation.errors import InputError
 
 CASES = (
@@ -100,7 +101,7 @@ def test_wrong_kernel_scores_worse(derivation, campaign):
 def test_progress_counts_every_case(derivation):
     seen = []
     run_campaign(derivation.sensor.cover, derivation.parameters, CASES[:1], progress=lambda *step: seen.append(step))
-    assert seen == [(0, 1, "sphere"), (1, 1, "")]
+    assert seen == [(0, 1, "sphere, about 1 s left"), (1, 1, "")]
 
 
 @pytest.mark.slow

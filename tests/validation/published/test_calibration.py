@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import fastmodel
-from validation.campaign.case import Case, default_cases
-from validation.campaign.run import POOLED_METRICS, run_campaign
+from validation.campaign.campaign_file import default_cases
+from validation.campaign.case import Case
+from validation.campaign.results import POOLED_METRICS
+from validation.campaign.run import run_campaign
 from validation.published.calibration import (
     AS_FITTED,
     AS_SHIPPED,

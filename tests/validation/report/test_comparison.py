@@ -6,9 +6,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from validation.campaign.run import MODELS
+from validation.campaign.metric_text import METRICS
+from validation.campaign.results import MODELS
 from validation.report.comparison import comparison_contents
-from validation.report.contents import METRICS
 
 #: Metrics in the order of the table's columns, which begin after three columns of text.
 SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")
@@ -85,13 +85,24 @@ def test_models_that_are_as_good_are_named(evaluation):
             assert named == (scores.skill[metric].low <= 0)
 
 
-def test_command_line_prints_the_published_models(evaluation, capsys, monkeypatch):
+def test_command_line_prints_the_best_published_models(evaluation, capsys):
     from validation.cli.commands.validate import _print
 
-    monkeypatch.setenv("COLUMNS", "200")
     _print(evaluation)
     lines = capsys.readouterr().out.splitlines()
-    for scores in evaluation.campaign.published:
+    assert max(map(len, lines)) <= 80
+    best = sorted(evaluation.campaign.published, key=lambda each: each.pooled["misplaced_force"].mean)
+    for scores in best[:5]:
         (line,) = (line for line in lines if f" {scores.row.model.title}, {scores.row.variant} " in line)
         means = [METRICS[name].text(scores.pooled[name].mean) for name in SHOWN[:3]]
-        assert re.findall(r"(?<=[│┃] )\s*([\d.]+) %", line) == means
+        assert re.findall(r"(?<=[│┃])\s*([\d.]+) ", line) == means
+
+
+def test_command_line_leads_with_the_verdict_in_words(evaluation, capsys):
+    from validation.cli.commands.validate import _print
+
+    _print(evaluation)
+    text = " ".join(capsys.readouterr().out.split())
+    words = ("Intended use: ", evaluation.verdict.sentence, evaluation.verdict.reasons[0], "against finite elements")
+    places = [text.index(word) for word in words]
+    assert places == sorted(places)

@@ -8,10 +8,12 @@ import pytest
 
 from meshes.catalogue import ARRAYS
 from validation.calibration.stamp import CountScore, StampExample, StampRow, StampScores
+from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
-from validation.campaign.run import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
+from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
+from validation.campaign.verdict import judge
 from validation.metrics import Score
 from validation.report import write_report
 from validation.sensor_file import load
@@ -103,7 +105,9 @@ def evaluation(wts_derivation, recordings):
     return Evaluation(
         derivation=wts_derivation,
         verification={"radial_profile": 0.00123, "texel_response": 0.00234},
+        plan=read_campaign(None, array),
         campaign=campaign,
+        verdict=judge(read_campaign(None, array), campaign),
         recordings=recordings,
         recorded=load("sdh2-distal"),
         seconds={"campaign": 1.0},

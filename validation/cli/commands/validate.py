@@ -2,41 +2,58 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import textwrap
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.failures import DONE, NOT_CONVERGED
+from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, print_json, print_table, say, show
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
     from validation.calibration.stamp import StampScores
+    from validation.campaign.campaign_file import Campaign
     from validation.campaign.evaluation import Evaluation
+    from validation.campaign.metric_text import Metric
     from validation.campaign.pooling import Pooled
-    from validation.campaign.run import CampaignResult
-    from validation.report.contents import Metric
+    from validation.campaign.results import CampaignResult, RowScores
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
+_Campaign = Annotated[
+    Path | None, Parameter(name="--campaign", help="Campaign file: cases and what is required of the fast model.")
+]
+_Quick = Annotated[bool, Parameter(name="--quick", help="Six cases instead of all.")]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings of a real sensor under known weights.")]
 
 #: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
-#: Names of the metrics in the printed table of scores.
-_COLUMNS = ("misplaced_force", "relative_l2", "total_force_error", "centre_of_pressure_m", "image_changed_percent")
+#: Names of the metrics in the printed table of scores; number of published models that are printed [-]; width [-].
+_COLUMNS = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
+_BEST, _WIDTH = 5, 80
 
 
-def demo(*, out: _Out = Path("softcover-report"), recordings: _Recordings = None, json: Json = False) -> int:
+def demo(
+    *,
+    quick: _Quick = False,
+    out: _Out = Path("softcover-report"),
+    recordings: _Recordings = None,
+    json: Json = False,
+) -> int:
     """Evaluate the default sensor: point spread, fit, scores against finite elements and recordings, and a report.
 
     Examples of use:
 
         softcover demo
+        softcover demo --quick
         softcover demo --out my-report
         softcover demo --recordings ~/recordings
     """
@@ -44,12 +61,15 @@ def demo(*, out: _Out = Path("softcover-report"), recordings: _Recordings = None
     from validation.sensor_file import BUILT_IN
 
     folder = find_recordings_folder(recordings)
-    return _evaluate(BUILT_IN[_DEMO], out, recordings=folder, recorded=BUILT_IN[_RECORDED], json=json)
+    campaign = _read_campaign(None, BUILT_IN[_DEMO], quick=quick)
+    return _evaluate(BUILT_IN[_DEMO], campaign, out, recordings=folder, recorded=BUILT_IN[_RECORDED], json=json)
 
 
 def validate(
     sensor: SensorFile,
     *,
+    campaign: _Campaign = None,
+    quick: _Quick = False,
     recordings: _Recordings = None,
     material: MaterialName = None,
     thickness: Thickness = None,
@@ -58,9 +78,14 @@ def validate(
 ) -> int:
     """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
 
+    The exit status is 0 if the fast model meets the acceptance criterion of the campaign, and 1 if it does not or if
+    the cases do not decide.  An interrupted run writes a report on the finished cases; the same command continues it.
+
     Examples of use:
 
         softcover validate sensor.toml --out my-report
+        softcover validate sensor.toml --quick
+        softcover validate sensor.toml --campaign mine.toml
         softcover validate sdh2-distal --recordings ~/recordings
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
     """
@@ -71,77 +96,135 @@ def validate(
     # Recordings belong to one sensor.  Those in the default folder may be of another sensor, so only a folder that the
     # user names is used.
     folder = None if recordings is None else find_recordings_folder(recordings)
-    return _evaluate(description, out, recordings=folder, recorded=description, json=json)
+    plan = _read_campaign(campaign, description, quick=quick)
+    return _evaluate(description, plan, out, recordings=folder, recorded=description, json=json)
+
+
+def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool) -> Campaign:
+    """Read a campaign file or the default campaign, and shorten it for a quick run; faults in cases are printed."""
+    from validation.campaign.campaign_file import read_campaign
+
+    campaign = read_campaign(path, sensor.array)
+    for line in campaign.left_out:
+        say(f"softcover: left out: {line}")
+    return campaign.shorten() if quick else campaign
 
 
 def _evaluate(
-    sensor: SensorDescription, out: Path, *, recordings: Path | None, recorded: SensorDescription, json: bool
+    sensor: SensorDescription,
+    campaign: Campaign,
+    out: Path,
+    *,
+    recordings: Path | None,
+    recorded: SensorDescription,
+    json: bool,
 ) -> int:
     """Evaluate a sensor, write the report and print a summary.
 
     Args:
         sensor: The sensor to evaluate.
+        campaign: Cases, intended use and acceptance criterion.
         out: Folder of the report.
         recordings: Folder of recordings, or None.
         recorded: The sensor that made the recordings.
         json: Whether to print the numbers as JSON instead of tables.
 
     Returns:
-        The exit status: 0, or 4 if the finite-element solver did not converge in a case (an indentation).
+        The exit status, see `_choose_status`.
     """
     from validation.campaign.evaluation import evaluate
     from validation.output_folder import new_folder
     from validation.report import require, write_report
-    from validation.text.friction import describe_friction
 
     started = time.perf_counter()
     require()
-    if sensor.friction:
-        say(
-            f"friction {describe_friction(sensor.friction)} from {sensor.source} in the finite elements of every case, "
-            "which takes minutes for each flat face; the fast model has none"
+    _tell_friction(sensor)
+    with new_folder(out) as folder, _interrupt_when_terminated(), Progress() as progress:
+        evaluation = evaluate(
+            sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
         )
-    with new_folder(out) as folder, Progress() as progress:
-        evaluation = evaluate(sensor, recordings=recordings, recorded=recorded, progress=progress)
         progress("report")
         write_report(evaluation, folder)
     if json:
         print_json(evaluation.as_json())
     else:
         _print(evaluation)
-    skipped = evaluation.campaign.skipped
-    for each in skipped:
+    _tell_problems(evaluation)
+    say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
+    (say if json else show)(evaluation.verdict.short)
+    return _choose_status(evaluation)
+
+
+def _choose_status(evaluation: Evaluation) -> int:
+    """Return the exit status: the first that applies of interrupted, not converged, faults in the campaign, verdict."""
+    if evaluation.campaign.interrupted:
+        return INTERRUPTED
+    if not all(each.converged for each in evaluation.campaign.skipped):
+        return NOT_CONVERGED
+    if evaluation.plan.left_out:
+        return BAD_INPUT
+    return DONE if evaluation.verdict.accepted else CHECK_FAILED
+
+
+@contextlib.contextmanager
+def _interrupt_when_terminated() -> Iterator[None]:
+    """Treat a request to terminate the process like Ctrl-C, so that finished cases are reported."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _tell_friction(sensor: SensorDescription) -> None:
+    from validation.text.friction import describe_friction
+
+    if sensor.friction:
+        say(
+            f"friction {describe_friction(sensor.friction)} from {sensor.source} in the finite elements of every case, "
+            "which takes minutes for each flat face; the fast model has none"
+        )
+
+
+def _tell_problems(evaluation: Evaluation) -> None:
+    """Print the cases without scores and the warnings, each on one line."""
+    for each in evaluation.campaign.skipped:
         say(f"not scored: {each.case.name} ({each.case.shape}, {each.case.load:.3g} N): {each.reason}")
     for result in evaluation.campaign.cases:
         for sentence in dict.fromkeys((*result.reference.warnings, *result.warnings)):
             say(f"softcover: warning: {result.case.name}: {sentence}")
-    say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
-    return DONE if all(each.converged for each in skipped) else NOT_CONVERGED
+    if evaluation.campaign.interrupted:
+        say("interrupted: the report has the finished cases; run the same command again to continue")
 
 
 def _print(evaluation: Evaluation) -> None:
-    from validation.campaign.run import SKILL_METRICS
-    from validation.report.contents import METRICS
+    """Print a summary that fits 80 columns: the verdict in words, then tables."""
+    from validation.campaign.results import SKILL_METRICS
 
-    sensor, fit, campaign = evaluation.sensor, evaluation.derivation.fit, evaluation.campaign
-    show(f"{sensor.name}, cover {describe_cover(sensor.cover)}")
-    show(
-        f"kernel: sigma {fit.gaussian.sigma_x:.4f}, {fit.gaussian.sigma_y:.4f} pitches ({fit.estimator}), "
-        f"residual {100 * fit.residual:.2f} %, outside the kernel {100 * fit.outside_kernel:.2f} %"
-    )
+    sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
+    _show_wrapped(f"{sensor.name}, cover {describe_cover(sensor.cover)}")
+    _show_wrapped(f"Intended use: {evaluation.plan.intended_use}")
+    _show_wrapped(verdict.sentence)
+    for reason in verdict.reasons:
+        _show_wrapped(f"- {reason}", indent="  ")
     floor = campaign.noise_floor
     print_table(
-        ("model", *(METRICS[name].heading for name in _COLUMNS)),
+        ("model", *map(_head, _COLUMNS)),
         _list_scores(campaign),
-        title=f"Against finite elements: {len(campaign.cases)} cases, means and 95 % intervals over cases",
-        caption=f"error estimate of the reference: depth {100 * floor['depth']:.2g} %, "
-        f"peak texel {100 * floor['peak_texel']:.2g} %",
+        title=f"Fast model and simpler models against finite elements, {len(campaign.cases)} cases",
+        caption=f"mean and 95 % interval over cases; own error of the reference: {100 * floor['peak_texel']:.2g} % "
+        "of the peak texel",
     )
     if campaign.published:
+        rows = sorted(campaign.published, key=lambda each: each.pooled["misplaced_force"].mean)
         print_table(
-            ("published model", *(METRICS[name].heading for name in SKILL_METRICS)),
-            _list_published(campaign),
-            title="Published models in the same cases, means; the fitted ones were fitted to other presses",
+            ("published model", *map(_head, SKILL_METRICS)),
+            _list_published(rows[:_BEST]),
+            title=f"The {min(_BEST, len(rows))} best of {len(rows)} published models, same cases, means",
+            caption="all are in the report; the fitted ones were fitted to other presses",
         )
     scores = evaluation.recordings
     if scores is not None:
@@ -153,19 +236,32 @@ def _print(evaluation: Evaluation) -> None:
         )
 
 
+def _show_wrapped(text: str, *, indent: str = "") -> None:
+    """Print a paragraph in lines of at most 80 characters."""
+    for line in textwrap.wrap(text, _WIDTH, initial_indent=indent, subsequent_indent="  "):
+        show(line)
+
+
+def _head(name: str) -> str:
+    """Return the heading of a metric's column, with its unit."""
+    from validation.campaign.metric_text import METRICS
+
+    return f"{METRICS[name].heading} [{METRICS[name].unit}]"
+
+
 def _list_scores(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
-    from validation.report.contents import METRICS
+    from validation.campaign.metric_text import METRICS
 
     for model, metrics in campaign.pooled.items():
         yield model, *(_format_pooled(metrics[name], METRICS[name]) for name in _COLUMNS)
 
 
-def _list_published(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
-    from validation.campaign.run import SKILL_METRICS
-    from validation.report.contents import METRICS
+def _list_published(rows: Sequence[RowScores]) -> Iterator[tuple[str, ...]]:
+    from validation.campaign.metric_text import METRICS
+    from validation.campaign.results import SKILL_METRICS
 
-    for scores in campaign.published:
-        means = (f"{METRICS[name].text(scores.pooled[name].mean)} {METRICS[name].unit}" for name in SKILL_METRICS)
+    for scores in rows:
+        means = (METRICS[name].text(scores.pooled[name].mean) for name in SKILL_METRICS)
         yield f"{scores.row.model.title}, {scores.row.variant}", *means
 
 
@@ -173,7 +269,7 @@ def _format_pooled(value: Pooled, metric: Metric) -> str:
     if not value.cases:
         return "none"
     mean, low, high = (metric.factor * number for number in (value.mean, value.low, value.high))
-    return f"{mean:.3g} {metric.unit}\n{low:.2g}..{high:.2g}"
+    return f"{mean:.2g} ({low:.2g}..{high:.2g})"
 
 
 def _list_recording_scores(scores: StampScores, splits: list[str]) -> Iterator[tuple[str, ...]]:

@@ -1,5 +1,8 @@
 import json
 import shutil
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -43,3 +46,53 @@ def test_demo_writes_report_scores_and_parameters(softcover, tmp_path):
     assert "softcover-report/index.html" in err
     names = {path.name for path in (tmp_path / "softcover-report").iterdir()}
     assert names >= {"index.html", "scores.json", "parameters.toml", "cover.npz", "plotly.min.js"}
+
+
+BALL = "[[case]]\nname = 'ball'\nindenter = 'sphere:radius=5mm'\nload = '100 g'\n"
+
+
+def test_a_campaign_without_a_usable_case_ends_before_any_work(softcover, tmp_path):
+    (tmp_path / "mine.toml").write_text(BALL.replace("sphere", "spere"))
+    status, out, err = softcover("validate", "wts-0614-34", "--campaign", "mine.toml")
+    assert (status, out) == (2, "")
+    assert "mine.toml: case[0].indenter: unknown indenter 'spere'; did you mean 'sphere'?" in err
+    assert not (tmp_path / "softcover-report").exists()
+
+
+@pytest.mark.slow
+def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path):
+    (tmp_path / "mine.toml").write_text(BALL + BALL + BALL.replace("ball", "other").replace("5mm", "5"))
+    status, out, err = softcover("validate", "wts-0614-34", "--campaign", "mine.toml")
+    assert status == 2
+    assert "left out: mine.toml: case[1].name: 'ball' is the name of case[0] already" in err
+    assert "left out: mine.toml: case[2].indenter: " in err
+    assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, 1 of 3 cases; ")
+    scores = json.loads((tmp_path / "softcover-report" / "scores.json").read_text())
+    assert [case["name"] for case in scores["campaign"]["cases"]] == ["ball"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_run_reports_the_finished_cases_and_continues(tmp_path, stop):
+    """The first run is stopped when the first case is done; the second finishes the rest."""
+    cases = "".join(BALL.replace("ball", f"ball {n}").replace("100", f"{100 + n}") for n in range(4))
+    (tmp_path / "mine.toml").write_text(cases)
+    command = [sys.executable, "-c", "from validation.cli import main; main()", "validate", "wts-0614-34"]
+    command += ["--campaign", "mine.toml"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, stderr=pipe, stdout=pipe, text=True) as run:  # noqa: S603
+        for line in run.stderr:
+            if " 2/4 " in line or " 3/4 " in line:
+                run.send_signal(stop)
+                break
+        out, err = run.communicate(timeout=300)
+    assert run.returncode == 130, err
+    assert "run the same command again" in err
+    assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, ")
+    scores = json.loads((tmp_path / "softcover-report" / "scores.json").read_text())
+    assert scores["campaign"]["interrupted"]
+    assert 0 < len(scores["campaign"]["cases"]) < 4
+    assert {each["reason"] for each in scores["campaign"]["skipped"]} == {"interrupted"}
+    again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)  # noqa: S603
+    assert again.returncode == 0, again.stderr
+    assert "verdict: ACCEPTED, 4 of 4 cases" in again.stdout

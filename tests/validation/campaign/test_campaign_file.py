@@ -1,0 +1,177 @@
+"""Campaign files: what is read, and one line for each fault."""
+
+import math
+
+import pytest
+
+from meshes.bounded_file import parse_toml
+from validation.campaign.campaign_file import default_cases, parse_campaign, read_campaign
+from validation.campaign.case import Case, name_positions
+from validation.errors import InputError
+
+GOOD = """
+[[case]]
+name = "ball"
+indenter = "sphere:radius=5mm"
+load = "100 g"
+"""
+
+
+def read(text, array):
+    return parse_campaign(parse_toml(text), array, source="mine.toml")
+
+
+def test_a_full_file_is_read_in_si_units(wts):
+    campaign = read(
+        """
+        name = "mine"
+        intended_use = "show that it works"
+        [required.mean]
+        misplaced_force = "3 %"
+        centre_of_pressure_m = "0.2 mm"
+        image_changed_percent = "1.5 %"
+        pixels_changed = 12
+        [required.each]
+        peak_error = "10 %"
+        [inputs]
+        modulus = "20 %"
+        poisson_ratio = 0.01
+        position = "50 um"
+        yaw = "2 deg"
+        friction = 0.5
+        [[case]]
+        name = "ball"
+        indenter = "sphere:radius=5mm"
+        load = "100 g"
+        at = "1mm,-2mm"
+        yaw = "30deg"
+        tilt = "2deg,0deg"
+        compared = ["misplaced_force", "peak_error"]
+        required = { peak_error = "5 %" }
+        """,
+        wts,
+    )
+    assert (campaign.name, campaign.intended_use) == ("mine", "show that it works")
+    assert campaign.criterion.mean == {
+        "misplaced_force": 0.03,
+        "centre_of_pressure_m": pytest.approx(2e-4),
+        "image_changed_percent": pytest.approx(1.5),
+        "pixels_changed": 12,
+    }
+    assert campaign.criterion.each == {"peak_error": 0.1}
+    inputs = campaign.inputs
+    assert (inputs.modulus, inputs.poisson_ratio, inputs.thickness, inputs.friction) == (0.2, 0.01, 0.025, 0.5)
+    assert (inputs.position, inputs.yaw) == (pytest.approx(5e-5), pytest.approx(math.radians(2)))
+    (case,) = campaign.cases
+    assert case.load == pytest.approx(0.980665)
+    assert (case.at, case.yaw) == ((1e-3, -2e-3), pytest.approx(math.radians(30)))
+    assert case.tilt == (pytest.approx(math.radians(2)), 0)
+    assert (case.compared, case.required) == (("misplaced_force", "peak_error"), {"peak_error": 0.05})
+
+
+def test_what_is_left_out_is_that_of_the_default_campaign(wts):
+    default = read_campaign(None, wts)
+    campaign = read(GOOD, wts)
+    assert (campaign.criterion, campaign.inputs) == (default.criterion, default.inputs)
+    assert len(campaign.cases) == 1
+
+
+def test_loads_and_paths_make_one_case_each(wts):
+    campaign = read(GOOD.replace("load =", "loads =").replace('"100 g"', '["1 N", "2 N"]'), wts)
+    assert [(case.name, case.load, case.path) for case in campaign.cases] == [
+        ("ball, 1 N", 1.0, ()),
+        ("ball, 2 N", 2.0, ()),
+    ]
+    campaign = read(GOOD.replace("load =", "path =").replace('"100 g"', '["1 N", "2 N"]'), wts)
+    assert [(case.load, case.path) for case in campaign.cases] == [(1.0, (1.0, 2.0)), (2.0, (1.0, 2.0))]
+
+
+def test_quick_takes_the_marked_cases_or_the_first_six(wts):
+    assert [case.name for case in read_campaign(None, wts).shorten().cases] == [
+        "sphere, texel",
+        "sphere, edge",
+        "cylinder, off grid",
+        "small square, texel",
+        "big rectangle, 45",
+        "tip, off grid",
+    ]
+    many = "".join(GOOD.replace("ball", f"ball {n}").replace("100", f"{100 + n}") for n in range(8))
+    assert [case.name for case in read(many, wts).shorten().cases] == [f"ball {n}" for n in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ("indenter = 'spere:radius=5mm'", "case[1].indenter: unknown indenter 'spere'; did you mean 'sphere'?"),
+        ("indenter = 'sphere:radius=-5mm'", "case[1].indenter: "),
+        ("indenter = 5", "case[1].indenter: must be a text"),
+        ("load = 5", "case[1].load: must be a text with a unit"),
+        ("load = '5'", "case[1].load: "),
+        ("load = '-5 N'", "case[1].load: must be positive"),
+        ("load = 'nan N'", "case[1].load: "),
+        ("loads = ['1 N', '1 N']\nload = ''", "case[1].load: give one of"),
+        ("at = 'center'", "case[1].at: unknown position 'center'; did you mean 'centre'?"),
+        ("at = '1mm'", "case[1].at: "),
+        ("yaw = '45'", "case[1].yaw: "),
+        ("tilt = '45deg,0deg'", "case[1].tilt: "),
+        ("compared = ['misplaced']", "case[1].compared: unknown metric 'misplaced'"),
+        ("required = { misplaced_force = 3 }", "case[1].required.misplaced_force: 3 is no percentage"),
+        ("required = { misplace = '3 %' }", "case[1].required.misplace: unknown metric; did you mean"),
+        ("quick = 1", "case[1].quick: must be true or false"),
+        ("name = ''", "case[1].name: "),
+        ("name = 'ball'", "case[1].name: 'ball' is the name of case[0] already"),
+        ("indenter = 'sphere:radius=0.5cm'\nload='100 g'", "case[1]: 'other' is the same press as case[0], 'ball'"),
+        ("colour = 'red'", "case[1].colour: unknown key"),
+    ],
+)
+def test_a_faulty_case_costs_one_line_and_the_others_stay(wts, change, line):
+    keys = {"name": "'other'", "indenter": "'sphere:radius=5mm'", "load": "'2 N'"}
+    for part in change.split("\n"):
+        key, _, value = part.partition("=")
+        keys[key.strip()] = value.strip()
+    if keys["load"] == "''":
+        keys["load"] = "'1 N'"
+    other = "[[case]]\n" + "\n".join(f"{key} = {value}" for key, value in keys.items())
+    campaign = read(GOOD + other, wts)
+    assert [case.name for case in campaign.cases] == ["ball"]
+    assert len(campaign.left_out) == 1
+    assert campaign.left_out[0].startswith(f"mine.toml: {line}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("case = []", "mine.toml: case: must be at least one table"),
+        ("case = 3", "mine.toml: case: must be at least one table"),
+        ("casse = 3", "mine.toml: casse: unknown key; did you mean 'case'?"),
+        (f"[required]\n{GOOD}", "mine.toml: required: states no limit"),
+        (f"[required.mean]\nmisplaced_forces = '3 %'\n{GOOD}", "mine.toml: required.mean.misplaced_forces: unknown"),
+        (f"[required.means]\n{GOOD}", "mine.toml: required.means: unknown key"),
+        (f"[required.mean]\nactive_area_iou = 1\n{GOOD}", "mine.toml: required.mean.active_area_iou: unknown metric"),
+        (f"[inputs]\nthickness = '5 mm'\n{GOOD}", "mine.toml: inputs.thickness: '5 mm' is no percentage"),
+        (f"[inputs]\nfriction = -1\n{GOOD}", "mine.toml: inputs.friction: "),
+        (f"[inputs]\nmass = 1\n{GOOD}", "mine.toml: inputs.mass: unknown key"),
+        (f"name = 3\n{GOOD}", "mine.toml: name: must be a text"),
+        (GOOD.replace("sphere", "spere"), "mine.toml: case[0].indenter: unknown indenter"),
+    ],
+)
+def test_a_fault_outside_the_cases_is_an_error(wts, text, line):
+    with pytest.raises(InputError) as error:
+        read(text, wts)
+    assert error.value.faults[0].startswith(line)
+
+
+def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_campaign(tmp_path / "none.toml", wts)
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[[case]\n")
+    with pytest.raises(InputError, match=r"broken\.toml: not readable as TOML"):
+        read_campaign(broken, wts)
+
+
+def test_named_positions_are_those_of_the_array(wts):
+    named = name_positions(wts)
+    cases = default_cases(wts)
+    assert {case.at for case in cases} == set(named.values())
+    assert all(isinstance(case, Case) for case in cases)

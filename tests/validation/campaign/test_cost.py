@@ -1,0 +1,90 @@
+"""What a campaign costs is known before it starts, and finished cases survive an interruption."""
+
+import dataclasses
+
+import pytest
+
+from validation.campaign.case import Case
+from validation.campaign.cost import Clock, Plan, classify, plan_solves
+from validation.campaign.run import run_campaign, run_case
+
+CASES = (
+    Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
+    Case.read("the same elsewhere", "sphere:radius=5mm", "500 g"),
+    Case.read("box", "box:size=6mmx10mmx5mm", "100 g"),
+)
+
+
+def test_missing_solutions_are_counted_once_and_stored_ones_not(bonded, wts, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    cover = bonded(0.49)
+    plan = plan_solves(cover, wts, CASES)
+    assert plan.missing == (True, False, True)
+    assert "3 cases, 2 reference solutions missing" in plan.describe()
+    from validation.campaign.reference_press import press_reference
+
+    press_reference(cover, wts, CASES[0])
+    after = plan_solves(cover, wts, CASES)
+    assert after.missing == (False, False, True)
+    assert after.total < plan.total
+
+
+def test_nothing_is_computed_to_find_out(bonded, wts, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    plan_solves(bonded(0.49), wts, CASES)
+    assert list(tmp_path.glob("*.entry")) == []
+
+
+def test_time_left_follows_the_finished_cases(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("validation.campaign.cost.time.perf_counter", lambda: now[0])
+    clock = Clock(Plan(cases=3, missing=(True,) * 3, seconds=(10.0, 10.0, 20.0)))
+    assert clock.describe(0, "a") == "a, about 40 s left"
+    now[0] = 30.0  # three times as long as expected
+    assert clock.describe(1, "b") == "b, about 90 s left"
+    now[0] = 60.0
+    assert clock.describe(2, "c") == "c, about 60 s left"
+    now[0] = 600.0
+    assert clock.describe(2, "c") == "c, about 10 min left"
+
+
+def test_kinds_of_problems(bonded):
+    rubber = dataclasses.replace(
+        bonded(0.49).layers[0].material, model="neo-hookean", parameters={"shear_modulus": 1e6 / 2.98}
+    )
+    soft = dataclasses.replace(bonded(0.49), layers=(dataclasses.replace(bonded(0.49).layers[0], material=rubber),))
+    foil = dataclasses.replace(bonded(0.49, youngs_modulus=3e9).layers[0], thickness=1e-4)
+    ball, _, box = CASES
+    assert classify(bonded(0.49), box, 0.0) == "small strain"
+    assert classify(soft, ball, 0.0) == "finite strain, round"
+    assert classify(soft, box, 0.0) == "finite strain, solid"
+    assert classify(dataclasses.replace(soft, layers=(*soft.layers, foil)), box, 0.0) == "finite strain, solid on foil"
+    assert classify(soft, ball, 0.3) == "friction, round"
+
+
+def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch):
+    cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
+    finished = run_case(cover, parameters, CASES[0])
+
+    def run(_cover, _parameters, case, *_, **__):
+        if case is not CASES[0]:
+            raise KeyboardInterrupt
+        return finished
+
+    monkeypatch.setattr("validation.campaign.run.run_case", run)
+    result = run_campaign(cover, parameters, CASES)
+    assert result.interrupted
+    assert [each.case.name for each in result.cases] == ["sphere"]
+    assert [(each.case.name, each.reason) for each in result.skipped] == [
+        ("the same elsewhere", "interrupted"),
+        ("box", "interrupted"),
+    ]
+
+
+def test_a_run_without_a_finished_case_is_interrupted(wts_derivation, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("validation.campaign.run.run_case", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(wts_derivation.sensor.cover, wts_derivation.parameters, CASES)

@@ -1,0 +1,134 @@
+"""The verdict follows the acceptance criterion."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from validation.campaign.campaign_file import Criterion, read_campaign
+from validation.campaign.case import Case
+from validation.campaign.results import CaseResult, SkippedCase
+from validation.campaign.run import run_campaign, score_forces, summarise
+from validation.campaign.verdict import judge
+
+CASES = (
+    Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
+    Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),
+    Case.read("edge", "cylinder:radius=4mm", "100 g", at="8.5mm,0mm"),
+)
+
+
+@pytest.fixture(scope="module")
+def result(wts_derivation):
+    return run_campaign(wts_derivation.sensor.cover, wts_derivation.parameters, CASES)
+
+
+@pytest.fixture(scope="module")
+def plan(wts):
+    return dataclasses.replace(read_campaign(None, wts), cases=CASES)
+
+
+def move_to_right(image, share):
+    """Move a share of each texel's force to its right neighbour, from the last column to the left one."""
+    moved = (1 - share) * image
+    moved[:, 1:] += share * image[:, :-1]
+    moved[:, -2] += share * image[:, -1]
+    return moved
+
+
+def move_to_all(image, share):
+    """Move a share of each texel's force to its four neighbours; what would leave the array stays."""
+    padded = np.pad(image, 1)
+    moved = (1 - share) * image
+    for axis in (0, 1):
+        for step in (-1, 1):
+            moved += share / 4 * np.roll(padded, step, axis)[1:-1, 1:-1]
+    moved[[0, -1]] += share / 4 * image[[0, -1]]
+    moved[:, [0, -1]] += share / 4 * image[:, [0, -1]]
+    return moved
+
+
+def plant(result, parameters, move, share):
+    """Score the campaign anew with moved forces of the fast model."""
+    cases = []
+    for each in result.cases:
+        fast = each.predictions["fast"]
+        forces = move(fast.texel_forces.reshape(14, 6), share).ravel()
+        assert forces.sum() == pytest.approx(fast.texel_forces.sum())
+        score = score_forces(each.reference, forces, fast.outside, each.case.load, parameters)
+        moved = dataclasses.replace(fast, texel_forces=forces, score=score)
+        cases.append(dataclasses.replace(each, predictions={**each.predictions, "fast": moved}))
+    return summarise(cases, (), None)
+
+
+def test_the_fast_model_is_accepted_by_default(result, plan):
+    verdict = judge(plan, result)
+    assert verdict.word == "accepted"
+    assert verdict.accepted
+    assert len(verdict.findings) == len(plan.criterion.mean) + len(CASES)
+    assert {each.status for each in verdict.findings} == {"met"}
+    assert verdict.short.startswith("verdict: ACCEPTED, 3 of 3 cases; misplaced force ")
+    assert len(verdict.short) <= 80
+
+
+@pytest.mark.parametrize("move", [move_to_right, move_to_all])
+def test_the_verdict_flips_if_five_percent_of_each_load_sit_on_neighbouring_texels(result, plan, wts_derivation, move):
+    verdict = judge(plan, plant(result, wts_derivation.parameters, move, 0.05))
+    assert verdict.word == "not accepted"
+    assert verdict.short.startswith("verdict: NOT ACCEPTED, 3 of 3 cases; ")
+    assert judge(plan, plant(result, wts_derivation.parameters, move, 0.0)).word == "accepted"
+
+
+def limit(plan, **limits):
+    return dataclasses.replace(plan, criterion=Criterion(mean=limits.get("mean", {}), each=limits.get("each", {})))
+
+
+def test_a_mean_is_met_missed_or_open_by_its_interval(result, plan):
+    pooled = result.pooled["fast"]["misplaced_force"]
+    for value, word in (
+        (pooled.high, "accepted"),
+        ((pooled.mean + pooled.high) / 2, "not decided"),
+        (0.99 * pooled.mean, "not accepted"),
+    ):
+        verdict = judge(limit(plan, mean={"misplaced_force": value}), result)
+        assert verdict.word == word
+        assert (verdict.findings[0].value, verdict.findings[0].high) == (pooled.mean, pooled.high)
+
+
+def test_a_limit_of_a_case_replaces_the_common_one(result, plan):
+    value = result.cases[1].predictions["fast"].score.peak_error
+    strict = dataclasses.replace(result.cases[1].case, required={"peak_error": 0.9 * value})
+    cases = [dataclasses.replace(each, case=strict) if each.case.name == "box" else each for each in result.cases]
+    verdict = judge(limit(plan, each={"peak_error": 0.5}), dataclasses.replace(result, cases=cases))
+    assert verdict.word == "not accepted"
+    assert [each.over for each in verdict.findings if each.status == "missed"] == ["box"]
+
+
+def test_metrics_that_a_case_does_not_compare_do_not_count(result, plan):
+    case = dataclasses.replace(result.cases[0].case, compared=("misplaced_force",))
+    cases = [CaseResult(**{**vars(result.cases[0]), "case": case}), *result.cases[1:]]
+    found = summarise(cases, (), None)
+    assert found.pooled["fast"]["peak_error"].cases == 2
+    assert found.pooled["fast"]["misplaced_force"].cases == 3
+    verdict = judge(limit(plan, mean={"peak_error": 1.0}, each={"peak_error": 1.0}), found)
+    assert [each.over for each in verdict.findings] == ["mean over the cases", "box", "edge"]
+    assert verdict.findings[0].value == found.pooled["fast"]["peak_error"].mean
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"interrupted": True}, "the run was interrupted"),
+        ({"skipped": (SkippedCase(case=CASES[0], reason="no", converged=False),)}, "not scored: sphere"),
+        ({"noise_floor": {"peak_texel": 0.01}}, "the reference's own error of the peak texel, 1 %, is too large"),
+    ],
+)
+def test_what_is_missing_leaves_it_open(result, plan, change, reason):
+    verdict = judge(plan, dataclasses.replace(result, **change))
+    assert verdict.word == "not decided"
+    assert verdict.reasons[0].startswith(reason)
+
+
+def test_faults_in_the_file_leave_it_open(result, plan):
+    verdict = judge(dataclasses.replace(plan, left_out=("case[0]: no",)), result)
+    assert (verdict.word, verdict.scored, verdict.cases) == ("not decided", 3, 4)

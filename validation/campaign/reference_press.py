@@ -1,0 +1,50 @@
+"""The reference of a case: its indentation by finite elements, also as one load of a loading path."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from meshes import Cover, TexelArray
+from validation.campaign.case import Case
+
+if TYPE_CHECKING:
+    from fem_reference.indentation.result import Indentation
+
+
+def press_reference(cover: Cover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation:
+    """Compute one case by finite elements.
+
+    A load of a path is computed together with the other loads, because slip depends on the loads before.
+
+    Args:
+        cover: The cover.
+        array: The array.
+        case: The indentation.
+        friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
+
+    Raises:
+        ValueError: If the indenter would pierce the cover, or the case does not fit the cover.
+        ConvergenceError: If the solver does not converge.
+    """
+    from fem_reference.indentation.press import press_path
+
+    loads = case.path or (case.load,)
+    results = press_path(
+        cover, array, case.indenter, loads=loads, at=case.at, yaw=case.yaw, tilt=case.tilt, friction=friction
+    )
+    return results[loads.index(case.load)]
+
+
+def find_stored_reference(cover: Cover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation | None:
+    """Return the reference of a case if all its solutions are in the result store; None if one is missing.
+
+    A case that the solver refuses counts as stored, because it takes no time: the result is None as well.
+    """
+    from fem_reference import ConvergenceError
+    from fem_reference.result_store import NotStoredError, stored_only
+
+    try:
+        with stored_only():
+            return press_reference(cover, array, case, friction=friction)
+    except (NotStoredError, ValueError, ConvergenceError):
+        return None
