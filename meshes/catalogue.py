@@ -36,13 +36,26 @@ _SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, f
 #: modulus K of 1 GPa.
 _NATURAL_RUBBER = ((30, 0.92, 0.4998), (40, 1.50, 0.4997), (50, 2.20, 0.4996), (60, 4.45, 0.4993), (70, 7.35, 0.4988))
 
-#: Other linear elastic materials: name, source, Young's modulus E [MPa], half-width of the range of E over E [-],
-#: Poisson ratio and half-width of the range of the Poisson ratio [-].
-_RUBBERS_AND_FOAMS = (
-    ("neoprene", "solid neoprene, 2..5 MPa, nu 0.49..0.499", 3, 0.5, (0.495, 0.005)),
-    ("neoprene-sponge", "neoprene sponge, 0.1..0.6 MPa, nu 0..0.3", 0.3, 0.6, (0.15, 0.15)),
-    ("silicone-foam", "silicone foam, 10..300 kPa, nu 0..0.3", 0.1, 0.8, (0.15, 0.15)),
-    ("polyurethane-foam", "polyurethane foam, 10..300 kPa, nu 0..0.3", 0.1, 0.8, (0.15, 0.15)),
+#: Source of a typical value whose origin is not known; its range is meant with k = 2.
+_TYPICAL = "typical value without a source at hand (k = 2): "
+#: Other linear elastic materials: name, source, Young's modulus E and the ends of its range [MPa], Poisson ratio and
+#: half-width of the range of the Poisson ratio [-].
+_OTHERS = (
+    ("neoprene", "solid neoprene, 2..5 MPa, nu 0.49..0.499", 3, (2, 5), (0.4945, 0.0045)),
+    ("neoprene-sponge", "neoprene sponge, 0.1..0.6 MPa, nu 0..0.3", 0.3, (0.1, 0.6), (0.15, 0.15)),
+    ("silicone-foam", "silicone foam, 10..300 kPa, nu 0..0.3", 0.1, (0.01, 0.3), (0.15, 0.15)),
+    ("polyurethane-foam", "polyurethane foam, 10..300 kPa, nu 0..0.3", 0.1, (0.01, 0.3), (0.15, 0.15)),
+    ("pet", _TYPICAL + "PET film, +-30 %", 3500, (2450, 4550), (0.38, 0.0)),
+    ("polyimide", _TYPICAL + "polyimide film (Kapton), +-20 %", 2500, (2000, 3000), (0.34, 0.0)),
+    ("tpu", _TYPICAL + "polyurethane film, Shore 85 A..95 A, a factor of 3", 15, (5, 45), (0.48, 0.0)),
+    ("latex", _TYPICAL + "natural latex sheet, +-40 %", 1.2, (0.72, 1.68), (0.499, 0.0)),
+    (
+        "sylgard-184",
+        _TYPICAL + "PDMS Sylgard 184, 10 : 1, 1.3 MPa cured at room temperature to 3 MPa at 200 degC",
+        2,
+        (1.3, 3),
+        (0.499, 0.0),
+    ),
 )
 
 
@@ -71,14 +84,18 @@ def _make_silicone(name: str, model: str, parameters: Mapping[str, float], fit: 
     )
 
 
-def _make_elastic(name: str, source: str, modulus_mpa: float, spread: float, poisson: tuple[float, float]) -> Material:
+def _make_elastic(
+    name: str, source: str, modulus_mpa: float, limits: tuple[float, float], poisson: tuple[float, float]
+) -> Material:
+    low, high = limits
     return Material(
         name=name,
         model="linear-elastic",
         parameters={"youngs_modulus": modulus_mpa * 1e6},
         poisson_ratio=poisson[0],
         source=source,
-        spread=spread,
+        spread=round(1 - low / modulus_mpa, 9),
+        spread_above=round(high / modulus_mpa - 1, 9),
         poisson_spread=poisson[1],
     )
 
@@ -86,7 +103,9 @@ def _make_elastic(name: str, source: str, modulus_mpa: float, spread: float, poi
 def _make_natural_rubbers() -> Iterator[Material]:
     for hardness, modulus, ratio in _NATURAL_RUBBER:
         source = f"Lindley, Engineering Design with Natural Rubber: E0 at {hardness} IRHD"
-        yield _make_elastic(f"natural-rubber-{hardness}", source, modulus, 0.15, (ratio, 0.0))
+        yield _make_elastic(
+            f"natural-rubber-{hardness}", source, modulus, (0.85 * modulus, 1.15 * modulus), (ratio, 0.0)
+        )
 
 
 #: Materials that a user can name, by name.
@@ -96,7 +115,7 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
         for material in (
             *_make_silicones(),
             *_make_natural_rubbers(),
-            *(_make_elastic(*row) for row in _RUBBERS_AND_FOAMS),
+            *(_make_elastic(*row) for row in _OTHERS),
         )
     }
 )
@@ -107,7 +126,7 @@ ASSUMED_COVER = Cover(
     layers=(
         Layer(
             thickness=2e-3,
-            material=_make_elastic("assumed elastomer", "assumed: nobody published it", 1, 0.5, (0.49, 0.0)),
+            material=_make_elastic("assumed elastomer", "assumed: nobody published it", 1, (0.5, 1.5), (0.49, 0.0)),
         ),
     ),
     assumed=True,

@@ -41,7 +41,9 @@ class Material:
             2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), with the principal stretches l1, l2, l3.
         poisson_ratio: Poisson ratio at small strain, 0..0.5 [-].
         source: Origin of the parameters, for reports.
-        spread: Half-width of the range of Young's modulus in the literature, over the modulus: 0.5 for +-50 % [-].
+        spread: Distance from Young's modulus down to the lower end of its range in the literature, over the modulus:
+            0.5 for -50 % [-].
+        spread_above: The same up to the upper end; equal to `spread`, +-50 %, if None [-].
         poisson_spread: Half-width of the range of the Poisson ratio in the literature [-].
     """
 
@@ -51,6 +53,7 @@ class Material:
     poisson_ratio: float
     source: str = "given by the user"
     spread: float = 0.0
+    spread_above: float | None = None
     poisson_spread: float = 0.0
 
     def __post_init__(self) -> None:
@@ -115,6 +118,12 @@ class Material:
     def youngs_modulus(self) -> float:
         """Young's modulus at small strain, E = 2 mu (1 + nu) [Pa]."""
         return 2 * self.shear_modulus * (1 + self.poisson_ratio)
+
+    @property
+    def modulus_range(self) -> tuple[float, float]:
+        """Lower and upper end of the range of Young's modulus in the literature, by the two spreads [Pa]."""
+        above = self.spread if self.spread_above is None else self.spread_above
+        return self.youngs_modulus * (1 - self.spread), self.youngs_modulus * (1 + above)
 
     @property
     def bulk_modulus(self) -> float:

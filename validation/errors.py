@@ -47,5 +47,13 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def match_name(word: str, known: Iterable[str]) -> str:
-    """Return the accepted name that equals `word` but for upper and lower case; `word` itself if there is none."""
-    return next((name for name in known if name.casefold() == word.strip().casefold()), word)
+    """Return the accepted name that has the letters and digits of `word`, in any case; `word` itself if there is none.
+
+    Hyphens, blanks and underscores do not count: `Dragon Skin 30` and `dragon_skin_30` are `dragon-skin-30`.
+    """
+    wanted = _keep_letters(word)
+    return next((name for name in known if _keep_letters(name) == wanted), word)
+
+
+def _keep_letters(name: str) -> str:
+    return "".join(character for character in name.casefold() if character.isalnum())

@@ -30,6 +30,15 @@ Thickness = Annotated[
     str | None,
     Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.", allow_leading_hyphen=True),
 ]
+Layers = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--layer",
+        help="Changes one layer of the cover, 1 being the bottom one: 2:thickness=1mm,youngs_modulus=3GPa. "
+        "Keys: thickness, material, youngs_modulus, poisson_ratio, hardness, model and its parameters. "
+        "May be given several times.",
+    ),
+]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]

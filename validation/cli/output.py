@@ -68,6 +68,7 @@ def print_table(
     title: str | None = None,
     caption: str | None = None,
     left: int = 1,
+    lines: bool = True,
 ) -> None:
     """Print a table on standard output.
 
@@ -77,13 +78,19 @@ def print_table(
         title: Line above the table.
         caption: Line below the table.
         left: Number of columns, from the left, that are aligned to the left; the others are aligned to the right.
+        lines: Whether vertical lines separate the columns; without them a wide table fits a narrow terminal.
     """
+    from rich import box
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     table = Table(
-        title=title and Text(escape(title)), caption=caption and Text(escape(caption)), show_header=headings is not None
+        title=title and Text(escape(title)),
+        caption=caption and Text(escape(caption)),
+        show_header=headings is not None,
+        box=box.HEAVY_HEAD if lines else box.SIMPLE_HEAD,
+        padding=(0, 1) if lines else (0, 1, 0, 0),
     )
     for index, heading in enumerate(headings or ("", "")):
         table.add_column(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import fastmodel
@@ -11,13 +11,16 @@ from validation.errors import InputError
 from validation.sensor_file import BUILT_IN, SensorDescription, load
 
 
-def read_description(sensor: str, *, material: str | None = None, thickness: str | None = None) -> SensorDescription:
+def read_description(
+    sensor: str, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] | None = None
+) -> SensorDescription:
     """Read the description of a sensor, for a command that needs the sensor's cover.
 
     Args:
         sensor: Path of a sensor file, or name of a built-in sensor.
         material: Name of a material that replaces the cover's material.
         thickness: Thickness with its unit that replaces the cover's thickness.
+        layers: Changes of single layers, values of the option `--layer`.
 
     Raises:
         InputError: If the sensor cannot be read, or `sensor` is a folder with parameters of the fast model, which do
@@ -29,11 +32,11 @@ def read_description(sensor: str, *, material: str | None = None, thickness: str
             f"{sensor}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
             f"name the sensor file or the built-in sensor that it was derived from"
         )
-    return load(sensor, material=material, thickness=thickness)
+    return load(sensor, material=material, thickness=thickness, layers=layers or ())
 
 
 def read_sensor(
-    sensor: str, *, material: str | None = None, thickness: str | None = None
+    sensor: str, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] | None = None
 ) -> SensorDescription | Parameters:
     """Read a sensor, for a command that needs only the fast model.
 
@@ -41,22 +44,23 @@ def read_sensor(
         sensor: Path of a sensor file, name of a built-in sensor, or path of a folder that `softcover derive` wrote.
         material: Name of a material that replaces the cover's material.
         thickness: Thickness with its unit that replaces the cover's thickness.
+        layers: Changes of single layers, values of the option `--layer`.
 
     Returns:
         The parameters of the fast model if `sensor` is a folder that `softcover derive` wrote; else the description of
         the sensor.
 
     Raises:
-        InputError: If the sensor cannot be read, or `material` or `thickness` is given for a folder of parameters,
-            which were derived for one cover.
+        InputError: If the sensor cannot be read, or `material`, `thickness` or `layers` is given for a folder of
+            parameters, which were derived for one cover.
         ParametersError: If the files in the folder are damaged.
         OSError: If the file exists and cannot be read.
     """
     if not _holds_parameters(sensor):
-        return load(sensor, material=material, thickness=thickness)
-    if material is not None or thickness is not None:
+        return load(sensor, material=material, thickness=thickness, layers=layers or ())
+    if material is not None or thickness is not None or layers:
         raise InputError(
-            f"--material, --thickness: the parameters in {sensor} were derived for one cover; "
+            f"--material, --thickness, --layer: the parameters in {sensor} were derived for one cover; "
             f"derive them anew: softcover derive SENSOR --material NAME --out FOLDER"
         )
     return fastmodel.load(Path(sensor))

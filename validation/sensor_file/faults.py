@@ -35,7 +35,7 @@ _MOST_FAULTS = 20
 #: Largest number of characters of a value that a message repeats, and of a whole message [-].
 _LONGEST, _LONGEST_LINE = 80, 1000
 #: Keys of a sensor file, by the symbols that users write by mistake.
-_KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
+KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 
 
 def list_faults(error: ValidationError) -> list[str]:
@@ -72,7 +72,7 @@ def _explain(details: ErrorDetails) -> str:
     if kind == "value_error":
         return str(details["ctx"]["error"])
     if kind == "unexpected_keyword_argument":
-        return f"unknown key; {nearest(_KEYS_BY_SYMBOL.get(key, key), _keys_of_table(details['loc'][:-1]))}"
+        return f"unknown key; {nearest(KEYS_BY_SYMBOL.get(key, key), _keys_of_table(details['loc'][:-1]))}"
     if kind == "missing":
         return f"is missing; write for example {_EXAMPLES.get(key, key)}"
     if kind in ("dataclass_type", "list_type"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -16,10 +16,9 @@ from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.point_spread import Gaussian
 from meshes import Cover, Layer, TexelArray
 from meshes.bounded_file import FileLimitError, parse_toml, read_text
-from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
-from validation.errors import InputError, match_name, nearest
+from meshes.catalogue import ARRAYS, ASSUMED_COVER
+from validation.errors import InputError, nearest
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
-from validation.text.quantity import read_quantity
 
 #: Largest accepted size of a sensor file [bytes]; the gains of ten thousand texels take a fifth of it.
 MOST_BYTES = 2**20
@@ -95,22 +94,28 @@ BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
 )
 
 
-def load(sensor: str | Path, *, material: str | None = None, thickness: str | None = None) -> SensorDescription:
+def load(
+    sensor: str | Path, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] = ()
+) -> SensorDescription:
     """Read the description of a sensor from a sensor file, or take that of a built-in sensor.
 
     Args:
         sensor: Path of a sensor file, or a name in `BUILT_IN`.
         material: Name of a material in the catalogue that replaces the cover's material.
         thickness: Thickness with its unit that replaces the cover's thickness.
+        layers: Changes of single layers, such as `2:thickness=1mm,youngs_modulus=3GPa`; layer 1 is the bottom one.
 
     Raises:
         InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
         OSError: If the file exists and cannot be read.
     """
     description = BUILT_IN.get(str(sensor)) or _read_file(Path(sensor))
-    if material is None and thickness is None:
+    if material is None and thickness is None and not layers:
         return description
-    return dataclasses.replace(description, cover=_replace_cover(description.cover, material, thickness))
+    from validation.sensor_file.changed_cover import change_cover
+
+    cover = change_cover(description.cover, material=material, thickness=thickness, layers=layers)
+    return dataclasses.replace(description, cover=cover)
 
 
 def read_template() -> str:
@@ -217,35 +222,3 @@ def _build_electronics(table: ElectronicsTable) -> Electronics:
     # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
     values |= {"sensitivity": table.sensitivity or 1.0, "output_max": table.output_max or 2**table.bits - 1}
     return Electronics(rate_hz=values.pop("rate"), **values)
-
-
-def _replace_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:
-    """Replace a cover by one of a single layer with another material or thickness.
-
-    Args:
-        cover: The cover.
-        material: Name of the new material; the material stays if None.
-        thickness: New thickness with its unit; the thickness stays if None.
-
-    Raises:
-        InputError: If the material is unknown or the thickness is not a positive length, or if only one of the two is
-            given and the cover has several layers.
-    """
-    faults = []
-    material = None if material is None else match_name(material, MATERIALS)
-    if (material is None or thickness is None) and len(cover.layers) > 1:
-        faults.append("--material, --thickness: the cover has several layers; give both to replace them by one")
-    if material is not None and material not in MATERIALS:
-        faults.append(f"--material: unknown material {material!r}; {nearest(material, MATERIALS)}")
-    height = cover.layers[0].thickness
-    try:
-        height = height if thickness is None else read_quantity(thickness, "length", place="--thickness")
-    except InputError as error:
-        faults += error.faults
-    if height <= 0:
-        faults.append(f"--thickness: must be positive, not {thickness!r}; write for example '2mm'")
-    if faults:
-        raise InputError(*faults)
-    assumed = cover.assumed and (material is None or thickness is None)
-    chosen = cover.layers[0].material if material is None else MATERIALS[material]
-    return dataclasses.replace(cover, layers=(Layer(thickness=height, material=chosen),), assumed=assumed)

@@ -39,7 +39,7 @@ _COEFFICIENTS = 6
 #: at moderate stretches [-].
 _LARGEST_EXPONENT = 100
 #: Names of the parameters of all material models.
-_PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
+PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
 
 
 def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
@@ -212,7 +212,7 @@ class MaterialTable:
         Raises:
             ValueError: If a parameter of the model is missing, or a parameter of another model is given.
         """
-        given = {name: value for name in _PARAMETERS if (value := getattr(self, name)) is not None}
+        given = {name: value for name in PARAMETERS if (value := getattr(self, name)) is not None}
         if self.poisson_ratio is None and self.model == "linear-elastic":
             raise ValueError("poisson_ratio is missing; write for example poisson_ratio = 0.49")
         made = self._from_parameters(given) if self.hardness is None else self._from_hardness(given)

@@ -56,7 +56,7 @@ def test_help_pages_import_no_heavy_package():
 BAD = [
     (["derive", "no.toml"], "no.toml: no such sensor file"),
     (["derive", "wts-0614-3"], "did you mean 'wts-0614-34'"),
-    (["derive", "wts-0614-34", "--material", "dragonskin-30"], "did you mean 'dragon-skin-30'"),
+    (["derive", "wts-0614-34", "--material", "dragonskn-30"], "did you mean 'dragon-skin-30'"),
     (["derive", "wts-0614-34", "--thickness", "2"], "--thickness: '2' has no unit"),
     (["derive", "wts-0614-34", "--thickness=-2mm"], "--thickness: must be positive"),
     (["derive"], "sensor is missing"),

@@ -34,7 +34,9 @@ def test_another_cover_is_derived_anew(without_reference):
 
 
 def test_the_cover_of_a_derived_folder_cannot_be_replaced(folder):
-    with pytest.raises(InputError, match=r"--material, --thickness: the parameters in .*derived were derived for one"):
+    with pytest.raises(
+        InputError, match=r"--material, --thickness, --layer: the parameters in .*derived were derived for one"
+    ):
         read_sensor(str(folder), material="dragon-skin-30")
 
 

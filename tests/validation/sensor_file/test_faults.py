@@ -19,7 +19,7 @@ material = { model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio =
 
 [[cover.layer]]
 thickness = "2 N"
-material = "dragonskin-30"
+material = "dragonskn-30"
 
 [electronic]
 rate = "271 Hz"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.options import Json, MaterialName, SensorFile, Thickness
+from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
 from validation.cli.progress import Progress
 
@@ -26,6 +26,7 @@ def derive(
     *,
     material: MaterialName = None,
     thickness: Thickness = None,
+    layer: Layers = None,
     out: _Out = None,
     json: Json = False,
 ) -> None:
@@ -50,7 +51,7 @@ def derive(
     from validation.derivation.derive import derive as derive_parameters
     from validation.output_folder import new_folder
 
-    description = read_description(sensor, material=material, thickness=thickness)
+    description = read_description(sensor, material=material, thickness=thickness, layers=layer)
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None

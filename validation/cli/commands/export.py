@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.options import Json, MaterialName, Sensor, Thickness, check_choice, collect
+from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness, check_choice, collect
 from validation.cli.output import print_json, say
 from validation.cli.progress import Progress
 from validation.errors import InputError
@@ -38,6 +38,7 @@ def export(
     out: _Out = Path("softcover-out"),
     material: MaterialName = None,
     thickness: Thickness = None,
+    layer: Layers = None,
     json: Json = False,
 ) -> None:
     """Write the sensor for other simulators: an MJCF model or a Gazebo block, and the fast model's parameters.
@@ -58,7 +59,7 @@ def export(
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     if not faults and format == "gazebo" and method != METHODS[0]:
         faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
-    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness))
+    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness, layers=layer))
     if faults or found is None:
         raise InputError(*faults)
     if format == "gazebo":

@@ -70,14 +70,15 @@ def _show_all(materials: list[Material]) -> None:
         (
             material.name,
             material.model,
-            f"{_format_pressure(material.youngs_modulus)} ±{100 * material.spread:.0f} %",
-            _format_poisson_ratio(material),
+            _format_pressure(material.youngs_modulus, digits=3),
+            _format_spread(material),
+            _format_poisson_range(material),
             f"({sources.index(_shorten_source(material)) + 1})",
         )
         for material in materials
     ]
-    title = "Materials (E at small strain, ± its spread between sources)"
-    print_table(("name", "model", "E", "nu", "from"), rows, title=title, left=2)
+    title = "Materials (E: Young's modulus at small strain; range: E in other sources)"
+    print_table(("name", "model", "E", "range", "nu", "from"), rows, title=title, left=2, lines=False)
     for number, source in enumerate(sources, start=1):
         show(textwrap.fill(f"({number}) {source}", _WIDTH, subsequent_indent="    "))
     show(textwrap.fill(PSF_NOTE, _WIDTH))
@@ -90,7 +91,7 @@ def _show_material(material: Material) -> None:
         "model": f"{material.model}, {'small strain' if material.small_strain_only else 'finite strain'}",
         **{f"  {name}": _format_parameter(material, name) for name in material.parameters},
         "shear modulus": f"{_format_pressure(material.shear_modulus)} at small strain",
-        "Young's modulus": f"{modulus} at small strain, ±{100 * material.spread:.0f} %",
+        "Young's modulus": f"{modulus} at small strain, {_format_spread(material)}",
         "bulk modulus": bulk,
         "Poisson ratio": _format_poisson_ratio(material),
         "source": material.source,
@@ -150,23 +151,41 @@ def _format_parameter(material: Material, name: str) -> str:
     return ", ".join(_format_pressure(value) if unit == "Pa" else f"{value:g}" for value in material.terms(name))
 
 
+def _format_spread(material: Material) -> str:
+    """Format the range of Young's modulus between sources: `±50 %`, or `5..45 MPa` if it is not symmetric."""
+    if material.spread_above in (None, material.spread):
+        return f"±{100 * material.spread:.0f} %"
+    low, high = material.modulus_range
+    text = _format_pressure(high)
+    return f"{low * float(text.split()[0]) / high:.4g}..{text}"
+
+
+def _format_poisson_range(material: Material) -> str:
+    """Format the range of the Poisson ratio: `0.5`, or `0.49..0.5`."""
+    ratio, spread = material.poisson_ratio, material.poisson_spread
+    return f"{ratio - spread:.3g}..{ratio + spread:.3g}" if spread else f"{ratio:.4g}"
+
+
 def _format_poisson_ratio(material: Material) -> str:
     spread = f" ±{material.poisson_spread:g}" if material.poisson_spread else ""
     return f"{material.poisson_ratio:g}{spread}"
 
 
-def _format_pressure(value: float) -> str:
+def _format_pressure(value: float, digits: int = 4) -> str:
     for unit, factor in (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)):
         if abs(value) >= factor:
-            return f"{value / factor:.4g} {unit}"
-    return f"{value:.4g} Pa"
+            return f"{value / factor:.{digits}g} {unit}"
+    return f"{value:.{digits}g} Pa"
 
 
 def _list_material(material: Material) -> dict[str, Any]:
     names = ("model", "youngs_modulus", "shear_modulus", "bulk_modulus", "poisson_ratio", "poisson_spread", "spread")
+    low, high = material.modulus_range
     terms = {name: material.terms(name) for name in material.parameters}
     return {
         **{name: getattr(material, name) for name in names},
+        "youngs_modulus_low": low,
+        "youngs_modulus_high": high,
         "parameters": {name: values if len(values) > 1 else values[0] for name, values in terms.items()},
         "psf_deviation_per_thickness": _relative_width(material.poisson_ratio),
         "source": material.source,

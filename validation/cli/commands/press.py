@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.failures import DONE, NOT_CONVERGED
-from validation.cli.options import Json, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
+from validation.cli.options import Json, Layers, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
 from validation.cli.output import print_json, print_table, say
 from validation.cli.press_table import print_comparison
 from validation.cli.progress import Progress
@@ -82,6 +82,7 @@ def press(
     method: Method = "default",
     material: MaterialName = None,
     thickness: Thickness = None,
+    layer: Layers = None,
     curve: _Curve = None,
     out: _Out = None,
     json: Json = False,
@@ -109,7 +110,7 @@ def press(
         accuracy=accuracy,
         model=model,
         method=method,
-        cover=(material, thickness),
+        cover=(material, thickness, layer),
         files=(curve, out),
     )
     from fem_reference.errors import PiercedError
@@ -145,12 +146,12 @@ def _read_request(
     accuracy: str | None,
     model: str,
     method: str,
-    cover: tuple[str | None, str | None],
+    cover: tuple[str | None, str | None, list[str] | None],
     files: tuple[int | None, Path | None],
 ) -> _Request:
     """Read and check the options of the command.
 
-    Groups: `--load`, `--depth`; `--at`, `--yaw`, `--tilt`; `--material`, `--thickness`; `--curve`, `--out`.
+    Groups: `--load`, `--depth`; `--at`, `--yaw`, `--tilt`; `--material`, `--thickness`, `--layer`; `--curve`, `--out`.
     """
     from validation.campaign.case import Case
     from validation.campaign.comparison import METHODS
@@ -161,7 +162,7 @@ def _read_request(
     models = collect(faults, lambda: _read_models(model))
     needs_reference = models is not None and ("fem" in models or force[1] is not None)
     read = read_description if needs_reference else read_sensor
-    found = collect(faults, lambda: read(sensor, material=cover[0], thickness=cover[1]))
+    found = collect(faults, lambda: read(sensor, material=cover[0], thickness=cover[1], layers=cover[2]))
     shape = collect(faults, lambda: read_indenter(indenter))
     position = collect(faults, lambda: read_position(pose[0]))
     angle = collect(faults, lambda: read_yaw(pose[1]))

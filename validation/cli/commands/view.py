@@ -13,6 +13,7 @@ from cyclopts import Parameter
 from validation.cli.live_image import LiveImage, interrupt_on_terminate
 from validation.cli.options import (
     Json,
+    Layers,
     MaterialName,
     Method,
     Sensor,
@@ -54,6 +55,7 @@ def view(
     method: Method = "default",
     material: MaterialName = None,
     thickness: Thickness = None,
+    layer: Layers = None,
     seconds: _Seconds = None,
     display: _Display = "auto",
     json: Json = False,
@@ -76,7 +78,7 @@ def view(
     from validation.text.indenter import read_indenter, read_load
 
     faults: list[str] = []
-    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness))
+    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness, layers=layer))
     shape = collect(faults, lambda: read_indenter(indenter))
     weight = collect(faults, lambda: read_load(load))
     collect(faults, lambda: check_range("--seconds", seconds))

@@ -57,7 +57,7 @@ def test_modulus_from_a_hardness(softcover):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["dragonskin-30"], "did you mean 'dragon-skin-30'"),
+        (["dragonskn-30"], "did you mean 'dragon-skin-30'"),
         (["--hardness", "90"], "--hardness: the relations hold for 20..80 Shore A"),
         (["--hardness", "soft"], "--hardness: 'soft' is not a hardness"),
         (["rtv615", "--hardness", "30"], "leave out the name"),
@@ -67,3 +67,18 @@ def test_bad_words(softcover, words, expected):
     status, out, err = softcover("materials", *words)
     assert (status, out) == (2, "")
     assert expected in err
+
+
+@pytest.mark.parametrize("name", ["Dragon Skin 30", "DRAGON_SKIN_30", " dragonskin-30 ", "Dragon-Skin 30"])
+def test_names_in_any_case_with_blanks_and_underscores(softcover, name):
+    assert json.loads(softcover("materials", name, "--json")[1])["name"] == "dragon-skin-30"
+
+
+def test_no_two_names_differ_by_their_separators_alone():
+    assert len({name.replace("-", "") for name in MATERIALS}) == len(MATERIALS)
+
+
+def test_a_range_that_is_not_symmetric(softcover):
+    assert "15 MPa at small strain, 5..45 MPa" in softcover("materials", "TPU")[1]
+    found = json.loads(softcover("materials", "tpu", "--json")[1])
+    assert (found["youngs_modulus_low"], found["youngs_modulus_high"]) == pytest.approx((5e6, 45e6))
