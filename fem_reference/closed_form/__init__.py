@@ -1,13 +1,22 @@
 """Exact solutions of linear elastic layers, contacts on layers, and bonded disks, to verify the finite elements.
 
 `pressed_shape` and `press_face` are boundary-element solutions on the exact compliance of the layers, for shapes of
-indenters without an exact solution.
+indenters without an exact solution.  `curved` holds layers on a rigid cylinder and on a rigid sphere.
 
 No module of this package uses code of the finite elements.
 """
 
 from fem_reference.closed_form.boundary import PressedCells, pressed_shape
 from fem_reference.closed_form.contact import LayerContact, hertz, indent, punch, sphere
+from fem_reference.closed_form.curved import (
+    ArcLoad,
+    CapLoad,
+    CylinderLayer,
+    LineLoad,
+    PointLoad,
+    SphereLayer,
+    SpherePatch,
+)
 from fem_reference.closed_form.disk import bonded_disk, gent_lindley
 from fem_reference.closed_form.influence import tabulate_texel_response
 from fem_reference.closed_form.layer import (
@@ -24,8 +33,15 @@ from fem_reference.closed_form.no_slip import StuckPunch, stuck_punch, stuck_sha
 from fem_reference.closed_form.outline import press_face
 
 __all__ = [
+    "ArcLoad",
+    "CapLoad",
+    "CylinderLayer",
     "LayerContact",
+    "LineLoad",
+    "PointLoad",
     "PressedCells",
+    "SphereLayer",
+    "SpherePatch",
     "StuckPunch",
     "Transfer",
     "bonded_disk",
