@@ -68,7 +68,7 @@ def test_the_example_of_the_readme_runs_without_a_warning(run):
     assert max(int(word) for word in re.findall(r"\d+", done.stdout)) > 100
 
 
-@pytest.mark.parametrize("form", ["mjcf", "gazebo"])
+@pytest.mark.parametrize("form", ["mjcf", "gazebo", "sdf", "urdf"])
 def test_export(run, tmp_path, form):
     result = json.loads(run("softcover", "export", "wts-0614-34", "--format", form, "--out", "out", "--json").stdout)
     assert {path.name for path in (tmp_path / "out").iterdir()} >= set(result["files"])

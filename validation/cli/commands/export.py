@@ -16,16 +16,36 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.sensor_file import SensorDescription
 
-#: Formats that can be written: an MJCF model of MuJoCo, or an XML element for Gazebo.
-FORMATS = ("mjcf", "gazebo")
+#: Formats that can be written, and the suffix of the file: a model for MuJoCo, Gazebo, or ROS and others, or the
+#: element that the Gazebo plugin of the 2015 report reads.
+FORMATS = {"mjcf": ".xml", "gazebo": ".xml", "sdf": ".sdf", "urdf": ".urdf"}
 
-_Format = Annotated[str, Parameter(name="--format", help="What to write: mjcf or gazebo.")]
+_Format = Annotated[
+    str, Parameter(name="--format", help="What to write: mjcf, sdf, urdf, or gazebo (the plugin block of 2015).")
+]
+#: What to do with a written file, by format.
+_NEXT = {
+    "mjcf": "look at it: python -m mujoco.viewer --mjcf={path}; put it on a robot: fastmodel.attach(spec, body, "
+    "fastmodel.load('{out}')), which also computes texel forces and counts",
+    "gazebo": "paste the element into the <link> or <model> of a Gazebo world that loads the plugin of the 2015 report",
+    "sdf": "include {path} in a world; its contact sensors publish the forces on the rigid boxes, before the cover "
+    "spreads them: fastmodel.load('{out}') holds the spread, filter and electronics that make counts of them",
+    "urdf": "join the link {name} to a link of your robot by a fixed joint; the forces on its boxes are those before "
+    "the cover spreads them: fastmodel.load('{out}') holds the spread, filter and electronics that make counts of them",
+}
 _Out = Annotated[Path, Parameter(help="Folder for the files; an earlier result is replaced.")]
 _Method = Annotated[
     str,
     Parameter(
-        help="Contact method that the MJCF model is for: default, cover or foundation (one plate for the array), "
+        help="Contact method that the model is for: default, cover or foundation (one plate for the array), "
         "area or boxes (one box per texel)."
+    ),
+]
+_Mass = Annotated[
+    str | None,
+    Parameter(
+        help="Mass of the array for sdf and urdf, e.g. 20g; without it sdf is static and urdf has no inertia.",
+        allow_leading_hyphen=True,
     ),
 ]
 
@@ -35,17 +55,23 @@ def export(
     *,
     format: _Format = "mjcf",  # noqa: A002
     method: _Method = "default",
+    mass: _Mass = None,
     out: _Out = Path("softcover-out"),
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
     json: Json = False,
 ) -> None:
-    """Write the sensor for other simulators: an MJCF model or a Gazebo block, and the fast model's parameters.
+    """Write the sensor for other simulators: a model in MJCF, SDF or URDF, and the fast model's parameters.
+
+    The model holds rigid boxes: a plate, or one box per texel with `--method boxes`.  What the cover does with the
+    forces on them is in the parameters, which `fastmodel` reads.
 
     Examples of use:
 
         softcover export wts-0614-34 --format mjcf --out wts
+        softcover export wts-0614-34 --format urdf --mass 20g
+        softcover export wts-0614-34 --format sdf --method boxes
         softcover export wts-0614-34 --format mjcf --method boxes --json
         softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm
         softcover export derived --format gazebo
@@ -55,27 +81,47 @@ def export(
     from validation.output_folder import make_file_name, new_folder
 
     faults: list[str] = []
-    collect(faults, lambda: check_choice("--format", "format", format, FORMATS))
+    collect(faults, lambda: check_choice("--format", "format", format, tuple(FORMATS)))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     if not faults and format == "gazebo" and method != METHODS[0]:
         faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
+    kilograms = collect(faults, lambda: _read_mass(mass, format))
     found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness, layers=layer))
     if faults or found is None:
         raise InputError(*faults)
     if format == "gazebo":
         _check_gazebo(found)
-    model = make_file_name(found.array.name, suffix=".xml")
+    model = make_file_name(found.array.name, suffix=FORMATS[format])
     with new_folder(out) as folder:
         with Progress() as progress:
             parameters = find_parameters(found, progress)
         parameters.save(folder)
-        used = _write_model(parameters, folder / model, format, method)
+        used = _write_model(parameters, folder / model, format, method, kilograms)
     files = [model, "parameters.toml", "cover.npz"]
     if json:
         names = {"sensor": found.array.name, "format": format, "method": used}
         print_json({**names, "out": str(out), "files": files})
     else:
         say(f"wrote {', '.join(files)} to {out}")
+        say(_NEXT[format].format(path=out / model, out=out, name=Path(model).stem))
+
+
+def _read_mass(text: str | None, form: str) -> float | None:
+    """Parse the option `--mass` [kg]; None if it is not given.
+
+    Raises:
+        InputError: If the text is not a positive mass, or the format has no place for it.
+    """
+    from validation.text.quantity import read_quantity
+
+    if text is None:
+        return None
+    if form in {"mjcf", "gazebo"}:
+        raise InputError(f"--mass: {form} holds massless boxes or none; leave it out, or take --format sdf or urdf")
+    kilograms = read_quantity(text, "mass", place="--mass")
+    if not kilograms > 0:
+        raise InputError(f"--mass: must be positive, not {text!r}")
+    return kilograms
 
 
 def _check_gazebo(found: SensorDescription | Parameters) -> None:
@@ -94,7 +140,7 @@ def _check_gazebo(found: SensorDescription | Parameters) -> None:
     )
 
 
-def _write_model(parameters: Parameters, path: Path, form: str, method: str) -> str | None:
+def _write_model(parameters: Parameters, path: Path, form: str, method: str, mass: float | None) -> str | None:
     """Write the model of a sensor to a file.
 
     Args:
@@ -102,10 +148,12 @@ def _write_model(parameters: Parameters, path: Path, form: str, method: str) -> 
         path: The file to write.
         form: Format, one of `FORMATS`.
         method: Contact method that a user chose, possibly `default`.
+        mass: Mass of the array in SDF and URDF; None if it is not given [kg].
 
     Returns:
-        Name of the contact method that the MJCF model is for; None for Gazebo, whose plugin has a method of its own.
+        Name of the contact method that the model is for; None for the Gazebo plugin, which has a method of its own.
     """
+    from fastmodel.adapters.rigid_models import list_boxes, write_sdf, write_urdf
     from fastmodel.contact.methods import choose_method
     from validation.output_folder import write_text
 
@@ -113,7 +161,17 @@ def _write_model(parameters: Parameters, path: Path, form: str, method: str) -> 
         write_text(path, _write_gazebo_block(parameters))
         return None
     used, _ = choose_method(method, parameters)
-    write_text(path, make_mjcf(parameters, name=path.stem, method=used))
+    if form == "mjcf":
+        text = make_mjcf(parameters, name=path.stem, method=used)
+    else:
+        boxes = list_boxes(parameters, method=used)
+        rate = parameters.electronics.rate_hz
+        text = (
+            write_urdf(boxes, name=path.stem, mass=mass)
+            if form == "urdf"
+            else write_sdf(boxes, name=path.stem, rate_hz=rate, mass=mass)
+        )
+    write_text(path, text)
     return used
 
 

@@ -1,12 +1,20 @@
+import dataclasses
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import fastmodel
 from fastmodel.adapters.gazebo import read_block
+from fastmodel.adapters.rigid_models import compute_inertia, list_boxes
+from meshes import TexelArray
+from tests.support.bent_array import bent_array
 
 
 def test_the_reports_plugin_block_is_written_and_reads_back(softcover):
@@ -74,3 +82,68 @@ def test_a_derived_folder_exports_what_it_holds(softcover, without_reference):
     assert softcover("export", "derived", "--out", "out", "--method", "area")[0] == 0
     assert Path("out/cover.npz").read_bytes() == Path("derived/cover.npz").read_bytes()
     assert mujoco.MjModel.from_xml_path("out/sdh2-distal.xml").ngeom == 78
+
+
+@pytest.mark.parametrize("form", ["sdf", "urdf"])
+def test_models_for_other_simulators_are_beside_the_parameters(softcover, form):
+    words = ("--format", form, "--mass", "20g", "--method", "boxes", "--out", "out")
+    status, out, _ = softcover("export", "wts-0614-34", *words, "--json")
+    assert status == 0
+    assert json.loads(out)["files"] == [f"wts-0614-34.{form}", "parameters.toml", "cover.npz"]
+    text = Path(f"out/wts-0614-34.{form}").read_text()
+    assert text.count("<collision name=") == 84
+    assert "0.02" in text
+
+
+@pytest.mark.parametrize("sensor", ["wts-0614-34", "sdh2-distal", "bent"])
+def test_an_array_converted_to_mjcf_and_back_keeps_every_texel(softcover, sensor):
+    given = fastmodel.load("wts-0614-34" if sensor == "bent" else sensor)
+    if sensor == "bent":
+        given = dataclasses.replace(given, array=bent_array(), cells=None, tables={})
+    given.save("derived")
+    assert softcover("export", "derived", "--out", "out", "--method", "boxes")[0] == 0
+    (path,) = Path("out").glob("*.xml")
+    model, wanted = mujoco.MjModel.from_xml_path(str(path)), given.array
+    axes = np.array([Rotation.from_quat(q, scalar_first=True).as_matrix() for q in model.geom_quat])
+    found = TexelArray(
+        centres=model.geom_pos + axes[:, :, 2] * model.geom_size[:, 2:],
+        normals=axes[:, :, 2],
+        texel_size=tuple(2 * model.geom_size[0, :2]),
+        pitch=tuple(2 * model.geom_size[0, :2]),
+        rows=wanted.rows,
+        columns=wanted.columns,
+        active=model.geom_rgba[:, 3] == 1,
+    )
+    assert [model.geom(i).name for i in range(model.ngeom)] == [f"{path.stem}/texel{i}" for i in range(wanted.count)]
+    for name in ("centres", "normals", "pitch", "active"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-8)  # MJCF has 6 digits
+    back = fastmodel.load("out").array
+    for name in ("centres", "normals", "texel_size", "pitch", "active"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(wanted, name))
+
+
+@pytest.mark.slow
+def test_another_parser_reads_the_urdf(softcover, tmp_path):
+    """The package yourdfpy, installed beside the test, finds the same poses, sizes and mass."""
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--target", "packages", "yourdfpy"]
+    subprocess.run(pip, check=True)  # noqa: S603 -- ours
+    assert softcover("export", "sdh2-distal", "--format", "urdf", "--mass", "20g", "--method", "boxes")[0] == 0
+    code = (
+        "import json, yourdfpy\n"
+        "link = yourdfpy.URDF.load('softcover-out/sdh2-distal.urdf').link_map['sdh2-distal']\n"
+        "boxes = [[*shape.origin.ravel(), *shape.geometry.box.size] for shape in link.collisions]\n"
+        "print(json.dumps([boxes, link.inertial.mass, len(link.visuals), link.inertial.inertia.tolist()]))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "packages")}
+    done = subprocess.run(  # noqa: S603 -- ours
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    found, mass, visuals, inertia = json.loads(done.stdout)
+    boxes = list_boxes(fastmodel.load("sdh2-distal"), method="boxes")
+    assert (mass, visuals) == (0.02, len(boxes))
+    np.testing.assert_allclose(inertia, compute_inertia(boxes, 0.02)[1], rtol=1e-9)
+    for numbers, box in zip(found, boxes, strict=True):
+        pose = np.reshape(numbers[:16], (4, 4))
+        np.testing.assert_allclose(pose[:3, :3], box.orientation.as_matrix(), atol=1e-9)
+        np.testing.assert_allclose(pose[:3, 3], box.position, atol=1e-9)
+        np.testing.assert_allclose(numbers[16:], box.size, rtol=1e-9)

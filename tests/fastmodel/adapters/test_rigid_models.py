@@ -1,0 +1,190 @@
+"""SDF and URDF models of arrays, against their published structure, a parser of their own kind, and closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import fastmodel
+from fastmodel.adapters.rigid_models import RigidBox, compute_inertia, list_boxes, write_sdf, write_urdf
+from tests.support.bent_array import bent_array
+
+#: Attributes, and children with their least and largest number, of the elements in use, after sdf/1.9/*.sdf and the
+#: files of earlier versions that it includes (github.com/gazebosim/sdformat: required="1" once, "0" at most once).
+MANY = 10**6
+SDF = {
+    "sdf": ({"version"}, {"model": (0, 1)}),
+    "model": ({"name"}, {"static": (0, 1), "pose": (0, 1), "link": (0, MANY)}),
+    "link": (
+        {"name"},
+        {"pose": (0, 1), "inertial": (0, 1), "collision": (0, MANY), "visual": (0, MANY), "sensor": (0, MANY)},
+    ),
+    "inertial": (set(), {"pose": (0, 1), "mass": (0, 1), "inertia": (0, 1)}),
+    "inertia": (set(), dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (1, 1))),
+    "link/collision": ({"name"}, {"pose": (0, 1), "geometry": (1, 1)}),
+    "visual": ({"name"}, {"pose": (0, 1), "geometry": (1, 1), "material": (0, 1)}),
+    "geometry": (set(), {"box": (0, 1)}),
+    "box": (set(), {"size": (1, 1)}),
+    "material": (set(), {"ambient": (0, 1), "diffuse": (0, 1)}),
+    "sensor": ({"name", "type"}, {"update_rate": (0, 1), "contact": (0, 1)}),
+    "contact": (set(), {"collision": (1, 1), "topic": (1, 1)}),
+}
+#: How many numbers the text of an element holds.
+NUMBERS = {"pose": 6, "size": 3, "ambient": 4, "diffuse": 4, "mass": 1, "update_rate": 1, "ixx": 1, "iyy": 1, "izz": 1}
+
+
+def find_sdf_faults(element, parent=""):
+    """What the published structure of SDF forbids in an element and its children."""
+    rule = SDF.get(f"{parent}/{element.tag}") or (None if parent == "contact" else SDF.get(element.tag))
+    count = NUMBERS.get(element.tag)
+    if count is not None and len([float(word) for word in element.text.split()]) != count:
+        yield f"{element.tag} holds {element.text!r}"
+    if rule is None:
+        if len(element):
+            yield f"{element.tag} is unknown"
+        return
+    attributes, children = rule
+    if set(element.attrib) != attributes:
+        yield f"{element.tag} has {sorted(element.attrib)}"
+    tags = [child.tag for child in element]
+    yield from (f"{tag} in {element.tag}" for tag in tags if tag not in children)
+    yield from (f"{n} {tag}" for tag, n in children.items() if not n[0] <= tags.count(tag) <= n[1])
+    names = [child.get("name") for child in element if child.get("name")]
+    if len(set(names)) < len(names):
+        yield f"names in {element.tag} are not unique"
+    for child in element:
+        yield from find_sdf_faults(child, element.tag)
+
+
+@pytest.fixture(scope="module", params=["wts-0614-34", "sdh2-distal", "bent"])
+def parameters(request):
+    if request.param != "bent":
+        return fastmodel.load(request.param)
+    flat = fastmodel.load("wts-0614-34")
+    return dataclasses.replace(flat, array=bent_array(), cells=None, tables={})
+
+
+@pytest.fixture(scope="module", params=["plate", "boxes"])
+def boxes(parameters, request):
+    method = "boxes" if request.param == "boxes" or parameters.cells is None else "cover"
+    return list_boxes(parameters, method=method)
+
+
+def parse(text):
+    return ET.fromstring(text)  # noqa: S314 -- ours
+
+
+def read_pose(text):
+    numbers = [float(word) for word in text.split()]
+    return np.array(numbers[:3]), Rotation.from_euler("xyz", numbers[3:])
+
+
+def read_shapes(model, *, kind):
+    """Position, orientation and size of each shape of one kind, in SDF or URDF."""
+    for shape in model.iter(kind):
+        box = shape.find("geometry/box")
+        if box is None:
+            continue
+        origin = shape.find("origin")
+        text = shape.findtext("pose") if origin is None else f"{origin.get('xyz')} {origin.get('rpy')}"
+        size = box.get("size") or box.findtext("size")
+        yield *read_pose(text), np.array([float(word) for word in size.split()])
+
+
+def test_boxes_are_texels_with_their_outer_faces_in_place(parameters):
+    array, found = parameters.array, list_boxes(parameters, method="boxes")
+    assert [box.name for box in found] == [f"texel{i}" for i in range(array.count)]
+    outer = [box.position + box.orientation.as_matrix()[:, 2] * box.size[2] / 2 for box in found]
+    np.testing.assert_allclose(outer, array.centres, atol=1e-12)
+    np.testing.assert_allclose([box.orientation.as_matrix()[:, 2] for box in found], array.normals, atol=1e-12)
+    np.testing.assert_allclose([box.size[:2] for box in found], [array.pitch] * array.count, atol=1e-12)
+
+
+def test_a_plate_extends_one_pitch_beyond_the_texels():
+    (plate,) = list_boxes(fastmodel.load("wts-0614-34"))
+    np.testing.assert_allclose(plate.size[:2], (8 * 3.4e-3, 16 * 3.4e-3), atol=1e-12)
+    assert plate.position[2] == pytest.approx(-plate.size[2] / 2)
+
+
+def test_sdf_has_the_published_structure(boxes):
+    for mass in (None, 0.02):
+        root = parse(write_sdf(boxes, name="array", rate_hz=271.0, mass=mass))
+        assert list(find_sdf_faults(root)) == []
+        assert root.get("version") == "1.9"
+        assert root.findtext("model/static") == ("true" if mass is None else "false")
+        watched = {sensor.findtext("contact/collision") for sensor in root.iter("sensor")}
+        assert watched == {shape.get("name") for shape in root.iterfind("model/link/collision")}
+
+
+def test_the_check_of_the_structure_sees_faults(boxes):
+    text = write_sdf(boxes, name="array", rate_hz=271.0, mass=0.02)
+    for old, new in (("geometry>", "geom>"), ("<ixx>", "<ixx>1 "), ("_visual", "_collision"), (' type="contact"', "")):
+        assert list(find_sdf_faults(parse(text.replace(old, new))))
+
+
+@pytest.mark.parametrize("write", [lambda boxes: write_sdf(boxes, name="a", rate_hz=271.0), None], ids=["sdf", "urdf"])
+def test_poses_and_sizes_are_those_of_the_boxes(boxes, write):
+    root = parse(write(boxes) if write else write_urdf(boxes, name="a"))
+    for kind in ("collision", "visual"):
+        shapes = list(read_shapes(root, kind=kind))
+        assert len(shapes) == len(boxes)
+        for (position, turn, size), box in zip(shapes, boxes, strict=True):
+            np.testing.assert_allclose(position, box.position, atol=1e-12)
+            np.testing.assert_allclose(turn.as_matrix(), box.orientation.as_matrix(), atol=1e-10)
+            np.testing.assert_allclose(size, box.size, rtol=1e-11)
+
+
+def test_mujoco_reads_the_urdf_back(boxes):
+    """MuJoCo has a URDF reader of its own; poses, sizes, mass and inertia come back."""
+    keep = '<mujoco><compiler fusestatic="false" inertiafromgeom="false"/></mujoco><link'
+    model = mujoco.MjModel.from_xml_string(write_urdf(boxes, name="array", mass=0.02).replace("<link", keep, 1))
+    assert model.ngeom == len(boxes)
+    np.testing.assert_allclose(2 * model.geom_size, [box.size for box in boxes], rtol=1e-9)
+    np.testing.assert_allclose(model.geom_pos, [box.position for box in boxes], atol=1e-9)
+    for quaternion, box in zip(model.geom_quat, boxes, strict=True):
+        turn = Rotation.from_quat(quaternion, scalar_first=True)
+        assert (turn.inv() * box.orientation).magnitude() < 1e-7
+    centre, inertia = compute_inertia(boxes, 0.02)
+    body = model.body("array")
+    assert body.mass[0] == pytest.approx(0.02)
+    np.testing.assert_allclose(body.ipos, centre, atol=1e-9)
+    axes = Rotation.from_quat(body.iquat, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(axes @ np.diag(body.inertia) @ axes.T, inertia, rtol=1e-6, atol=1e-6 * inertia.max())
+
+
+def test_without_a_mass_mujoco_reads_a_static_array(boxes):
+    assert mujoco.MjModel.from_xml_string(write_urdf(boxes, name="array")).ngeom == len(boxes)
+
+
+def test_inertia_of_parts_is_that_of_the_whole():
+    """Eight equal boxes that fill a block have its inertia, m/12 (b^2 + c^2), in any orientation."""
+    whole, turn = np.array([0.02, 0.03, 0.004]), Rotation.from_euler("xyz", [0.3, -0.5, 1.1])
+    corners = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T * whole / 4
+    parts = [
+        RigidBox(name=str(k), position=turn.apply(at) + 0.01, orientation=turn, size=whole / 2, colour=np.ones(4))
+        for k, at in enumerate(corners)
+    ]
+    centre, inertia = compute_inertia(parts, 0.5)
+    np.testing.assert_allclose(centre, 0.01, atol=1e-15)
+    squares, axes = whole**2, turn.as_matrix()
+    expected = axes @ np.diag(0.5 / 12 * (squares.sum() - squares)) @ axes.T
+    np.testing.assert_allclose(inertia, expected, rtol=1e-9)
+
+
+def test_inertia_agrees_with_mujoco(boxes):
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="array")
+    volume = sum(box.size.prod() for box in boxes)
+    for box in boxes:
+        turn = box.orientation.as_quat(scalar_first=True)
+        mass = 0.02 * box.size.prod() / volume
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=box.size / 2, pos=box.position, quat=turn, mass=mass)
+    compiled = spec.compile().body("array")
+    centre, inertia = compute_inertia(boxes, 0.02)
+    np.testing.assert_allclose(compiled.ipos, centre, atol=1e-12)
+    np.testing.assert_allclose(np.sort(compiled.inertia), np.linalg.eigvalsh(inertia), rtol=1e-6)
