@@ -16,6 +16,8 @@ from meshes.solids.texels import cylinder_texels, fingertip_texels
 
 #: Element size along the base over the thickness of the cover, unless one is given [-].
 _ELEMENT_SIZE = 0.5
+#: Element sizes over the thickness, and layers of elements, of three meshes for an estimate of the error [-].
+_MESHES = ((0.667, 3), (0.5, 4), (0.4, 5))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,15 @@ class SweptCover:
         """
         size = _ELEMENT_SIZE * self.thickness if element_size is None else element_size
         return sweep(self.surface(size), self.thickness, layers=layers)
+
+    def meshes(self, size: float = 1.0) -> tuple[SolidMesh, SolidMesh, SolidMesh]:
+        """Make three meshes from coarse to fine, with 3, 4 and 5 layers, from which errors are estimated.
+
+        Args:
+            size: Factor on the element sizes along the base [-].
+        """
+        coarse, middle, fine = (self.mesh(size * step * self.thickness, layers=layers) for step, layers in _MESHES)
+        return coarse, middle, fine
 
 
 def flat_pad(

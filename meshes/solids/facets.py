@@ -1,7 +1,8 @@
-"""Shape functions and normals of the facets of solid meshes: quadrilaterals of 9 nodes and triangles of 3 nodes.
+"""Shape functions and normals of facets: quadrilaterals of 9 nodes and triangles of 3 or 6 nodes.
 
 The nodes of a quadrilateral are in lexicographic order, node i + 3 j at (i, j) of 3 x 3, with i along the first
-coordinate; the reference square is -1..1.  The reference triangle has the corners (0, 0), (1, 0) and (0, 1).
+coordinate; the reference square is -1..1.  The reference triangle has the corners (0, 0), (1, 0) and (0, 1); nodes 3,
+4 and 5 of a triangle of 6 nodes are the middles of its sides 01, 12 and 20.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 
-#: Numbers of nodes of a quadrilateral and of a triangle [-].
-QUADRILATERAL, TRIANGLE = 9, 3
+#: Numbers of nodes of a quadrilateral, and of a linear and a quadratic triangle [-].
+QUADRILATERAL, TRIANGLE, QUADRATIC_TRIANGLE = 9, 3, 6
 
 
 def line_shape(x: FloatArray) -> FloatArray:
@@ -28,7 +29,7 @@ def facet_shape(nodes: int, place: FloatArray) -> FloatArray:
     """Evaluate the shape functions of a facet.
 
     Args:
-        nodes: Number of nodes of the facet, 9 or 3 [-].
+        nodes: Number of nodes of the facet, 9, 3 or 6 [-].
         place: Points on the reference facet, shape (..., 2).
 
     Returns:
@@ -37,6 +38,9 @@ def facet_shape(nodes: int, place: FloatArray) -> FloatArray:
     u, v = place[..., 0], place[..., 1]
     if nodes == TRIANGLE:
         return np.stack([1 - u - v, u, v], axis=-1)
+    if nodes == QUADRATIC_TRIANGLE:
+        w = 1 - u - v
+        return np.stack([w * (2 * w - 1), u * (2 * u - 1), v * (2 * v - 1), 4 * u * w, 4 * u * v, 4 * v * w], axis=-1)
     out = line_shape(v)[..., :, None] * line_shape(u)[..., None, :]
     return out.reshape(*u.shape, QUADRILATERAL)
 
@@ -46,6 +50,11 @@ def facet_slope(nodes: int, place: FloatArray) -> FloatArray:
     u, v = place[..., 0], place[..., 1]
     if nodes == TRIANGLE:
         return np.broadcast_to(np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]), (*u.shape, 2, TRIANGLE))
+    if nodes == QUADRATIC_TRIANGLE:
+        w, zero = 1 - u - v, np.zeros_like(u)
+        along_u = [1 - 4 * w, 4 * u - 1, zero, 4 * (w - u), 4 * v, -4 * v]
+        along_v = [1 - 4 * w, zero, 4 * v - 1, -4 * u, 4 * u, 4 * (w - v)]
+        return np.stack([np.stack(along_u, axis=-1), np.stack(along_v, axis=-1)], axis=-2)
     first = line_shape(v)[..., :, None] * line_slope(u)[..., None, :]
     second = line_slope(v)[..., :, None] * line_shape(u)[..., None, :]
     return np.stack([each.reshape(*u.shape, QUADRILATERAL) for each in (first, second)], axis=-2)
@@ -53,10 +62,36 @@ def facet_slope(nodes: int, place: FloatArray) -> FloatArray:
 
 def node_places(nodes: int) -> FloatArray:
     """Return the nodes of the reference facet, shape (nodes, 2)."""
-    if nodes == TRIANGLE:
-        return np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    if nodes != QUADRILATERAL:
+        corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
+        return np.array(corners[:nodes])
     v, u = np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij")
     return np.column_stack([u.ravel(), v.ravel()])
+
+
+def split_facet(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
+    """Split the reference facet into equal parts: squares, or triangles of which some are upside down.
+
+    Args:
+        nodes: Number of nodes of the facet [-].
+        parts: Number of parts along each side [-].
+
+    Returns:
+        Middles of the k = parts^2 parts, shape (k, 2); and points of each part whose mean value is the mean of a
+        quadratic function over the part, shape (k, q, 2).
+    """
+    step = np.arange(parts)
+    v, u = np.meshgrid(step, step, indexing="ij")
+    if nodes == QUADRILATERAL:
+        middle = (2 * np.column_stack([u.ravel(), v.ravel()]) + 1) / parts - 1
+        around = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / (np.sqrt(3) * parts)
+        return middle, middle[:, None] + around
+    upright = np.column_stack([u[u + v < parts], v[u + v < parts]]) + 1 / 3
+    inverted = np.column_stack([u[u + v < parts - 1], v[u + v < parts - 1]]) + 2 / 3
+    middle = np.concatenate([upright, inverted]) / parts
+    around = np.array([[1, 1], [-2, 1], [1, -2]]) / (6 * parts)  # middles of the sides
+    sign = np.concatenate([np.ones(len(upright)), -np.ones(len(inverted))])
+    return middle, middle[:, None] + sign[:, None, None] * around
 
 
 def area_vectors(nodes: FloatArray, facets: IntArray, place: FloatArray) -> FloatArray:

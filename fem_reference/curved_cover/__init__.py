@@ -1,0 +1,7 @@
+"""Reference solutions of curved covers: responses of all texels, and rigid indenters from any direction."""
+
+from __future__ import annotations
+
+from fem_reference.curved_cover.responses import GridResponse, TexelResponses, texel_responses
+
+__all__ = ["GridResponse", "TexelResponses", "texel_responses"]

@@ -1,0 +1,170 @@
+"""Quadratic facets of the base or the top of a curved cover: areas, normals, integrals and nearest points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from scipy.spatial import KDTree
+
+from meshes.array_types import FloatArray, IntArray
+from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, facet_slope, node_normals, split_facet
+
+#: Polynomial order that the quadrature on facets integrates exactly [-].
+_ORDER = 6
+#: Search for the nearest point: parts of a facet's side at which the search starts, number of candidates, and number of
+#: Gauss-Newton steps [-].
+_PARTS, _CANDIDATES, _STEPS = 4, 6, 12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FacetSurface:
+    """Surface of quadratic facets on m nodes.
+
+    Attributes:
+        nodes: Positions of the m nodes, shape (m, 3) [m].
+        facets: Indices of the nodes of each of f facets, shape (f, 9) or (f, 6).
+        index: Index of each node in the displacement nodes of the solid, ascending, shape (m,).
+    """
+
+    nodes: FloatArray
+    facets: IntArray
+    index: IntArray
+
+    @classmethod
+    def part_of(cls, nodes: FloatArray, facets: IntArray) -> FacetSurface:
+        """Take the facets and their nodes out of the n displacement nodes of a solid, shape (n, 3) [m]."""
+        index, place = np.unique(facets, return_inverse=True)
+        return cls(nodes=nodes[index], facets=place.reshape(facets.shape), index=index)
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Unit normals at the nodes, out of the base or the top, shape (m, 3) [-]."""
+        return node_normals(self.nodes, self.facets)[1]
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """Integrals of the shape functions, which are the shares of the nodes in the area, shape (m,) [m2].
+
+        They are zero at the corners of flat triangles.
+        """
+        shape, weight = self._quadrature
+        part = np.einsum("fq,qa->fa", weight, shape)
+        return np.asarray(np.bincount(self.facets.ravel(), part.ravel(), len(self.nodes)), dtype=float)
+
+    @cached_property
+    def mass(self) -> sp.csr_matrix:
+        """Integrals of the products of shape functions, shape (m, m) [m2]."""
+        shape, weight = self._quadrature
+        return self._scatter(np.einsum("fq,qa,qb->fab", weight, shape, shape, optimize=True))
+
+    def integrate_pressure(self, pressure: FloatArray) -> FloatArray:
+        """Compute the nodal forces of a pressure on the surface, which acts against the normals.
+
+        Args:
+            pressure: Pressures at the nodes, between which the shape functions interpolate, shape (k, m) [Pa].
+
+        Returns:
+            Forces, shape (k, m, 3) [N].
+        """
+        place, weight = _quadrature(self.facets.shape[1])
+        shape = facet_shape(self.facets.shape[1], place)
+        inward = -area_vectors(self.nodes, self.facets, place) * weight[:, None]
+        values = np.einsum("kfa,qa->kfq", pressure[:, self.facets], shape, optimize=True)
+        parts = np.einsum("kfq,fqc,qa->kfac", values, inward, shape, optimize=True)
+        gather = sp.csr_matrix(
+            (np.ones(self.facets.size), (self.facets.ravel(), np.arange(self.facets.size))),
+            shape=(len(self.nodes), self.facets.size),
+        )
+        return np.stack([(gather @ each.reshape(-1, 3)) for each in parts])
+
+    def split(self, parts: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Split every facet into equal parts.
+
+        Args:
+            parts: Number of parts along each side of a facet [-].
+
+        Returns:
+            Middles of the k parts of each facet, shape (f, k, 3) [m]; area vectors of the parts, shape (f, k, 3) [m2];
+            their edge vectors, shape (f, k, 2, 3) [m].
+        """
+        count = self.facets.shape[1]
+        place, _ = split_facet(count, parts)
+        corner = self.nodes[self.facets]
+        middle = np.einsum("qa,fac->fqc", facet_shape(count, place), corner, optimize=True)
+        step = (2 if count == QUADRILATERAL else 1) / parts
+        edges = np.einsum("qda,fac->fqdc", facet_slope(count, place), corner, optimize=True) * step
+        share = (4 if count == QUADRILATERAL else 0.5) / parts**2
+        return middle, area_vectors(self.nodes, self.facets, place) * share, edges
+
+    def locate(self, points: FloatArray) -> tuple[sp.csr_matrix, FloatArray]:
+        """Find the nearest points of the surface.
+
+        Args:
+            points: k points, shape (k, 3) [m].
+
+        Returns:
+            Matrix that interpolates nodal values at the nearest points, shape (k, m), and the distances, shape (k,)
+            [m].
+        """
+        count = self.facets.shape[1]
+        tree, starts = self._search
+        found = tree.query(points, k=min(_CANDIDATES, tree.n))[1].reshape(len(points), -1)
+        facet, place = found // len(starts), starts[found % len(starts)]
+        corner = self.nodes[self.facets[facet]]
+        for _ in range(_STEPS):
+            away = points[:, None] - np.einsum("kca,kcad->kcd", facet_shape(count, place), corner, optimize=True)
+            slope = np.einsum("kcra,kcad->kcrd", facet_slope(count, place), corner, optimize=True)
+            normal = np.einsum("kcrd,kcsd->kcrs", slope, slope, optimize=True)
+            right = np.einsum("kcrd,kcd->kcr", slope, away, optimize=True)
+            place = _clip(count, place + np.linalg.solve(normal, right[..., None])[..., 0])
+        away = points[:, None] - np.einsum("kca,kcad->kcd", facet_shape(count, place), corner, optimize=True)
+        distance = np.linalg.norm(away, axis=2)
+        best = np.argmin(distance, axis=1)
+        every = np.arange(len(points))
+        weights = facet_shape(count, place[every, best])
+        columns = self.facets[facet[every, best]]
+        shape = (len(points), len(self.nodes))
+        return sp.csr_matrix(
+            (weights.ravel(), columns.ravel(), count * np.arange(len(points) + 1)), shape=shape
+        ), distance[every, best]
+
+    @cached_property
+    def _search(self) -> tuple[KDTree, FloatArray]:
+        """Tree of points on the facets, and their reference coordinates, the same for every facet."""
+        return KDTree(self.split(_PARTS)[0].reshape(-1, 3)), split_facet(self.facets.shape[1], _PARTS)[0]
+
+    @cached_property
+    def _quadrature(self) -> tuple[FloatArray, FloatArray]:
+        """Shape functions at the quadrature points, shape (q, a), and the areas of the points, shape (f, q) [m2]."""
+        place, weight = _quadrature(self.facets.shape[1])
+        area = np.linalg.norm(area_vectors(self.nodes, self.facets, place), axis=2) * weight
+        return facet_shape(self.facets.shape[1], place), area
+
+    def _scatter(self, values: FloatArray) -> sp.csr_matrix:
+        """Sum matrices of the facets, shape (f, a, a)."""
+        rows = np.broadcast_to(self.facets[:, :, None], values.shape).ravel()
+        columns = np.broadcast_to(self.facets[:, None, :], values.shape).ravel()
+        size = len(self.nodes)
+        return sp.coo_matrix((values.ravel(), (rows, columns)), shape=(size, size)).tocsr()
+
+
+def _quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on the reference facet."""
+    if nodes == QUADRILATERAL:
+        points, weights = np.polynomial.legendre.leggauss(_ORDER // 2 + 1)
+        v, u = np.meshgrid(points, points, indexing="ij")
+        return np.column_stack([u.ravel(), v.ravel()]), np.outer(weights, weights).ravel()
+    points, weights = skfem.quadrature.get_quadrature(skfem.ElementTriP2(), _ORDER)
+    return np.ascontiguousarray(points.T), np.asarray(weights, dtype=float)
+
+
+def _clip(nodes: int, place: FloatArray) -> FloatArray:
+    """Move reference coordinates outside the reference facet to its border."""
+    if nodes == QUADRILATERAL:
+        return np.clip(place, -1.0, 1.0)
+    place = np.maximum(place, 0.0)
+    return np.asarray(place / np.maximum(place.sum(axis=-1, keepdims=True), 1.0))

@@ -1,0 +1,283 @@
+"""Compute the response of every texel of a curved cover to a force anywhere on its top, by adjoint solutions.
+
+The force on a texel is the resultant, along the texel's own normal and positive under pressure, of the traction on its
+part of the base, shear included.  On a curved base it differs from the integral of the normal stress over this part by
+5 to 8 % (core of 6 mm), because the normal of the base turns over the texel, and the sum over the texels is no load:
+forces along different normals do not add up.  Balance is stated as a vector (`press_curved`).
+
+The base under a texel is displaced by a unit along the texel's normal; the rest of the base is fixed and the top is
+free.  By reciprocity (Betti) minus the displacement of a point of the top is the force on the texel per unit force on
+this point, one vector per point.  The prescribed displacement is the L2 projection of the part of the base that the
+texel covers (`meshes.solids.texels`) onto the shape functions of the base, so the result is the integral of the
+continuous traction that is recovered from the reactions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import scipy.sparse.linalg as spla
+
+from fem_reference import result_store
+from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
+from fem_reference.grid_convergence import grid_convergence
+from meshes import Material, TexelArray
+from meshes.array_types import FloatArray
+from meshes.solids.facets import facet_shape, split_facet
+from meshes.solids.quality import check_quality, check_texels
+from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.texels import covered_share
+
+#: Parts of a facet's side in which the border of a texel is located [-].
+_PARTS = 12
+#: Number of steps to the point of the top above a texel [-].
+_STEPS = 8
+#: Safety factor on the difference between two meshes, and smallest order of convergence that is assumed: adjoint
+#: solutions by quadratic elements converge faster than their displacements [-].
+_SAFETY, _ORDER = 3.0, 2.0
+#: Largest distance of a point from the top for `at`, over the size of the cover [-].
+_OFF_TOP = 1e-2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridResponse:
+    """Responses of n texels on one mesh.
+
+    Attributes:
+        mesh: The mesh.
+        top: Top of the cover with its m nodes; positions, normals and areas of the nodes are its attributes.
+        influence: Force on each texel per unit force vector on each node of the top, shape (n, m, 3) [-].
+    """
+
+    mesh: SolidMesh
+    top: FacetSurface
+    influence: FloatArray
+
+    @property
+    def normal_influence(self) -> FloatArray:
+        """Force on each texel per unit force on each node of the top against its normal, shape (n, m) [-]."""
+        return -np.asarray(np.einsum("nmc,mc->nm", self.influence, self.top.normals, optimize=True))
+
+    def at(self, points: FloatArray, directions: FloatArray | None = None) -> FloatArray:
+        """Compute the force on each texel per unit point force at points of the top.
+
+        Args:
+            points: k points; the nearest points of the top are taken, shape (k, 3) [m].
+            directions: Unit directions of the forces, shape (k, 3) [-]; against the normals of the top if None.
+
+        Returns:
+            Forces, shape (k, n) [-].
+
+        Raises:
+            ValueError: If a point is not on the top.
+        """
+        weights, distance = self.top.locate(points)
+        if not distance.max(initial=0.0) <= _OFF_TOP * self.mesh.size:
+            raise ValueError(f"a point lies {1e3 * distance.max():.3g} mm off the top of the cover")
+        if directions is None:
+            directions = -(weights @ self.top.normals)
+            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        count = len(self.influence)
+        values = weights @ self.influence.transpose(1, 0, 2).reshape(len(self.top.nodes), -1)
+        return np.asarray(np.einsum("knc,kc->kn", values.reshape(-1, count, 3), directions))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TexelResponses:
+    """Responses of n texels of a curved cover, with an estimate of the discretisation error.
+
+    Attributes:
+        texels: The texels.
+        material: Material of the cover.
+        grids: Responses on one to three meshes, coarsest first; results are those of the finest.
+    """
+
+    texels: TexelArray
+    material: Material
+    grids: tuple[GridResponse, ...]
+
+    @property
+    def finest(self) -> GridResponse:
+        """Responses on the finest mesh."""
+        return self.grids[-1]
+
+    def texel_forces(self, forces: FloatArray) -> FloatArray:
+        """Compute the force on each texel under forces on the nodes of the top of the finest mesh.
+
+        Args:
+            forces: Force vectors, shape (m, 3) or (k, m, 3) [N].
+
+        Returns:
+            Forces, 0 on inactive texels, shape (n,) or (k, n) [N].
+        """
+        out = np.einsum("...mc,nmc->...n", forces, self.finest.influence, optimize=True)
+        return np.where(self.texels.active, out, 0.0)
+
+    def under_pressure(self, pressure: FloatArray) -> FloatArray:
+        """Compute the force on each texel under a pressure on the top of the finest mesh.
+
+        Args:
+            pressure: Pressures at the nodes of the top, shape (m,) or (k, m) [Pa].
+
+        Returns:
+            Forces, 0 on inactive texels, shape (n,) or (k, n) [N].
+        """
+        forces = self.finest.top.integrate_pressure(np.atleast_2d(pressure))
+        return self.texel_forces(forces if np.ndim(pressure) > 1 else forces[0])
+
+    @cached_property
+    def above(self) -> FloatArray:
+        """Points of the top above the centres of the texels, along their normals, shape (n, 3) [m]."""
+        return find_above(self.finest.top, self.texels)
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """Force on each texel (column) per unit point force on the top above each texel (row), shape (n, n) [-].
+
+        The point forces act against the texels' normals.
+        """
+        return self._evaluate(self.finest)
+
+    @cached_property
+    def error_estimate(self) -> dict[str, float]:
+        """Estimated errors over the largest force on a texel per unit force; nan with one mesh [-].
+
+        `peak_texel`: largest error of the force on a texel under a point force above its centre; `any_texel`: largest
+        error of the force on any texel under such a force.
+        """
+        if len(self.grids) == 1:
+            return {"peak_texel": float("nan"), "any_texel": float("nan")}
+        values = np.array([self._evaluate(grid) for grid in self.grids])
+        errors = estimate_errors(values, [grid.mesh for grid in self.grids])
+        peak = float(np.diag(values[-1]).max())
+        return {"peak_texel": float(np.diag(errors).max()) / peak, "any_texel": float(errors.max()) / peak}
+
+    def _evaluate(self, grid: GridResponse) -> FloatArray:
+        return grid.at(find_above(grid.top, self.texels), -self.texels.normals)
+
+
+def texel_responses(
+    meshes: SolidMesh | Sequence[SolidMesh],
+    texels: TexelArray,
+    material: Material,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> TexelResponses:
+    """Solve for the force on every texel per unit force anywhere on the top, or read it from the store of results.
+
+    Args:
+        meshes: Mesh of the cover, or two or three meshes of it from coarse to fine for an error estimate.
+        texels: Texels on the base of the meshes.
+        material: Material; hyperelastic materials are linearised at zero load.
+        progress: Called with a line of text before each solution.
+
+    Raises:
+        ValueError: If a mesh cannot be used or a texel is not on the base, with one line per fault.
+    """
+    every = check_meshes(meshes)
+    grids = []
+    for mesh in every:
+        check_texels(mesh, texels)
+        layout = lay_out(mesh)
+        places = {"centres": texels.centres, "normals": texels.normals, "size": texels.texel_size}
+
+        def compute(mesh: SolidMesh = mesh) -> dict[str, FloatArray]:
+            solid = build_solid(mesh, material)
+            if progress is not None:
+                progress(f"{texels.count} texels, {solid.unknowns} unknowns")
+            return {"influence": solve_texels(solid, texels)}
+
+        inputs = {"mesh": mesh.digest, "texels": places, "material": material}
+        found = result_store.fetch("curved-responses", inputs, compute)
+        top = FacetSurface.part_of(layout.elements.nodes, layout.top)
+        grids.append(GridResponse(mesh=mesh, top=top, influence=found["influence"]))
+    return TexelResponses(texels=texels, material=material, grids=tuple(grids))
+
+
+def solve_texels(solid: CoverSolid, texels: TexelArray) -> FloatArray:
+    """Solve the adjoint problem of each of n texels; returns forces per unit force, shape (n, m, 3) [-]."""
+    base = FacetSurface.part_of(solid.nodes, solid.layout.base)
+    indicator = project_texels(base, texels)
+    motion = indicator[:, :, None] * texels.normals[:, None, :]
+    return -solid.solve(solid.top, base=motion)
+
+
+def project_texels(base: FacetSurface, texels: TexelArray) -> FloatArray:
+    """Project the part of the base that each texel covers onto the shape functions of the base.
+
+    Returns:
+        Values at the nodes of the base, about 1 on the texel and 0 elsewhere, shape (n, nodes of the base) [-].
+    """
+    middle, area, edges = base.split(_PARTS)
+    size = np.linalg.norm(area, axis=2)
+    normals = (area / size[..., None]).reshape(-1, 3)
+    share = covered_share(texels, middle.reshape(-1, 3), normals, edges.reshape(-1, 2, 3))
+    weighted = share.reshape(texels.count, *size.shape) * size
+    count = base.facets.shape[1]
+    part = weighted @ facet_shape(count, split_facet(count, _PARTS)[1]).mean(axis=1)  # texel, facet, node of the facet
+    load = np.stack([np.bincount(base.facets.ravel(), each.ravel(), len(base.nodes)) for each in part], axis=1)
+    solution = spla.splu(base.mass.tocsc()).solve(load)
+    return np.asarray(solution.T)
+
+
+def find_above(top: FacetSurface, texels: TexelArray) -> FloatArray:
+    """Find the points of the top on the normals of the texels, shape (n, 3) [m]."""
+    height = top.locate(texels.centres)[1]
+    nearest = texels.centres
+    for _ in range(_STEPS):
+        nearest = top.locate(texels.centres + height[:, None] * texels.normals)[0] @ top.nodes
+        height = np.einsum("nc,nc->n", nearest - texels.centres, texels.normals)
+    return np.asarray(nearest)
+
+
+def estimate_errors(values: FloatArray, meshes: Sequence[SolidMesh]) -> FloatArray:
+    """Estimate the absolute errors of values on two or three meshes, coarsest first.
+
+    Args:
+        values: Values on each mesh, shape (2, ...) or (3, ...).
+        meshes: The meshes.
+
+    Returns:
+        Errors of the values on the finest mesh, in their unit: grid convergence on three meshes; on two their
+        difference, as for second order and with a safety factor of 3, shape (...).
+    """
+    sizes = [float(len(mesh.cells)) ** (-1 / 3) for mesh in meshes]
+    flat = values.reshape(len(values), -1)
+    if len(values) == 2:  # noqa: PLR2004
+        errors = _SAFETY * np.abs(flat[1] - flat[0]) / ((sizes[0] / sizes[1]) ** _ORDER - 1)
+    else:
+        errors = np.array([grid_convergence(list(each), sizes, least=_ORDER) for each in flat.T])
+    return np.asarray(errors.reshape(values.shape[1:]))
+
+
+def check_meshes(meshes: SolidMesh | Sequence[SolidMesh]) -> tuple[SolidMesh, ...]:
+    """Check the quality of one to three meshes and that they are given from coarse to fine.
+
+    Raises:
+        ValueError: If a mesh cannot be used, with one line per fault, or the order or number is wrong.
+    """
+    every = (meshes,) if isinstance(meshes, SolidMesh) else tuple(meshes)
+    if not 1 <= len(every) <= 3:  # noqa: PLR2004
+        raise ValueError(f"give one, two or three meshes of a cover, not {len(every)}")
+    counts = [len(mesh.cells) for mesh in every]
+    if sorted(set(counts)) != counts:
+        raise ValueError(f"give the meshes from coarse to fine, not with {counts} elements")
+    for mesh in every:
+        check_quality(mesh).require()
+    return every
+
+
+@lru_cache(maxsize=3)
+def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
+    """Build the solid of a mesh; the last three are kept with their factorisations."""
+    return CoverSolid(mesh, material)
+
+
+@lru_cache(maxsize=3)
+def lay_out(mesh: SolidMesh) -> DisplacementNodes:
+    """Place the displacement nodes on a mesh; the last three layouts are kept."""
+    return DisplacementNodes.on(mesh)
