@@ -30,6 +30,7 @@ _COMMANDS = {
     "emulate": "emulate:emulate",
     "store": "store:store",
     "materials": "materials:materials",
+    "datasheet": "datasheet:datasheet",
     "init": "init:init",
     "doctor": "doctor:doctor",
 }

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
-from validation.cli.options import Json, MaterialName, SensorFile, Thickness
+from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, print_json, print_table, say, show
 from validation.cli.progress import Progress
 
@@ -73,6 +73,7 @@ def validate(
     recordings: _Recordings = None,
     material: MaterialName = None,
     thickness: Thickness = None,
+    layer: Layers = None,
     out: _Out = Path("softcover-report"),
     json: Json = False,
 ) -> int:
@@ -92,7 +93,7 @@ def validate(
     from validation.cli.sensors import read_description
     from validation.recordings.series import find_recordings_folder
 
-    description = read_description(sensor, material=material, thickness=thickness)
+    description = read_description(sensor, material=material, thickness=thickness, layers=layer)
     # Recordings belong to one sensor.  Those in the default folder may be of another sensor, so only a folder that the
     # user names is used.
     folder = None if recordings is None else find_recordings_folder(recordings)
