@@ -105,6 +105,8 @@ def test_a_harmonic_pressure_gives_its_own_term(cylinder):
     term = layer.transfer([7.0])
     waves = np.stack([np.cos(7 * (angles - 0.5)), np.sin(7 * (angles - 0.5))], axis=1)
     assert response.base_traction(angles) == pytest.approx(waves * (term.base[0] @ [-5e3, 2e3]), abs=1e-7)
+    moved = response.top_displacement(angles)
+    assert moved == pytest.approx(waves * (term.compliance[0] @ [-5e3, 2e3]), abs=1e-9 * np.abs(moved).max())
 
 
 @pytest.mark.parametrize("nu", RATIOS)
@@ -134,6 +136,45 @@ def test_narrow_arcs_tend_to_a_line(cylinder):
         errors.append(arc - line)
     assert errors[0] == pytest.approx(4 * errors[1], rel=0.01)
     assert np.abs(errors[1]).max() < 3e-4
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_two_loads_do_the_same_work_on_one_another(cylinder, nu):
+    layer = cylinder(nu)
+    loads = [
+        ArcLoad(pressure=lambda x: 1e6 * (0.3**2 - x**2) ** 2, half_width=0.3),
+        ArcLoad(
+            pressure=lambda x: 3e6 * (0.2**2 - x**2) ** 2,
+            shear=lambda x: 1e6 * x * (0.2**2 - x**2) ** 2,
+            half_width=0.2,
+            angle=0.4,
+        ),
+    ]
+    work = []
+    for acting, other in (loads, loads[::-1]):
+        t, weight = gauss(-np.pi / 2, np.pi / 2, 80)
+        at, weight = other.half_width * np.sin(t), weight * other.half_width * np.cos(t)
+        moved = layer.respond(acting).top_displacement(other.angle + at)
+        shear = other.shear(at) if callable(other.shear) else other.shear
+        work.append(weight @ (moved[:, 1] * shear - moved[:, 0] * other.pressure(at)))
+    assert work[0] == pytest.approx(work[1], rel=1e-5)
+
+
+def test_displacements_beside_concentrated_loads_are_limits_of_small_ones(cylinder, sphere):
+    at = np.array([0.3, 1.0, 3.0])
+    points = np.stack([np.sin(at), 0 * at, np.cos(at)], axis=1)
+    line = cylinder().respond(LineLoad(force=1.0)).top_displacement(at)
+    point = sphere().respond(PointLoad(force=1.0)).top_displacement(points)
+    size, errors = 0.1, []
+    for half in (size, size / 2):
+        small = ArcLoad(pressure=lambda x, w=half: 1 / (np.pi * 4e-3 * w**2) * np.sqrt(w**2 - x**2), half_width=half)
+        arc = cylinder().respond(small).top_displacement(at)
+        smooth = CapLoad(pressure=lambda x, w=half: w**2 - x**2, half_angle=half)
+        carried = -sphere().respond(smooth).load_force[2]
+        cap = sphere().respond(smooth).top_displacement(points) / carried
+        errors.append([np.abs(arc - line).max() / np.abs(line).max(), np.abs(cap - point).max() / np.abs(point).max()])
+    assert max(errors[1]) < 0.01
+    assert errors[0] == pytest.approx(4 * np.array(errors[1]), rel=0.1)
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.49, 0.5])
@@ -211,9 +252,12 @@ def test_a_legendre_pressure_gives_its_own_term(sphere):
     term = layer.transfer([3.0])
     along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=1)
     slope = -np.sin(angle) * third.deriv()(np.cos(angle)) / 3.5
-    out, tangential = term.base[0] @ [-5e3, 0]
-    exact = out * third(np.cos(angle))[:, None] * points + tangential * slope[:, None] * along
-    assert response.base_traction(points) == pytest.approx(exact, abs=1e-7)
+    for found, (out, tangential) in (
+        (response.base_traction(points), term.base[0] @ [-5e3, 0]),
+        (response.top_displacement(points), term.compliance[0] @ [-5e3, 0]),
+    ):
+        exact = out * third(np.cos(angle))[:, None] * points + tangential * slope[:, None] * along
+        assert found == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("nu", RATIOS)
@@ -242,6 +286,30 @@ def test_narrow_caps_tend_to_a_point(sphere):
     assert np.abs(errors[1]).max() < 3e-4
 
 
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_two_caps_do_the_same_work_on_one_another(sphere, nu):
+    layer = sphere(nu)
+    loads = [
+        CapLoad(pressure=lambda x: 1e6 * (0.3**2 - x**2) ** 2, half_angle=0.3),
+        CapLoad(
+            pressure=lambda x: 3e6 * (0.2**2 - x**2) ** 2,
+            shear=lambda x: 1e6 * np.sin(x) * (0.2**2 - x**2) ** 2,
+            half_angle=0.2,
+        ),
+    ]
+    work = []
+    for acting, other in (loads, loads[::-1]):
+        t, weight = gauss(0, np.pi / 2, 60)
+        at, weight = other.half_angle * np.sin(t), weight * other.half_angle * np.cos(t)
+        points = np.stack([np.sin(at), 0 * at, np.cos(at)], axis=1)
+        moved = layer.respond(acting).top_displacement(points)
+        out = np.einsum("ni,ni->n", moved, points)
+        along = moved[:, 0] * np.cos(at) - moved[:, 2] * np.sin(at)
+        shear = other.shear(at) if callable(other.shear) else other.shear
+        work.append((weight * np.sin(at)) @ (along * shear - out * other.pressure(at)))
+    assert work[0] == pytest.approx(work[1], rel=1e-5)
+
+
 # Bad input
 
 
@@ -251,6 +319,8 @@ def test_narrow_caps_tend_to_a_point(sphere):
         (lambda c, s: c(core=-1.0), "must be positive"),
         (lambda c, s: s(thickness=0.0), "must be positive"),
         (lambda c, s: c(thickness=1e-7).respond(LineLoad(force=1.0)), "too thin"),
+        (lambda c, s: c().respond(LineLoad(force=1.0)).top_displacement([0.0]), "infinite at a concentrated"),
+        (lambda c, s: s().respond(PointLoad(force=1.0)).top_displacement([UP]), "infinite at a concentrated"),
         (lambda c, s: ArcLoad(pressure=1.0, half_width=4.0), "0..pi"),
         (lambda c, s: CapLoad(pressure=1.0, half_angle=0.0), "0..pi"),
         (lambda c, s: c().texel_forces([[0.2, 0.1]], LineLoad(force=1.0)), "larger angle"),

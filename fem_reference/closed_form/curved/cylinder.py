@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from fem_reference.closed_form.curved.harmonic import HarmonicTransfer, transfer_cylinder
 from fem_reference.closed_form.curved.profile import Traction, check_resolved, place_points, sample
-from fem_reference.closed_form.curved.series import count_base_terms
+from fem_reference.closed_form.curved.series import converge_top, count_base_terms, taper
 from meshes import Material
 from meshes.array_types import FloatArray
 
@@ -29,6 +29,8 @@ ComplexArray = npt.NDArray[np.complex128]
 
 #: Harmonics whose exponentials are computed directly; the others are products of them [-].
 _BLOCK = 64
+#: Number of angles whose exponentials are held at once, to limit the memory [-].
+_ANGLES = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +177,31 @@ class CylinderResponse:
         """
         return _sum_series(self._base, np.asarray(angles, dtype=float))
 
+    def top_displacement(self, angles: npt.ArrayLike, tolerance: float = 1e-4) -> FloatArray:
+        """Compute the displacement (outward, tangential) of the top.
+
+        The series is slow where a traction jumps: the tolerance is often out of reach at the end of a uniform pressure.
+
+        Args:
+            angles: Angles, shape (n,) [rad].
+            tolerance: Largest change of a displacement when the number of terms is doubled, over the largest
+                displacement [-].
+
+        Returns:
+            Displacements, shape (n, 2) [m].
+
+        Raises:
+            ValueError: If 8192 terms do not reach the tolerance, or a point lies under a concentrated load, where the
+                displacement is infinite.
+        """
+        at = np.asarray(angles, dtype=float)
+
+        def evaluate(count: int) -> FloatArray:
+            response = self.layer.transfer(np.arange(count)).compliance * taper(count)[:, None, None]
+            return _sum_series(_turn(np.einsum("nij,nj->ni", response, self._expand(count)), -1), at)
+
+        return converge_top(evaluate, tolerance)
+
     def resultants(self, patches: npt.ArrayLike) -> FloatArray:
         """Integrate the traction on the core over patches, exactly.
 
@@ -282,10 +309,15 @@ def _turn(amplitudes: ComplexArray, sign: int) -> ComplexArray:
 
 def _integrate_waves(angles: FloatArray, values: FloatArray, count: int) -> ComplexArray:
     """Sum values times exp(-i m angle) over the angles for m = 0..count - 1, shape (count, values.shape[1])."""
-    first = np.exp(-1j * np.outer(np.arange(_BLOCK), angles))
-    steps = np.exp(-1j * np.outer(angles, np.arange(0, count, _BLOCK)))
-    columns = [(first @ (steps * column[:, None])).T.ravel()[:count] for column in values.T]
-    return np.stack(columns, axis=1)
+    starts = np.arange(0, count, _BLOCK)
+    total = np.zeros((values.shape[1], _BLOCK, len(starts)), dtype=complex)
+    for start in range(0, len(angles), _ANGLES):
+        part = slice(start, start + _ANGLES)
+        first = np.exp(-1j * np.outer(np.arange(_BLOCK), angles[part]))
+        steps = np.exp(-1j * np.outer(angles[part], starts))
+        for i, weight in enumerate(values[part].T):
+            total[i] += first @ (steps * weight[:, None])
+    return total.transpose(2, 1, 0).reshape(-1, values.shape[1])[:count]
 
 
 def _sum_series(amplitudes: ComplexArray, angles: FloatArray) -> FloatArray:

@@ -1,10 +1,16 @@
-"""Choose the number of terms of the series on curved layers from a tolerance."""
+"""Choose the number of terms of the series on curved layers from a tolerance.
+
+The traction on the base converges exponentially.  The displacement of the top converges like a power of the number of
+terms, because its terms fall like those of the load over their order; a smooth taper of the last half of the terms
+makes the error small except where the load itself has a jump or a kink.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from scipy.special import expit
 
 from meshes.array_types import FloatArray
 
@@ -12,6 +18,8 @@ from meshes.array_types import FloatArray
 _FIRST = 64
 #: Largest number of terms of the traction on the base [-].
 _MOST_TERMS = 2**17
+#: First and largest number of terms of the displacement of the top [-].
+_FIRST_TOP, _MOST_TOP = 2**8, 2**13
 #: Part of a sum that rounding leaves [-].
 _ROUNDING = 1e-14
 #: Order times span at which the transfer to the base is negligible: exp(-60) = 1e-26 [-].
@@ -39,3 +47,34 @@ def count_base_terms(transfer: Callable[[FloatArray], FloatArray], span: float, 
     norms = np.linalg.norm(transfer(np.arange(float(count))), axis=(1, 2)) * np.arange(1, count + 1)
     left_out = np.cumsum(norms[::-1])[::-1]
     return int(np.argmax(left_out <= max(tolerance, _ROUNDING) * left_out[0]))
+
+
+def converge_top(evaluate: Callable[[int], FloatArray], tolerance: float) -> FloatArray:
+    """Double the number of terms of a tapered series until its values settle.
+
+    Args:
+        evaluate: Function that sums a number of terms at some points, any shape.
+        tolerance: Largest change by the last doubling, over the largest value [-].
+
+    Raises:
+        ValueError: If the values do not settle, as at a concentrated load, where they are infinite.
+    """
+    count = _FIRST_TOP
+    before = evaluate(count)
+    while count < _MOST_TOP:
+        count *= 2
+        now = evaluate(count)
+        change, size = np.abs(now - before).max(initial=0.0), np.abs(now).max(initial=0.0)
+        if change <= tolerance * size:
+            return now
+        before = now
+    raise ValueError(
+        f"the displacement changes by {change / size:.1g} of its largest value between {count // 2} and {count} terms: "
+        "it is infinite at a concentrated load, and the series converges slowly where a traction jumps"
+    )
+
+
+def taper(count: int) -> FloatArray:
+    """Return factors of the terms of a series: 1 in the first half, then falling smoothly to 0, shape (count,) [-]."""
+    x = np.clip(2 * np.arange(count) / count - 1, 1e-3, 1 - 1e-3)
+    return np.asarray(expit(1 / x - 1 / (1 - x)))

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from fem_reference.closed_form.curved.harmonic import HarmonicTransfer, transfer_sphere
 from fem_reference.closed_form.curved.profile import Traction, check_resolved, place_points, sample
-from fem_reference.closed_form.curved.series import count_base_terms
+from fem_reference.closed_form.curved.series import converge_top, count_base_terms, taper
 from fem_reference.closed_form.curved.sphere_patch import Direction, SpherePatch, normalise
 from meshes import Material
 from meshes.array_types import FloatArray
@@ -177,6 +177,34 @@ class SphereResponse:
         for load, series in zip(self.loads, self._base, strict=True):
             total += _evaluate(series, normalise(load.direction), points)
         return total
+
+    def top_displacement(self, directions: npt.ArrayLike, tolerance: float = 1e-4) -> FloatArray:
+        """Compute the displacement of the top.
+
+        The series is slow where a traction jumps: the tolerance is often out of reach at the end of a uniform pressure.
+
+        Args:
+            directions: Directions of points of the top, of any length, shape (n, 3) [-].
+            tolerance: Largest change of a displacement when the number of terms is doubled, over the largest
+                displacement [-].
+
+        Returns:
+            Displacements along x, y and z, shape (n, 3) [m].
+
+        Raises:
+            ValueError: If 8192 terms do not reach the tolerance, or a point lies under a concentrated load, where the
+                displacement is infinite.
+        """
+        points = normalise(directions)
+
+        def evaluate(count: int) -> FloatArray:
+            response = self.layer.transfer(np.arange(count)).compliance * taper(count)[:, None, None]
+            total = np.zeros_like(points)
+            for load in self.loads:
+                total += _evaluate(_apply(response, self._expand(load, count)), normalise(load.direction), points)
+            return total
+
+        return converge_top(evaluate, tolerance)
 
     def resultants(self, patches: Sequence[SpherePatch]) -> FloatArray:
         """Integrate the traction on the core over patches.
