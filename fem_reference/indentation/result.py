@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,6 +51,8 @@ class Indentation:
         energy: Elastic energy stored in the cover [J].  Without friction it equals the work of the load.
         fields: Displacement and stress in the cover, if they were asked for, on the finest mesh; None, and a
             sentence in `warnings`, where they are not available.
+        grid_values: `total_force` [N], `depth` [m], `peak_texel` [N] and `contact_area` [m2] on the three grids,
+            coarsest first, and `size`, the sizes of their cells or elements, of which only ratios are used.
         error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
             `contact_area`; 0 for the prescribed one of force and depth [-].
         assumptions: Assumptions of the solution by topic, always with `strain`, `friction` and `base`.
@@ -72,6 +74,7 @@ class Indentation:
     assumptions: dict[str, str]
     warnings: tuple[str, ...]
     seconds: float
+    grid_values: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place, *, seconds: float) -> Indentation:
@@ -127,7 +130,20 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
             *([missing] if missing else []),
         ),
         seconds=seconds + time.perf_counter() - started,
+        grid_values=_list_grid_values(grids, place, peak),
     )
+
+
+def _list_grid_values(grids: Sequence[GridSolution], place: Place, peak: int) -> dict[str, tuple[float, ...]]:
+    """List force, depth, the force on the texel of index `peak`, contact area and element size of each grid."""
+    quantities: dict[str, Callable[[GridSolution], float]] = {
+        "size": lambda each: each.size,
+        "total_force": lambda each: each.total_force,
+        "depth": lambda each: each.depth,
+        "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
+        "contact_area": lambda each: each.area,
+    }
+    return {name: tuple(float(quantity(each)) for each in grids) for name, quantity in quantities.items()}
 
 
 def _estimate_errors(

@@ -42,6 +42,7 @@ class Inputs:
         position: Of the indenter's axis, along x and along y [m].
         yaw: Of the rotation of the indenter about its axis [rad].
         friction: Upper bound of the friction coefficient, inf for no slip; the lower bound is zero [-].
+        data: Of measured forces, over the force; 0 if the reference is the data [-].
     """
 
     modulus: float = 0.1
@@ -50,6 +51,7 @@ class Inputs:
     position: float = 1e-4
     yaw: float = 0.0174532925199433
     friction: float = float("inf")
+    data: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -255,7 +257,7 @@ def _read_inputs(table: object, faults: list[str]) -> Inputs:
 
 
 def _read_input(key: str, value: object, place: str) -> float:
-    """Read one uncertainty; those of modulus and thickness are shares in percent."""
+    """Read one uncertainty; those of modulus, thickness and data are shares in percent."""
     kinds: dict[str, Kind] = {"position": "length", "yaw": "angle"}
     if key == "friction":
         try:

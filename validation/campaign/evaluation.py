@@ -22,6 +22,7 @@ from validation.campaign.cost import Plan, plan_solves
 from validation.campaign.results import CampaignResult
 from validation.campaign.run import run_campaign
 from validation.campaign.verdict import Verdict, judge
+from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.derivation.quadrature import gauss_points
 from validation.errors import InputError
@@ -56,6 +57,7 @@ class Evaluation:
         plan: The campaign as its file describes it: cases, intended use and acceptance criterion.
         campaign: Scores of the fast model against the finite elements.
         verdict: Whether the fast model meets the acceptance criterion.
+        evidence: Verification, uncertainty, stages and range of the cases.
         recordings: Scores of the fast model against recordings, or None without recordings.
         recorded: The sensor that made the recordings.
         seconds: Wall time by stage [s].
@@ -67,6 +69,7 @@ class Evaluation:
     plan: Campaign
     campaign: CampaignResult
     verdict: Verdict
+    evidence: Evidence
     recordings: StampScores | None
     recorded: SensorDescription
     seconds: Mapping[str, float]
@@ -88,6 +91,7 @@ class Evaluation:
             "derive": self.derivation.as_json(),
             "verification": dict(self.verification),
             "campaign": self.campaign.as_json(),
+            "evidence": self.evidence.as_json(),
             "recordings": None if self.recordings is None else dataclasses.asdict(self.recordings),
             "seconds": dict(self.seconds),
             "versions": dict(self.versions),
@@ -119,19 +123,18 @@ def evaluate(
 
     Raises:
         InputError: If the sensor cannot be evaluated.
-        KeyboardInterrupt: If it is interrupted before a case is finished; after that the finished cases are returned.
+        KeyboardInterrupt: If interrupted before a case is finished; after that the finished cases are returned.
         RecordingError: If the recordings are damaged or from another array.
         ConvergenceError: If the finite-element solver did not converge.
     """
     _check_wide(sensor)
     clock = [time.perf_counter()]
-    recorded = recorded or sensor
     # Recordings are scored first, so that a fault in them is reported before the long computations.
     scores = None
     if recordings is not None:
         from validation.calibration.stamp import score_recordings
 
-        scores = score_recordings(recordings, recorded, progress=progress)
+        scores = score_recordings(recordings, recorded or sensor, progress=progress)
     clock.append(time.perf_counter())
     plan = campaign or read_campaign(None, sensor.array)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
@@ -140,17 +143,18 @@ def evaluate(
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    verification = verify(derivation)
     result = _score(sensor, derivation.parameters, plan.cases, cost, progress)
+    evidence = gather_evidence(sensor.cover, derivation.parameters, plan, result, progress)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,
-        verification=verification,
+        verification=verify(derivation),
         plan=plan,
         campaign=result,
         verdict=judge(plan, result),
+        evidence=evidence,
         recordings=scores,
-        recorded=recorded,
+        recorded=recorded or sensor,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
         versions=versions(),
     )

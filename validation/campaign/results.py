@@ -193,5 +193,6 @@ class CampaignResult:
 def describe_reference(reference: Indentation) -> dict[str, Any]:
     """Return the finite-element result of an indentation as a dictionary, under the names used in JSON."""
     numbers = ("texel_forces", "outside", "total_force", "balance", "depth", "contact_area", "energy", "seconds")
-    texts = {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}
+    texts: dict[str, Any] = {"grid_values": dict(reference.grid_values)}
+    texts |= {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}
     return {name: getattr(reference, name) for name in numbers} | texts | {"warnings": list(reference.warnings)}

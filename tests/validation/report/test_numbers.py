@@ -14,6 +14,7 @@ from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
 from validation.campaign.verdict import judge
+from validation.credibility.evidence import gather_evidence
 from validation.metrics import Score
 from validation.report import write_report
 from validation.sensor_file import load
@@ -108,6 +109,9 @@ def evaluation(wts_derivation, recordings):
         plan=read_campaign(None, array),
         campaign=campaign,
         verdict=judge(read_campaign(None, array), campaign),
+        evidence=gather_evidence(
+            wts_derivation.sensor.cover, wts_derivation.parameters, read_campaign(None, array), campaign
+        ),
         recordings=recordings,
         recorded=load("sdh2-distal"),
         seconds={"campaign": 1.0},
@@ -125,7 +129,7 @@ def draw_reference(array, load):
         balance=0.0,
         depth=float(RANDOM.uniform(1e-4, 1e-3)),
         contact_area=1e-5,
-        contact=RANDOM.uniform(-1e-3, 1e-3, (9, 3)),
+        contact=np.abs(RANDOM.uniform(-1e-3, 1e-3, (9, 3))),
         shear=None,
         energy=1e-3,
         fields=None,

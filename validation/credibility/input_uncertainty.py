@@ -1,0 +1,329 @@
+"""Input uncertainty: how far a tactile image changes within the uncertainty of modulus, thickness, pose and friction.
+
+Every input is changed by plus and minus its standard uncertainty, one at a time, and half the difference of the two
+images is the sensitivity times the uncertainty.  The images come from the small-strain contact on a coarse grid of
+cells and the exact layer solution: a sensitivity needs no finer grid, and covers of rubber have their linear properties
+at zero load.  Contributions are added in quadrature (ASME V&V 20-2009, section 3; first-order propagation).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshes import Cover, Cylinder, Material, TexelArray
+from meshes.array_types import FloatArray
+from meshes.pose import PlanarPose
+from validation.campaign.campaign_file import Inputs
+from validation.campaign.case import Case
+
+if TYPE_CHECKING:
+    from fem_reference.closed_form.influence import TexelResponse
+    from fem_reference.linear_response.surface_compliance import SurfaceCompliance
+
+#: Cells across the contact [-]; half as many change the propagated uncertainty by less than 2 % of it.
+CELLS = 32
+#: Version of the formulas here, part of the key of stored results.
+_VERSION = 1
+#: Largest Poisson ratio [-].
+_INCOMPRESSIBLE = 0.5
+#: Standard deviation of a uniform distribution over its width, and over its half width [-].
+_OF_WIDTH, _OF_HALF_WIDTH = 1 / math.sqrt(12), 1 / math.sqrt(3)
+#: Distance from a contact up to which compliances are tabulated, over the size of the contact and over the decay length
+#: of the cover's response [-].
+_REACH, _DECAY = 3.0, 4.0
+FRICTION = "friction"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InputUncertainty:
+    """Effect of the uncertain inputs on the image of one case.
+
+    Attributes:
+        case: The indentation.
+        uncertainties: Standard uncertainty of each input by its name, with its unit in the name.
+        image: Forces on the n texels with the nominal inputs, on the coarse grid, shape (n,) [N].
+        effects: Change of the image by one standard uncertainty, by the name of the input, shape (n,) each [N].
+        note: What was not computed; empty if nothing.
+    """
+
+    case: Case
+    uncertainties: Mapping[str, float]
+    image: FloatArray
+    effects: Mapping[str, FloatArray]
+    note: str = ""
+
+    def of(self, quantity: Callable[[FloatArray], float]) -> dict[str, float]:
+        """Return the standard uncertainty of a quantity of the image due to each input.
+
+        Args:
+            quantity: Function that returns the change of the quantity for a change of the image.
+        """
+        return {name: abs(quantity(effect)) for name, effect in self.effects.items()}
+
+    @property
+    def misplaced(self) -> dict[str, float]:
+        """Misplaced force between the nominal image and one changed by one standard uncertainty, by input [-]."""
+        return {name: self._misplace(effect) for name, effect in self.effects.items()}
+
+    @property
+    def misplaced_total(self) -> float:
+        """Root of the sum of squares of `misplaced` [-]."""
+        return math.sqrt(sum(value**2 for value in self.misplaced.values()))
+
+    def _misplace(self, effect: FloatArray) -> float:
+        """Half the sum of the absolute changes, with that of the force outside, over the load [-]."""
+        return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.case.load)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the effects as a dictionary of JSON values."""
+        return {
+            "uncertainties": dict(self.uncertainties),
+            "misplaced": self.misplaced,
+            "misplaced_total": self.misplaced_total,
+            "effects": dict(self.effects),
+            "note": self.note,
+        }
+
+
+def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -> InputUncertainty:
+    """Propagate the input uncertainties to the image of one case, or read the result from the store.
+
+    Args:
+        cover: Laterally wide cover.
+        array: The array.
+        case: The indentation.
+        inputs: Standard uncertainties.
+
+    Raises:
+        ConvergenceError: If a contact does not converge.
+    """
+    from fem_reference import result_store
+
+    case = case.turned
+    listed = {name: uncertainty for name, uncertainty, _ in list_inputs(cover, inputs)}
+    note = ""
+
+    def compute() -> dict[str, FloatArray]:
+        return {"image": simulate_image(cover, array, case)} | {
+            f"effect {name}": effect for name, effect in _find_effects(cover, array, case, inputs)
+        }
+
+    key = {
+        "cover": cover,
+        "centres": array.centres,
+        "active": array.active,
+        "texel_size": array.texel_size,
+        "case": [case.indenter, case.load, list(case.at), case.yaw],
+        "inputs": [[name, value] for name, value in listed.items()],
+        "cells": CELLS,
+        "version": _VERSION,
+    }
+    data = result_store.fetch("input-uncertainty", key, compute)
+    effects = {name: data[f"effect {name}"] for name in listed}
+    if inputs.friction:
+        found = _find_friction_effect(cover, array, case, inputs.friction)
+        listed[FRICTION] = inputs.friction
+        if found is None:
+            note = "friction not propagated: no round body stands for this indenter"
+        else:
+            effects[FRICTION] = found
+    return InputUncertainty(case=case, uncertainties=listed, image=data["image"], effects=effects, note=note)
+
+
+#: A change of the inputs: cover, position of the axis and yaw become others.
+Change = Callable[[Cover, Case, float], tuple[Cover, Case]]
+
+
+def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Change]]:
+    """List the inputs besides friction: name with unit, standard uncertainty, and the function that changes the input.
+
+    The last argument of the function is the change of the input.  Inputs without uncertainty are left out.
+    """
+    several = len(cover.layers) > 1
+    for index, layer in enumerate(cover.layers):
+        material = layer.material
+        of = f" of {material.name}, layer {index + 1}" if several else ""
+        spread = material.spread * _OF_HALF_WIDTH if material.spread else inputs.modulus
+        poisson = material.poisson_spread * _OF_HALF_WIDTH if material.poisson_spread else inputs.poisson_ratio
+        named: tuple[tuple[str, float, Change], ...] = (
+            (f"modulus{of} [relative]", spread, _change_layer(index, "modulus")),
+            (f"Poisson ratio{of} [-]", poisson, _change_layer(index, "poisson")),
+            (f"thickness{of} [relative]", inputs.thickness, _change_layer(index, "thickness")),
+        )
+        yield from (each for each in named if each[1])
+    for axis, name in enumerate(("x", "y")):
+        if inputs.position:
+            yield f"position {name} [m]", inputs.position, _move(axis)
+    if inputs.yaw:
+        yield "yaw [rad]", inputs.yaw, lambda cover, case, by: (cover, replace(case, yaw=case.yaw + by))
+
+
+def _change_layer(index: int, what: str) -> Change:
+    def change(cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
+        layer = cover.layers[index]
+        material = layer.material
+        modulus, poisson, thickness = material.youngs_modulus, material.poisson_ratio, layer.thickness
+        if what == "modulus":
+            modulus *= math.exp(by)
+        elif what == "poisson":
+            # Young's modulus is held; 0.5 is the limit
+            poisson = min(max(poisson + by, 0.0), _INCOMPRESSIBLE)
+        else:
+            thickness *= 1 + by
+        linear = Material(
+            name=material.name,
+            model="linear-elastic",
+            parameters={"youngs_modulus": modulus},
+            poisson_ratio=poisson,
+        )
+        layers = list(cover.layers)
+        layers[index] = replace(layer, thickness=thickness, material=linear)
+        return replace(cover, layers=tuple(layers)), case
+
+    return change
+
+
+def _move(axis: int) -> Change:
+    def change(cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
+        at = (case.at[0] + by, case.at[1]) if axis == 0 else (case.at[0], case.at[1] + by)
+        return cover, replace(case, at=at)
+
+    return change
+
+
+def _find_effects(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the name of each input besides friction and the change of the image by one standard uncertainty."""
+    for name, uncertainty, change in list_inputs(cover, inputs):
+        high, low = (simulate_image(*_apply(change, cover, case, sign * uncertainty, array)) for sign in (1, -1))
+        if name.startswith("Poisson ratio"):
+            ratios = [_find_ratio(change, cover, case, sign * uncertainty) for sign in (1, -1)]
+            # At the limit of 0.5 only one side is left, and the difference spans less than two uncertainties.
+            span = max(ratios[0] - ratios[1], np.finfo(float).eps)
+            yield name, (high - low) * uncertainty / span
+        else:
+            yield name, (high - low) / 2
+
+
+def _apply(change: Change, cover: Cover, case: Case, by: float, array: TexelArray) -> tuple[Cover, TexelArray, Case]:
+    changed, moved = change(cover, case, by)
+    return changed, array, moved
+
+
+def _find_ratio(change: Change, cover: Cover, case: Case, by: float) -> float:
+    """Return the sum of the Poisson ratios of a changed cover [-]."""
+    changed, _ = change(cover, case, by)
+    return sum(layer.material.poisson_ratio for layer in changed.layers)
+
+
+def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
+    """Compute the forces on n texels at small strain, on the coarse grid of cells, shape (n,) [N].
+
+    Args:
+        cover: Laterally wide cover; its layers have their linear elastic properties at zero load.
+        array: The array.
+        case: The indentation, not tilted.
+    """
+    cells = _solve_cells(cover, case)
+    x, y = PlanarPose(at=case.at, yaw=case.yaw).to_array(cells[0], cells[1])
+    response = _tabulate_response(cover, array.texel_size)
+    out = np.array([response(x - cx, y - cy) @ cells[2] for cx, cy in array.centres[:, :2]])
+    return np.where(array.active, out, 0.0)
+
+
+#: Contacts by cover, indenter and load: poses share them.
+_CONTACTS: dict[str, FloatArray] = {}
+
+
+def _solve_cells(cover: Cover, case: Case) -> FloatArray:
+    """Solve the contact; rows x, y [m] and force [N] of m cells in the frame of the indenter, shape (3, m)."""
+    from fem_reference.result_store import describe, make_key
+    from fem_reference.small_strain_contact.frictionless import solve_contact
+
+    key = make_key("cells", describe([cover, case.indenter, case.load]))
+    if key not in _CONTACTS:
+        patch = solve_contact(
+            _tabulate_surface(cover, _find_reach(cover, case)), case.indenter, cells=CELLS, load=case.load
+        )
+        if len(_CONTACTS) > 1000:  # noqa: PLR2004 -- more than any campaign needs at once
+            _CONTACTS.clear()
+        _CONTACTS[key] = np.stack([patch.x, patch.y, patch.force])
+    return _CONTACTS[key]
+
+
+def _find_reach(cover: Cover, case: Case) -> float:
+    from fem_reference.linear_response.surface_compliance import decay_length
+    from fem_reference.small_strain_contact.frictionless import bound_contact
+
+    size = float(np.hypot(*bound_contact(case.indenter, cover.thickness)))
+    return max(_REACH * size, _DECAY * decay_length(cover))
+
+
+@lru_cache(maxsize=64)
+def _tabulate_surface(cover: Cover, reach: float) -> SurfaceCompliance:
+    from fem_reference.linear_response.surface_compliance import surface_compliance
+
+    return surface_compliance(cover, reach)
+
+
+@lru_cache(maxsize=64)
+def _tabulate_response(cover: Cover, size: tuple[float, float]) -> TexelResponse:
+    from fem_reference.closed_form.influence import tabulate_texel_response
+
+    return tabulate_texel_response(cover, size)
+
+
+def _find_friction_effect(cover: Cover, array: TexelArray, case: Case, friction: float) -> FloatArray | None:
+    """Compute the change of the image by one standard deviation of a friction between zero and a bound.
+
+    Friction needs finite elements.  A body of revolution is pressed as it is.  For any other flat face a cylinder of
+    the same area and load is pressed, because the effect is small and similar.  Other bodies have no such substitute.
+
+    Returns:
+        The change, shape (n,) [N]; None without a substitute, or if the solver fails.
+    """
+    from fem_reference import ConvergenceError
+    from fem_reference.indentation.press import press
+
+    body = case.indenter
+    if not body.axisymmetric:
+        if not body.is_flat:
+            return None
+        body = Cylinder(radius=math.sqrt(_measure_face(case) / math.pi))
+    linear = replace(cover, layers=tuple(replace(each, material=linearise(each.material)) for each in cover.layers))
+    try:
+        stuck, free = (
+            press(linear, array, body, load=case.load, at=case.at, yaw=case.yaw, friction=each).texel_forces
+            for each in (friction, 0.0)
+        )
+    except (ConvergenceError, ValueError):
+        return None
+    return (stuck - free) * _OF_WIDTH
+
+
+def _measure_face(case: Case) -> float:
+    """Measure the area of a flat face [m2] on a fine grid of its footprint."""
+    half_x, half_y = case.indenter.footprint
+    points = 400
+    x, y = np.meshgrid(
+        (np.arange(points) + 0.5) / points * 2 * half_x - half_x,
+        (np.arange(points) + 0.5) / points * 2 * half_y - half_y,
+    )
+    return float(np.isfinite(case.indenter.gap(x, y)).mean() * 4 * half_x * half_y)
+
+
+def linearise(material: Material) -> Material:
+    """Return the linear material with the properties of a material at zero load."""
+    if material.small_strain_only:
+        return material
+    return Material(
+        name=material.name,
+        model="linear-elastic",
+        parameters={"youngs_modulus": material.youngs_modulus},
+        poisson_ratio=material.poisson_ratio,
+    )
