@@ -86,7 +86,7 @@ def compute_tip_share(
     texel = find_middle(array)
     centre = array.centres[texel, :2]
     path = press_path(
-        _linearise(cover),
+        linearise(cover),
         array,
         RoundedTip(radius=radius),
         depths=[depth * cover.thickness for depth in _DEPTHS],
@@ -127,7 +127,7 @@ def find_saturation(electronics: Electronics) -> float | None:
     return float(forces.min()) if len(forces) else None
 
 
-def _linearise(cover: Cover) -> Cover:
+def linearise(cover: Cover) -> Cover:
     """Return a wide cover of the same layers with linear elastic materials of the same moduli at small strain."""
     layers = [
         dataclasses.replace(

@@ -28,6 +28,11 @@ _EXAMPLES = {
     "cover": "the table [[cover.layer]]",
     "layer": "the table [[cover.layer]]",
     "electronics": "the table [electronics]",
+    "series": "the table [[series]]",
+    "name": 'name = "room"',
+    "path": 'path = "press1.csv"',
+    "fit": 'fit = ["room"]',
+    "score": 'score = ["warm"]',
 }
 
 #: Largest number of faults that are listed; a list of wrong numbers would fill the terminal [-].
@@ -38,13 +43,18 @@ _LONGEST, _LONGEST_LINE = 80, 1000
 KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 
 
-def list_faults(error: ValidationError) -> list[str]:
-    """Return one line of text per fault that pydantic found in a sensor file."""
+def list_faults(error: ValidationError, tables: type[Any] = SensorTables) -> list[str]:
+    """Return one line of text per fault that pydantic found in a file.
+
+    Args:
+        error: The faults.
+        tables: Dataclass of all tables of the file; those of a sensor file when not given.
+    """
     # Pydantic reports a value that fits no member of a union once per member, with the same path: keep the first one.
     lines: dict[str, str] = {}
     for details in error.errors():
         place = format_path(details["loc"])
-        line = f"{place}: {_explain(details)}"
+        line = f"{place}: {_explain(details, tables)}"
         lines.setdefault(place, line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}...")
     listed = list(lines.values())
     return listed if len(listed) <= _MOST_FAULTS else [*listed[:_MOST_FAULTS], f"and {len(listed) - _MOST_FAULTS} more"]
@@ -65,14 +75,14 @@ def format_path(location: Sequence[int | str]) -> str:
     return text
 
 
-def _explain(details: ErrorDetails) -> str:
+def _explain(details: ErrorDetails, tables: type[Any]) -> str:
     """Describe one fault that pydantic found, and name accepted values."""
     kind, given = details["type"], _shorten(details["input"])
     key = str(details["loc"][-1])
     if kind == "value_error":
         return str(details["ctx"]["error"])
     if kind == "unexpected_keyword_argument":
-        return f"unknown key; {nearest(KEYS_BY_SYMBOL.get(key, key), _keys_of_table(details['loc'][:-1]))}"
+        return f"unknown key; {nearest(KEYS_BY_SYMBOL.get(key, key), _keys_of_table(details['loc'][:-1], tables))}"
     if kind == "missing":
         return f"is missing; write for example {_EXAMPLES.get(key, key)}"
     if kind in ("dataclass_type", "list_type"):
@@ -87,9 +97,9 @@ def _shorten(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
-def _keys_of_table(location: Sequence[int | str]) -> list[str]:
-    """List the keys that are accepted in the table at a location of a sensor file."""
-    table: Any = SensorTables
+def _keys_of_table(location: Sequence[int | str], tables: type[Any]) -> list[str]:
+    """List the keys that are accepted in the table at a location of a file with the given tables."""
+    table: Any = tables
     for key in location:
         if key in ("layer", "material"):
             table = LayerTable if key == "layer" else MaterialTable

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import detrend
 
 from meshes.array import FloatArray, TexelArray
-from validation.calibration.noise_and_drift import find_load_onset
+from validation.calibration.loading import find_load_onset
 from validation.recordings import RecordedArray, Recording, RecordingError, dsa
 from validation.recordings.series import StampFile
 

@@ -1,0 +1,235 @@
+"""Reduces each recording of a data set to mean images of the pressed array under known loads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import detrend
+
+from meshes.array import FloatArray, TexelArray
+from validation.calibration.loading import find_creep, find_load_onset
+from validation.calibration.observations import Observations
+from validation.data_sets.data_set import DataFile, DataSet
+from validation.data_sets.tables import FORCE
+from validation.recordings.importing import open_recording
+from validation.recordings.recording import BoolArray, RecordedArray, Recording, RecordingError, find_pressed_array
+
+#: Smallest number of frames from which the noise about a straight trend can be estimated [-].
+_FEWEST_FRAMES = 3
+#: Largest number of images that a recording with a force channel is divided into [-].
+_MOST_IMAGES = 24
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Image:
+    """Mean frame of one recording, or of a part of one with a force channel, under a known load.
+
+    Attributes:
+        file: The recording.
+        load: Load on the indenter [N].
+        counts: Mean counts of the n texels, shape (n,) [-].
+        measured: Whether each texel exists and was switched on, shape (n,).
+        temperature: Temperature of the sensor; NaN if unknown [degC].
+        age: Time from loading to the middle of the frames; NaN if the load varies [s].
+        creep: Relative growth of the counts per unit of ln(time), with the threshold added back; NaN if unknown [-].
+        threshold: Counts that the firmware subtracted [-].
+        noise: Standard deviation of a texel's counts about a straight trend, over texels that are never zero [counts].
+        full_scale: Largest count of the array as the recording states it [-].
+        sha256: SHA-256 hash of the file.
+    """
+
+    file: DataFile
+    load: float
+    counts: FloatArray
+    measured: BoolArray
+    temperature: float
+    age: float
+    creep: float
+    threshold: float
+    noise: float
+    full_scale: int
+    sha256: str
+
+    @property
+    def case(self) -> str:
+        """Name that repeats of one load in one series and placement share."""
+        return f"{self.file.placement.name} {self.load:.3g} N"
+
+
+def read_images(data_set: DataSet, array: TexelArray) -> tuple[list[Image], list[str]]:
+    """Read all recordings of a data set.
+
+    Args:
+        data_set: The data set.
+        array: Array of the sensor.
+
+    Returns:
+        The images, and one line for each recording that cannot be used.
+    """
+    images: list[Image] = []
+    problems: list[str] = []
+    first: dict[str, DataFile] = {}
+    for file in data_set.files:
+        try:
+            found = read_image(file, array)
+        except (RecordingError, OSError) as error:
+            problems.append(f"{error}; left out")
+            continue
+        earlier = first.setdefault(found[0].sha256, file)
+        if earlier is file:
+            images += found
+        elif earlier.series != file.series:
+            problems.append(f"{file.path}: the same content as {earlier.path} of another series; left out")
+    return images, problems
+
+
+def observe(images: Sequence[Image]) -> Observations:
+    """Collect images as observations that the forward model is fitted to, or predicts."""
+    return Observations(
+        loads=np.array([image.load for image in images]),
+        counts=np.array([image.counts for image in images]),
+        measured=np.array([image.measured for image in images]),
+        placements=tuple(image.file.placement for image in images),
+        groups=tuple(image.file.name for image in images),
+        temperatures=np.array([image.temperature for image in images]),
+        ages=np.array([image.age for image in images]),
+        thresholds=np.array([image.threshold for image in images]),
+        creep=np.array([image.creep for image in images]),
+    )
+
+
+def read_image(file: DataFile, array: TexelArray) -> list[Image]:
+    """Read one recording and average its frames.
+
+    Args:
+        file: The recording.
+        array: Array of the sensor; the pressed array of the recording must have the same layout.
+
+    Returns:
+        One image; several for a recording with a force channel.
+
+    Raises:
+        RecordingError: If the recording is damaged, from another array, without a load, or too short.
+    """
+    recording = open_recording(file.path)
+    if not len(recording.times):
+        raise RecordingError(f"{file.path}: holds no frames")
+    pressed = _find_array(recording, file, array)
+    counts = pressed.counts.astype(np.float64)
+    threshold = file.threshold
+    if threshold is None:
+        threshold = float(recording.setup.device.get("threshold", 0.0))
+    common = {
+        "file": file,
+        "measured": pressed.enabled & array.active,
+        "threshold": threshold,
+        "full_scale": pressed.full_scale,
+        "sha256": recording.sha256,
+    }
+    if file.load == FORCE:
+        return _average_by_force(recording, file, counts, common)
+    load = file.load if isinstance(file.load, float) else recording.setup.load
+    if load is None:
+        if len(recording.forces):
+            return _average_by_force(recording, file, counts, common)
+        raise RecordingError(
+            f"{file.path}: its load is not known; name it in the data-set file, such as load = '500 g'"
+        )
+    onset = find_load_onset(recording.times, counts)
+    age = recording.times - onset
+    if load > 0 and not counts[-1].any():
+        raise RecordingError(f"{file.path}: not under load at its end; expected a weight that stays on")
+    if age[-1] < file.window[1]:
+        raise RecordingError(
+            f"{file.path}: the load is on for {age[-1]:.1f} s; the window of {file.window[0]:g}..{file.window[1]:g} s "
+            "after loading needs more"
+        )
+    inside = (age >= file.window[0]) & (age < file.window[1])
+    if not inside.any():
+        raise RecordingError(f"{file.path}: no frame {file.window[0]:g}..{file.window[1]:g} s after loading")
+    frames = counts[inside]
+    return [
+        Image(
+            load=load,
+            counts=frames.mean(axis=0),
+            temperature=_find_temperature(recording, file, recording.times[inside]),
+            age=float(age[inside].mean()),
+            creep=find_creep(age, counts, threshold),
+            noise=_noise(frames),
+            **common,  # type: ignore[arg-type]
+        )
+    ]
+
+
+def _find_array(recording: Recording, file: DataFile, array: TexelArray) -> RecordedArray:
+    """Return the pressed array of a recording; it must have the layout of `array`."""
+    index = find_pressed_array(recording) if file.array is None else file.array
+    if index >= len(recording.arrays):
+        raise RecordingError(f"{file.path}: has {len(recording.arrays)} arrays; array = {index} is none of them")
+    pressed = recording.arrays[index]
+    if not pressed.counts.any():
+        raise RecordingError(f"{file.path}: no array was pressed; expected a load on {array.name}")
+    if not pressed.has_layout_of(array):
+        raise RecordingError(
+            f"{file.path}: the pressed array (number {index}: {describe_layout(pressed.texels)}) is not "
+            f"{array.name} ({describe_layout(array)}); expected a recording of that sensor"
+        )
+    return pressed
+
+
+def describe_layout(array: TexelArray) -> str:
+    """Describe columns, rows, number of active texels and pitch of an array, for error messages."""
+    pitch = " x ".join(f"{step * 1e3:g}" for step in array.pitch)
+    return f"{array.columns} x {array.rows}, {int(array.active.sum())} active, pitch {pitch} mm"
+
+
+def _find_temperature(recording: Recording, file: DataFile, times: FloatArray) -> float:
+    """Return the mean temperature at the given times; NaN if neither recording nor data-set file has one [degC]."""
+    if file.temperature is not None:
+        return file.temperature
+    channels = recording.temperatures.shape[1] if recording.temperatures.ndim > 1 else 0
+    if not recording.temperatures.size:
+        return float("nan")
+    if not -channels <= file.temperature_channel < channels:
+        raise RecordingError(
+            f"{file.path}: has {channels} temperature channels; temperature_channel = {file.temperature_channel} is "
+            "none of them"
+        )
+    readings = recording.temperatures[:, file.temperature_channel]
+    return float(np.interp(times, recording.temperature_times, readings).mean())
+
+
+def _average_by_force(
+    recording: Recording, file: DataFile, counts: FloatArray, common: dict[str, object]
+) -> list[Image]:
+    """Average frames with a force channel to images, each of consecutive frames and under its own mean load."""
+    if not len(recording.forces):
+        raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
+    loads = np.interp(recording.times, recording.force_times, recording.forces)
+    pieces = np.array_split(np.arange(len(loads)), min(_MOST_IMAGES, len(loads)))
+    return [
+        Image(
+            load=max(float(loads[piece].mean()), 0.0),
+            counts=counts[piece].mean(axis=0),
+            temperature=_find_temperature(recording, file, recording.times[piece]),
+            age=float("nan"),
+            creep=float("nan"),
+            noise=_noise(counts[piece]),
+            **common,  # type: ignore[arg-type]
+        )
+        for piece in pieces
+    ]
+
+
+def _noise(frames: FloatArray) -> float:
+    """Return the standard deviation of counts about a straight trend in time, over texels that are never zero [counts].
+
+    The result is 0 if there are too few frames or no such texels.
+    """
+    lit = frames[:, frames.min(axis=0) > 0]
+    if len(lit) < _FEWEST_FRAMES or not lit.shape[1]:
+        return 0.0
+    rest = detrend(lit, axis=0)
+    return float(np.sqrt((rest**2).sum() / (rest.size - 2 * lit.shape[1])))

@@ -1,0 +1,368 @@
+"""Scores the forward model, null models and the repeatability on the recordings of a data set, in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel import Electronics, Parameters
+from fastmodel.signal.electronics import grey_levels
+from meshes.array import FloatArray
+from validation.calibration.contact import ContactMethod, make_fast_method, make_reference_method
+from validation.calibration.forward_fit import ForwardFit, borrow_poses, fit_forward, fit_placements
+from validation.calibration.identifiability import describe_fit
+from validation.calibration.parameters import Options
+from validation.campaign.pooling import Pooled, pool, skill
+from validation.data_sets.count_score import CountScore, average_scores, group_by_metric, score_counts
+from validation.data_sets.data_set import DataSet, Split
+from validation.data_sets.images import Image, observe, read_images
+from validation.data_sets.null_models import NULLS
+from validation.errors import InputError
+from validation.sensor_file import SensorDescription
+
+#: Name of the fast model by its default contact method in tables.
+FAST = "fast model"
+#: Power of the load in the weight of a fitted image if every scored load exceeds every fitted one.  An uneven seat
+#: misplaces the smaller a share of a load the heavier it is, so the heaviest images show best what still heavier ones
+#: look like [-].
+_EXTRAPOLATION_POWER = 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingRow:
+    """Row of the table of scores: one model on one split of the recordings into fitted and scored ones.
+
+    Attributes:
+        split: Name of the split.
+        model: Name of the model.
+        kind: `model` (forward model), `null` (null model) or `floor` (repeatability of the recordings).
+        texel_gains: Whether a gain per texel was fitted.
+        fitted: Names of the recordings that the model was fitted to.
+        parameters: The fitted parameters, by name with unit.
+        per_case: Score of each scored case, the mean over its repeated recordings, by name.
+        pooled: Mean score over the scored cases with its bootstrap interval, by metric.
+        skill: 1 - (changed grey of this model) / (changed grey of a null model), by name of the null model [-].
+        electronics: The fitted curve as electronics of the fast model; None for rows without one.
+    """
+
+    split: str
+    model: str
+    kind: str
+    texel_gains: bool
+    fitted: tuple[str, ...]
+    parameters: Mapping[str, float]
+    per_case: Mapping[str, CountScore]
+    pooled: Mapping[str, Pooled]
+    skill: Mapping[str, Pooled]
+    electronics: Electronics | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordingExample:
+    """Tactile images of one scored recording: the recorded image and the image that each model predicts.
+
+    Attributes:
+        split: Name of the split.
+        case: Name of the recording.
+        load: Load [N].
+        recorded: Grey levels of the recorded mean frame, shape (rows, columns) [-].
+        predicted: Predicted grey levels by name of the model, each of shape (rows, columns) [-].
+    """
+
+    split: str
+    case: str
+    load: float
+    recorded: npt.NDArray[np.uint8]
+    predicted: Mapping[str, npt.NDArray[np.uint8]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordingScores:
+    """All scores on the recordings of a data set.
+
+    Attributes:
+        name: Name of the data set.
+        rows: Rows of the table of scores, one per split and model.
+        examples: Images of one scored recording per split.
+        about: Description of each model and each split in one line, by name.
+        notes: What the fitted recordings of each split determine and what they do not, by name of the split.
+        files: SHA-256 hash of each recording, by name of the recording.
+        noise: Root mean square over recordings of the standard deviation of a texel's counts [counts].
+        source: Where the recordings were published.
+        problems: One line per recording, series or split that was left out.
+    """
+
+    name: str
+    rows: tuple[RecordingRow, ...]
+    examples: tuple[RecordingExample, ...]
+    about: Mapping[str, str]
+    notes: Mapping[str, tuple[str, ...]]
+    files: Mapping[str, str]
+    noise: float
+    source: str
+    problems: tuple[str, ...]
+
+    def row(self, split: str, model: str, *, texel_gains: bool = False) -> RecordingRow:
+        """Return the row of a model on a split, with or without texel gains.
+
+        Raises:
+            KeyError: If the table has no such row.
+        """
+        for row in self.rows:
+            if (row.split, row.model, row.texel_gains) == (split, model, texel_gains):
+                return row
+        raise KeyError(f"no row {model!r} in split {split!r}; rows: {sorted({r.model for r in self.rows})}")
+
+
+def score_recordings(
+    data_set: DataSet,
+    sensor: SensorDescription,
+    parameters: Parameters,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> RecordingScores:
+    """Fit models to recordings under known loads, and score them on others; this takes seconds per split.
+
+    Args:
+        data_set: The recordings and the splits.
+        sensor: The sensor that made the recordings: its array, its cover and its largest count.
+        parameters: Parameters of its fast model.
+        progress: Function that is called with a line of text before each step.
+
+    Raises:
+        InputError: If no recording can be used, or no split.
+    """
+    say = progress or (lambda _text: None)
+    say(f"reading {len(data_set.files)} recordings")
+    images, faults = read_images(data_set, sensor.array)
+    problems = [*data_set.problems, *faults]
+    if not images:
+        raise InputError(*problems, f"{data_set.name}: no recording can be used")
+    methods = list_methods(sensor, parameters)
+    tables: list[_SplitTable] = []
+    for split in data_set.splits:
+        try:
+            table = _SplitTable(split, images, sensor)
+        except InputError as error:
+            problems += error.faults
+            continue
+        table.add_nulls()
+        table.add_repeats()
+        for name, method in methods.items():
+            say(f"{split.about}: {name}")
+            table.add_model(name, method)
+        tables.append(table)
+    if not tables:
+        raise InputError(*problems, f"{data_set.name}: no split can be scored")
+    return RecordingScores(
+        name=data_set.name,
+        rows=tuple(row for table in tables for row in table.rows),
+        examples=tuple(table.make_example() for table in tables),
+        about={name: method.about for name, method in methods.items()}
+        | {_SEATED: "as the fast model with texel gains, and a seating height per texel"}
+        | {table.split.name: table.split.about for table in tables},
+        notes={table.split.name: table.notes for table in tables},
+        files={image.file.name: image.sha256 for image in images},
+        noise=float(np.sqrt(np.mean([image.noise**2 for image in images]))),
+        source=data_set.source,
+        problems=tuple(problems),
+    )
+
+
+def list_methods(sensor: SensorDescription, parameters: Parameters) -> dict[str, ContactMethod]:
+    """Return the contact methods that are scored, by name: the fast model's default, its boxes, finite elements."""
+    methods = {FAST: make_fast_method(parameters)}
+    if parameters.cells is not None:
+        methods[f"{FAST}, boxes"] = make_fast_method(parameters, "boxes")
+    methods["reference"] = make_reference_method(sensor.cover, sensor.array)
+    return methods
+
+
+#: Name of the row with seating heights.
+_SEATED = f"{FAST}, seating heights"
+
+
+class _SplitTable:
+    """Builds the rows of the table for one split, and the images of the heaviest scored recording."""
+
+    def __init__(self, split: Split, images: Sequence[Image], sensor: SensorDescription) -> None:
+        """Divide the images into fitted, placing and scored ones.
+
+        Raises:
+            InputError: If a side is empty, a recording stands on two sides, or a pose cannot be known.
+        """
+        self.split, self._sensor = split, sensor
+        self.rows: list[RecordingRow] = []
+        self.notes: tuple[str, ...] = ()
+        self._fitted, self._placed, self._scored = (
+            [image for image in images if any(each.takes(image.file, image.load) for each in side)]
+            for side in (split.fit, split.place, split.score)
+        )
+        _check_sides(split, self._fitted, self._placed, self._scored)
+        self._images: dict[str, npt.NDArray[np.uint8]] = {}
+        self._shown = max(self._scored, key=lambda image: image.load)
+        heavier = min(each.load for each in self._scored) > max(each.load for each in self._fitted)
+        self._borrowed: list[str] = []
+        self._power = _EXTRAPOLATION_POWER if heavier else 1.0
+
+    def add_nulls(self) -> None:
+        """Add a row for each null model, fitted to the same recordings as the models."""
+        fitted = observe(self._fitted)
+        placed = observe(self._placed) if self._placed else None
+        warm = np.isfinite(fitted.temperatures).all()
+        for name, make in NULLS.items():
+            if "temperature" in name and not warm:
+                continue
+            predict = make(fitted, placed, self._sensor.electronics.output_max)
+            counts = np.array([predict(image.load, image.temperature) for image in self._scored])
+            self._add_row(name, self._score_cases(name, counts), kind="null")
+
+    def add_repeats(self) -> None:
+        """Add rows with the differences between repeated recordings of one load, if there are any.
+
+        These differences are the smallest error that any model can be expected to reach.  In the second row, the later
+        recording is scaled to the sum of the earlier one: creep and warming multiply all texels by one factor, so what
+        remains is scatter.
+        """
+        plain: dict[str, list[CountScore]] = {}
+        scaled: dict[str, list[CountScore]] = {}
+        for number, first in enumerate(self._scored):
+            for second in self._scored[number + 1 :]:
+                if first.case == second.case and first.file.path != second.file.path:
+                    ratio = first.counts.sum() / max(float(second.counts.sum()), 1e-9)
+                    plain.setdefault(first.case, []).append(self._score(first, second.counts))
+                    scaled.setdefault(first.case, []).append(self._score(first, ratio * second.counts))
+        for name, scores in (("repeat of the same load", plain), ("repeat, scaled to the same sum", scaled)):
+            if scores:
+                self._add_row(name, scores, kind="floor")
+
+    def add_model(self, name: str, method: ContactMethod) -> None:
+        """Add rows for the forward model with a contact method: without and with texel gains, and seating heights."""
+        options = Options(output_max=float(self._sensor.electronics.output_max), load_power=self._power)
+        self._add_fit(name, self._fit(method, replace(options, gains=False)))
+        with_gains = self._fit(method, options)
+        self._add_fit(name, with_gains)
+        if name == FAST:
+            self.notes = (*self._borrowed, *describe_fit(with_gains))
+            self._add_fit(_SEATED, self._fit(method, replace(options, heights=True)))
+
+    def make_example(self) -> RecordingExample:
+        """Return the recorded and predicted images of the heaviest scored recording."""
+        return RecordingExample(
+            split=self.split.name,
+            case=self._shown.file.name,
+            load=self._shown.load,
+            recorded=self._grey_image(self._shown.counts),
+            predicted=dict(self._images),
+        )
+
+    def _fit(self, method: ContactMethod, options: Options) -> ForwardFit:
+        """Fit the forward model to the fitted recordings, and the scored placements to the placing ones."""
+        found = fit_forward(method, observe(self._fitted), options)
+        if self._placed:
+            found = fit_placements(found, observe(self._placed))
+        found, self._borrowed = borrow_poses(found, observe(self._scored))
+        return found
+
+    def _add_fit(self, name: str, found: ForwardFit) -> None:
+        gains = found.options.gains
+        counts = found.predict(observe(self._scored))
+        label = f"{name}, texel gains" if gains else name
+        shown = self._shown
+        self._add_row(
+            name,
+            self._score_cases(label, counts),
+            kind="model",
+            texel_gains=gains,
+            parameters=found.parameters(),
+            electronics=found.curve.electronics(
+                self._sensor.electronics.rate_hz,
+                temperature=shown.temperature,
+                age=shown.age,
+                threshold=shown.threshold,
+            ),
+        )
+
+    def _score_cases(self, label: str, counts: FloatArray) -> dict[str, list[CountScore]]:
+        """Score predicted counts of all scored images, shape (k, n), and store the image of the example under `label`.
+
+        Returns:
+            Scores of all repeats of each case, by name.
+        """
+        per_case: dict[str, list[CountScore]] = {}
+        for image, predicted in zip(self._scored, counts, strict=True):
+            per_case.setdefault(image.case, []).append(self._score(image, predicted))
+            if image is self._shown:
+                self._images[label] = self._grey_image(predicted)
+        return per_case
+
+    def _score(self, image: Image, predicted: FloatArray) -> CountScore:
+        """Compare predicted counts of the n texels, shape (n,), with one recorded image."""
+        full_scale, array = image.full_scale, self._sensor.array
+        return score_counts(image.counts, predicted, full_scale=full_scale, array=array, measured=image.measured)
+
+    def _grey_image(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
+        """Convert counts, shape (n,), to grey levels, shape (rows, columns); texels that do not measure are black."""
+        array = self._sensor.array
+        grey = grey_levels(np.where(self._shown.measured, counts, 0.0), self._shown.full_scale)
+        return np.asarray(array.image(np.asarray(grey)))
+
+    def _add_row(
+        self,
+        name: str,
+        scores: Mapping[str, list[CountScore]],
+        *,
+        kind: str,
+        texel_gains: bool = False,
+        parameters: Mapping[str, float] = MappingProxyType({}),
+        electronics: Electronics | None = None,
+    ) -> None:
+        per_case = {case: average_scores(each) for case, each in scores.items()}
+        nulls = [row for row in self.rows if row.kind == "null" and kind != "floor"]
+        self.rows.append(
+            RecordingRow(
+                split=self.split.name,
+                model=name,
+                kind=kind,
+                texel_gains=texel_gains,
+                fitted=() if kind == "floor" else tuple(image.file.name for image in (*self._fitted, *self._placed)),
+                parameters=dict(parameters),
+                per_case=per_case,
+                pooled={metric: pool(list(values)) for metric, values in group_by_metric(per_case.values())},
+                skill={row.model: skill(_images_changed(per_case), _images_changed(row.per_case)) for row in nulls},
+                electronics=electronics,
+            )
+        )
+
+
+def _check_sides(split: Split, fitted: Sequence[Image], placed: Sequence[Image], scored: Sequence[Image]) -> None:
+    """Check that no side of a split is empty and that no recording stands on two sides.
+
+    Raises:
+        InputError: With the fault.
+    """
+    where = f"split {split.name!r}"
+    for side, found, selections in (("fit", fitted, 1), ("place", placed, len(split.place)), ("score", scored, 1)):
+        if selections and not found:
+            raise InputError(f"{where}: no usable recording to {side}; it is left out")
+    seen = {image.sha256: "fitted" for image in fitted}
+    for image in placed:
+        if image.sha256 in seen:
+            raise InputError(
+                f"{where}: {image.file.name} is fitted and placed; expected one of the two; it is left out"
+            )
+    seen |= {image.sha256: "used to place the indenter" for image in placed}
+    both = sorted({image.file.name for image in scored if image.sha256 in seen})
+    if both:
+        raise InputError(
+            f"{where}: {', '.join(both[:3])}{' and others' if both[3:] else ''} would be scored, and is fitted or "
+            "placed too; a recording that was fitted is never scored; it is left out"
+        )
+
+
+def _images_changed(per_case: Mapping[str, CountScore]) -> list[float]:
+    return [score.image_changed_percent for score in per_case.values()]
