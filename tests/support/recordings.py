@@ -1,5 +1,6 @@
 """Recordings for tests, and their comparison."""
 
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from hypothesis.extra.numpy import arrays
 from meshes import TexelArray
 from validation.recordings.recording import RecordedArray, Recording, Setup
 
+#: Folder of the published recordings, where it is named and exists.
+RECORDINGS = Path(os.environ["SOFTCOVER_RECORDINGS"]) if os.environ.get("SOFTCOVER_RECORDINGS") else None
 #: Text that a user may write: any characters of one line.
 LINES = st.text(st.characters(exclude_categories=["C", "Z"]), max_size=20)
 _LENGTHS = st.floats(1e-4, 0.1)

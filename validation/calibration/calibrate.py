@@ -23,7 +23,8 @@ from fastmodel.signal.electronics import WTS_0614_34
 from fastmodel.signal.point_spread import Gaussian
 from meshes import Indenter, TexelArray
 from validation.calibration.curve_fit import CurveForm, FittedCurve, Observations, fit_curve
-from validation.calibration.noise_and_drift import Estimate, find_load_onset, measure_noise_and_drift
+from validation.calibration.loading import find_load_onset
+from validation.calibration.noise_and_drift import Estimate, measure_noise_and_drift
 from validation.metrics import centre_of_pressure
 from validation.recordings.recording import FloatArray, Recording, RecordingError
 

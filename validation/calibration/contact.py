@@ -176,6 +176,6 @@ def _bin_forces(contact: FloatArray, edge: float) -> tuple[FloatArray, FloatArra
     squares = np.floor(pressed[:, :2] / edge).astype(np.int64)
     _, index = np.unique(squares, axis=0, return_inverse=True)
     index = index.ravel()
-    forces = np.bincount(index, pressed[:, 2])
+    forces = np.asarray(np.bincount(index, pressed[:, 2]), dtype=np.float64)
     centres = [np.bincount(index, pressed[:, 2] * pressed[:, axis]) / forces for axis in (0, 1)]
     return np.column_stack(centres), forces

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from meshes.array import FloatArray, TexelArray
@@ -23,14 +24,16 @@ from validation.calibration.parameters import Layout, Options, choose_terms
 from validation.metrics import centre_of_pressure
 
 #: Repetitions of the fit, in which the scale of the residual and the weights of the images settle [-].
-_ROUNDS = 4
+_ROUNDS = 3
+#: Tolerance of the solver on cost and parameters, and its largest number of steps in a repetition [-].
+_TOLERANCE, _MOST_STEPS = 1e-5, 25
 #: Smallest scale of the residual: rounding to whole counts [counts].
 _LEAST_SCALE = 0.5
 #: Root mean square residual of an image over the median of all, from which its weight falls (Huber) [-].
 _HUBER = 2.0
 #: Weight of an image below which it is reported as an outlier [-].
 _OUTLIER = 0.5
-#: First guess of the scale of the residual [counts], and smallest load over the largest by which images are weighed [-].
+#: First guess of the scale of the residual [counts]; smallest load over the largest by which images are weighed [-].
 _FIRST_SCALE, _LEAST_EMPHASIS = 100.0, 0.05
 #: Step of finite differences in a position, in pitches, and in an angle [rad].
 _POSITION_STEP, _ANGLE_STEP = 0.03, 0.02
@@ -69,7 +72,7 @@ class ForwardFit:
     vector: FloatArray
     jacobian: FloatArray
     residual: FloatArray
-    index: FloatArray
+    index: npt.NDArray[np.intp]
     prior: FloatArray
     scale: float
     rms: float
@@ -165,11 +168,16 @@ def fit_forward(
     if not len(observations.loads) or not observations.counts.any():
         raise ValueError("the recordings to fit show no load")
     chosen = choose_terms(options, observations)
-    problem = _Problem(method, observations, chosen, start)
+    return _solve(_Problem(method, observations, chosen, start))
+
+
+def _solve(problem: _Problem) -> ForwardFit:
+    """Repeat the fit until the scale of the residual and the weights of the images have settled."""
+    method, observations, chosen = problem.method, problem.observations, problem.options
     loads = observations.loads / max(float(observations.loads.max()), 1e-9)
     emphasis = np.maximum(loads, _LEAST_EMPHASIS) ** chosen.load_power
     vector, scale, weights = problem.layout.start, _FIRST_SCALE, emphasis
-    for turn in range(_ROUNDS):
+    for _ in range(_ROUNDS):
         problem.scale, problem.weights = scale, weights
         solution = least_squares(
             problem.residuals,
@@ -177,9 +185,9 @@ def fit_forward(
             jac=problem.jacobian,
             bounds=(problem.layout.lower, problem.layout.upper),
             x_scale=problem.layout.scale,
-            ftol=1e-6,
-            xtol=1e-6,
-            max_nfev=25 if turn else 40,
+            ftol=_TOLERANCE,
+            xtol=_TOLERANCE,
+            max_nfev=_MOST_STEPS,
         )
         vector = solution.x
         misfit = problem.misfit(vector)
@@ -265,7 +273,9 @@ class _Problem:
         self.method, self.observations, self.options = method, observations, options
         self.scale, self.weights = 1.0, np.ones(len(observations.loads))
         guesses = {each: _guess_pose(each, observations, method.array) for each in self._placements()}
-        self.layout = Layout.build(observations, options, method.array, guesses, start)
+        if start:
+            guesses = {each: start.poses.get(each.name, pose) for each, pose in guesses.items()}
+        self.layout = Layout.build(observations, options, method.array, guesses, start.curve if start else None)
 
     def _placements(self) -> Sequence[Placement]:
         return list(dict.fromkeys(self.observations.placements))

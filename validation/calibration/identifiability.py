@@ -2,8 +2,8 @@
 
 All images of one recording have common errors (placement, drift, history of the rubber).  The uncertainty therefore
 depends on the number of recordings.  The covariance is the cluster-robust estimate with the CR3 correction (Bell and
-McCaffrey 2002), close to a jackknife over recordings, extended by the variance of the priors.  Intervals use Student's t
-with the degrees of freedom of the recordings that bear on a parameter.
+McCaffrey 2002), close to a jackknife over recordings, extended by the variance of the priors.  Intervals use Student's
+t with the degrees of freedom of the recordings that bear on a parameter.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncert
     names = list(dict.fromkeys(fit.observations.groups))
     if len(names) < FEWEST_RECORDINGS:
         raise ValueError(f"{len(names)} recordings give no interval; at least {FEWEST_RECORDINGS} are needed")
-    group = np.array([names.index(each) for each in fit.observations.groups])[fit.index.astype(int)]
+    group = np.array([names.index(each) for each in fit.observations.groups])[fit.index]
     jacobian, residual = fit.jacobian, fit.residual
     information = jacobian.T @ jacobian + np.diag(fit.prior)
     bread = np.linalg.pinv(information, hermitian=True)
@@ -101,8 +101,8 @@ def describe_fit(fit: ForwardFit) -> Iterator[str]:
     creep = seen.creep[np.isfinite(seen.creep)]
     if creep.size:
         yield (
-            f"creep: counts grow as 1 + c ln(t / 2 s) with c = {np.median(creep):.3f} ({creep.min():.3f}..{creep.max():.3f} "
-            f"in {creep.size} recordings); a time constant cannot be identified"
+            f"creep: counts grow as 1 + c ln(t / 2 s) with c = {np.median(creep):.3f} ({creep.min():.3f}.."
+            f"{creep.max():.3f} in {creep.size} recordings); a time constant cannot be identified"
         )
     if fit.outliers:
         yield f"little weight, because their residual is large: {', '.join(fit.outliers)}"
@@ -139,7 +139,8 @@ def _describe_pose(fit: ForwardFit) -> Iterator[str]:
         if part < 2:  # noqa: PLR2004 -- x and y
             growth = float(np.sqrt(with_gains[number] / max(without[number], 1e-300)))
             if growth > _CONFOUNDED:
+                error = 1e3 * float(np.sqrt(with_gains[number]))
                 yield (
-                    f"{layout.names[number]} of the indenter in {name!r} is known to {1e3 * np.sqrt(with_gains[number]):.2g} mm, "
-                    f"{growth:.0f} times worse than without gains: gains take up a shift"
+                    f"{'xy'[part]} of the indenter in {name!r} is known to {error:.2g} mm, {growth:.0f} times worse "
+                    "than without gains: gains take up a shift"
                 )

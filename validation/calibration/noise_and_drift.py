@@ -12,13 +12,9 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from validation.calibration.curve_fit import FittedCurve, Observations
+from validation.calibration.loading import find_load_onset
 from validation.recordings.recording import FloatArray, Recording
 
-#: Sum of counts over its final value [-]: the load counts as applied from the time after which the sum of counts stays
-#: above this share.
-_APPLIED_SHARE = 0.5
-#: Length of the part at the end of a recording whose median sum of counts is the final value [s].
-_FINAL_PERIOD = 2.0
 #: Drift is the relative change of the sum of counts between these two times after the load was applied [s].
 _DRIFT_AGES = (2.0, 12.0)
 #: Half the length of the interval around each of the two times of `_DRIFT_AGES` over which frames are averaged [s].
@@ -89,22 +85,6 @@ def measure_noise_and_drift(
             found[name] = Estimate.symmetric(float(np.mean(values)), float(half), unit, f"{len(values)} recordings")
     repeated = _repeatability(_at_one_temperature(observations, line), texels, confidence)
     return found if repeated is None else {**found, "hysteresis": repeated}
-
-
-def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
-    """Find the time from which the sum of counts stays above half its final value.
-
-    Args:
-        times: Times of the frames, shape (frames,) [s].
-        counts: Counts of the n texels, shape (frames, n) [-].
-
-    Returns:
-        Time at which the load was applied; the time of the last frame if the recording ends without load [s].
-    """
-    total = counts.sum(axis=1)
-    final = float(np.median(total[times >= times[-1] - _FINAL_PERIOD]))
-    below = np.flatnonzero((total < _APPLIED_SHARE * final) | (final <= 0))
-    return float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])
 
 
 def _at_one_temperature(observations: Sequence[Observations], line: FittedCurve) -> list[Observations]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,6 @@ from meshes.array import FloatArray
 from validation.calibration.contact import Pose
 from validation.calibration.counts import CountCurve
 from validation.calibration.observations import Observations, Placement
-
-if TYPE_CHECKING:
-    from validation.calibration.forward_fit import ForwardFit
 
 IntArray = npt.NDArray[np.intp]
 
@@ -190,17 +187,16 @@ class Layout:
         options: Options,
         array: TexelArray,
         guesses: dict[Placement, Pose],
-        start: ForwardFit | None,
+        curve: CountCurve | None,
     ) -> Layout:
-        """Lay out the parameters of a fit; poses and curve start from those of `start`, if given."""
+        """Lay out the parameters of a fit from guessed poses and a curve to start from; None guesses a line."""
         entries = _Entries()
         parts = []
-        for placement, guess in guesses.items():
-            pose = start.poses.get(placement.name, guess) if start else guess
+        for placement, pose in guesses.items():
             for part, value in _list_pose_parts(placement, pose):
                 parts.append((placement.name, part))
                 entries.add_pose(f"{placement.name} {_PARTS[part]}", part, value, array)
-        fixed = start.curve if start else _guess_curve(observations, options, array)
+        fixed = curve or _guess_curve(observations, options, array)
         lit = observations.measured & (observations.counts > 0)
         texels = np.flatnonzero(lit.any(axis=0))
         none = np.empty(0, dtype=np.intp)
@@ -269,7 +265,7 @@ class _Entries:
         else:
             self.add(name, value, scale=0.01, bounds=(-0.1, 0.1), prior=(0.0, _TILT_SPREAD))
 
-    def arrays(self) -> dict[str, object]:
+    def arrays(self) -> dict[str, Any]:
         """Return names, starts, bounds, scales and priors by the names of `Layout`."""
         names = tuple(row[0] for row in self._rows)
         numbers = np.array([row[1:] for row in self._rows]).reshape(-1, 6).T

@@ -11,7 +11,6 @@ import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -32,7 +31,8 @@ from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.calibration.stamp import StampScores
+    from validation.data_sets.data_set import DataSet
+    from validation.data_sets.score import RecordingScores
 
 
 class Progress(Protocol):
@@ -70,7 +70,7 @@ class Evaluation:
     campaign: CampaignResult
     verdict: Verdict
     evidence: Evidence
-    recordings: StampScores | None
+    recordings: RecordingScores | None
     recorded: SensorDescription
     seconds: Mapping[str, float]
     versions: Mapping[str, str]
@@ -101,7 +101,7 @@ class Evaluation:
 def evaluate(
     sensor: SensorDescription,
     *,
-    recordings: Path | None = None,
+    recordings: DataSet | None = None,
     recorded: SensorDescription | None = None,
     campaign: Campaign | None = None,
     cases: Sequence[Case] | None = None,
@@ -114,7 +114,7 @@ def evaluate(
 
     Args:
         sensor: Array, cover and electronics of the sensor, and friction for the finite elements of the campaign.
-        recordings: Folder with recordings under a series of known weights; None for none.
+        recordings: Recordings under known loads; None for none.
         recorded: The sensor that made the recordings; `sensor` if None.
         campaign: Cases, intended use and acceptance criterion; the default campaign if None.
         cases: Indentations that replace those of the campaign; None to keep these.
@@ -130,11 +130,7 @@ def evaluate(
     _check_wide(sensor)
     clock = [time.perf_counter()]
     # Recordings are scored first, so that a fault in them is reported before the long computations.
-    scores = None
-    if recordings is not None:
-        from validation.calibration.stamp import score_recordings
-
-        scores = score_recordings(recordings, recorded or sensor, progress=progress)
+    scores = None if recordings is None else _score_recordings(recordings, recorded or sensor, progress)
     clock.append(time.perf_counter())
     plan = campaign or read_campaign(None, sensor.array)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
@@ -158,6 +154,17 @@ def evaluate(
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
         versions=versions(),
     )
+
+
+def _score_recordings(data_set: DataSet, recorded: SensorDescription, progress: Progress | None) -> RecordingScores:
+    """Score the fast model of the sensor that made the recordings, with its parameters derived or from the package."""
+    import fastmodel
+    from validation.data_sets.score import score_recordings
+    from validation.sensor_file import BUILT_IN
+
+    built_in = recorded is BUILT_IN.get(recorded.name)
+    parameters = fastmodel.load(recorded.name) if built_in else derive(recorded, progress=progress).parameters
+    return score_recordings(data_set, recorded, parameters, progress=progress)
 
 
 def _check_wide(sensor: SensorDescription) -> None:

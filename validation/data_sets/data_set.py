@@ -153,7 +153,7 @@ def read_tables(path: Path) -> DataSetTables:
     except ValidationError as error:
         raise InputError(*(f"{path}: {line}" for line in list_faults(error, DataSetTables))) from None
     for kind, names in (("series", tables.series), ("split", tables.split)):
-        given = [each.name for each in names]  # type: ignore[attr-defined]
+        given = [each.name for each in names]
         if twice := sorted({name for name in given if given.count(name) > 1}):
             raise InputError(f"{path}: {kind} {twice[0]!r} stands twice; expected different names")
     return tables
@@ -234,7 +234,8 @@ def _find_fault_of_split(table: SplitTable, series: Sequence[SeriesTable]) -> st
             if selection.series not in uses:
                 return f"unknown series {selection.series!r}; {nearest(selection.series, uses)}"
             if use not in uses[selection.series]:
-                return f"series {selection.series!r} has use = {uses[selection.series]}, which does not allow {use!r}"
+                given = list(uses[selection.series])
+                return f"series {selection.series!r} has use = {given}, which does not allow {use!r}"
     return ""
 
 

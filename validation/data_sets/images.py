@@ -137,8 +137,18 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
         raise RecordingError(
             f"{file.path}: its load is not known; name it in the data-set file, such as load = '500 g'"
         )
-    onset = find_load_onset(recording.times, counts)
-    age = recording.times - onset
+    return [_average_steady(recording, file, counts, load, common)]
+
+
+def _average_steady(
+    recording: Recording, file: DataFile, counts: FloatArray, load: float, common: dict[str, object]
+) -> Image:
+    """Average the frames in the window after the load was applied.
+
+    Raises:
+        RecordingError: If the load does not stay on, or not for long enough.
+    """
+    age = recording.times - find_load_onset(recording.times, counts)
     if load > 0 and not counts[-1].any():
         raise RecordingError(f"{file.path}: not under load at its end; expected a weight that stays on")
     if age[-1] < file.window[1]:
@@ -150,17 +160,15 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
     if not inside.any():
         raise RecordingError(f"{file.path}: no frame {file.window[0]:g}..{file.window[1]:g} s after loading")
     frames = counts[inside]
-    return [
-        Image(
-            load=load,
-            counts=frames.mean(axis=0),
-            temperature=_find_temperature(recording, file, recording.times[inside]),
-            age=float(age[inside].mean()),
-            creep=find_creep(age, counts, threshold),
-            noise=_noise(frames),
-            **common,  # type: ignore[arg-type]
-        )
-    ]
+    return Image(
+        load=load,
+        counts=frames.mean(axis=0),
+        temperature=_find_temperature(recording, file, recording.times[inside]),
+        age=float(age[inside].mean()),
+        creep=find_creep(age, counts, float(common["threshold"])),  # type: ignore[arg-type]
+        noise=_noise(frames),
+        **common,  # type: ignore[arg-type]
+    )
 
 
 def _find_array(recording: Recording, file: DataFile, array: TexelArray) -> RecordedArray:

@@ -26,6 +26,8 @@ from validation.sensor_file import SensorDescription
 
 #: Name of the fast model by its default contact method in tables.
 FAST = "fast model"
+#: Largest number of lines about recordings if none can be used [-].
+_MOST_LINES = 5
 #: Power of the load in the weight of a fitted image if every scored load exceeds every fitted one.  An uneven seat
 #: misplaces the smaller a share of a load the heavier it is, so the heaviest images show best what still heavier ones
 #: look like [-].
@@ -141,7 +143,8 @@ def score_recordings(
     images, faults = read_images(data_set, sensor.array)
     problems = [*data_set.problems, *faults]
     if not images:
-        raise InputError(*problems, f"{data_set.name}: no recording can be used")
+        more = [f"and {len(problems) - _MOST_LINES} more"] if len(problems) > _MOST_LINES else []
+        raise InputError(*problems[:_MOST_LINES], *more, f"{data_set.name}: no recording can be used")
     methods = list_methods(sensor, parameters)
     tables: list[_SplitTable] = []
     for split in data_set.splits:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from fastmodel.signal.electronics import describe_calibration
-from validation.calibration.stamp import StampScores
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.metric_text import METRICS
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, CaseResult
+from validation.data_sets.score import RecordingScores
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.comparison import comparison_contents
@@ -101,7 +101,7 @@ def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
     return tiles
 
 
-def _recordings_tile(scores: StampScores) -> dict[str, str]:
+def _recordings_tile(scores: RecordingScores) -> dict[str, str]:
     fast = scores.row(_TILE_SPLIT, "fast model").pooled["image_changed_percent"]
     null = best_null(scores, _TILE_SPLIT)
     return {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from meshes import TexelArray
-from validation.calibration.stamp import StampExample, StampRow, StampScores
+from validation.data_sets.score import FAST, RecordingExample, RecordingRow, RecordingScores
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
 
 #: Columns of the tables: name of the metric, heading, factor from the metric's value to the printed unit, printed unit.
@@ -22,22 +22,22 @@ COLUMNS = (
     ("active_area_iou", "active-area IoU", 1.0, ""),
 )
 #: Models whose images are shown next to the recorded image; the image of the best null model follows them.
-_SHOWN = ("fast model", "fast model, texel gains", "reference")
+_SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
 
 
-def best_null(scores: StampScores, split: str) -> StampRow:
+def best_null(scores: RecordingScores, split: str) -> RecordingRow:
     """Find the null model (a prediction without a sensor model) with the smallest mean change of the image.
 
     Args:
         scores: Scores against the recordings.
-        split: Name of the division of the recordings into fitted and scored weights.
+        split: Name of the division of the recordings into fitted and scored recordings.
     """
     nulls = [row for row in scores.rows if (row.split, row.kind) == (split, "null")]
     return min(nulls, key=lambda row: row.pooled["image_changed_percent"].mean)
 
 
-def recordings_contents(scores: StampScores, array: TexelArray) -> dict[str, Any]:
-    """Return tables and images for each division of the recordings into fitted and scored weights (split).
+def recordings_contents(scores: RecordingScores, array: TexelArray) -> dict[str, Any]:
+    """Return tables and images for each division of the recordings into fitted and scored recordings (split).
 
     Args:
         scores: Scores against the recordings.
@@ -55,7 +55,7 @@ def recordings_contents(scores: StampScores, array: TexelArray) -> dict[str, Any
     }
 
 
-def _split(scores: StampScores, split: str, array: TexelArray) -> dict[str, Any]:
+def _split(scores: RecordingScores, split: str, array: TexelArray) -> dict[str, Any]:
     null = best_null(scores, split).model
     rows = [row for row in scores.rows if row.split == split]
     example = next(example for example in scores.examples if example.split == split)
@@ -63,19 +63,18 @@ def _split(scores: StampScores, split: str, array: TexelArray) -> dict[str, Any]
         "about": scores.about[split],
         "rows": [_row(row, null) for row in rows],
         "null": null,
-        "fitted": ", ".join(rows[0].fitted),
+        "notes": scores.notes.get(split, ()),
+        "fitted": ", ".join(next((row.fitted for row in rows if row.fitted), ())),
         "scored": ", ".join(rows[0].per_case),
         "example": example,
         "images": _images(example, array, (*_SHOWN, null)),
         "parameters": {
-            "fast model" + (", texel gains" if row.texel_gains else ""): row.parameters
-            for row in rows
-            if row.model == "fast model"
+            FAST + (", texel gains" if row.texel_gains else ""): row.parameters for row in rows if row.model == FAST
         },
     }
 
 
-def _row(row: StampRow, null: str) -> dict[str, Any]:
+def _row(row: RecordingRow, null: str) -> dict[str, Any]:
     return {
         "model": row.model,
         "kind": "with texel gains" if row.texel_gains else {"null": "null", "floor": "repeatability"}.get(row.kind, ""),
@@ -84,7 +83,7 @@ def _row(row: StampRow, null: str) -> dict[str, Any]:
     }
 
 
-def _images(example: StampExample, array: TexelArray, names: Sequence[str]) -> dict[str, Any]:
+def _images(example: RecordingExample, array: TexelArray, names: Sequence[str]) -> dict[str, Any]:
     recorded = example.recorded.astype(np.float64).ravel()
     shown = {name: example.predicted[name].astype(np.float64).ravel() for name in names if name in example.predicted}
     grey = Scale(

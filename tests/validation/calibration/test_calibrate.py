@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from meshes import Box, Sphere, TexelArray
 from tests.support.calibration import SHARES, make_recording
 from validation.calibration.calibrate import calibrate, flat_shares
-from validation.recordings.importing import open_recording, relabel
 from validation.recordings.recording import RecordingError, Setup, make_array
-from validation.recordings.series import STAMP_EDGE, THRESHOLD, find_recordings_folder, find_stamp_files
 
 
 def test_the_effect_of_temperature_is_found():
@@ -64,38 +62,6 @@ def test_recordings_that_cannot_be_calibrated_are_refused():
         calibrate([make_recording(0, 2.0), empty], shares=SHARES)
     with pytest.raises(RecordingError, match="several thresholds"):
         calibrate([make_recording(0, 2.0), other], shares=SHARES)
-
-
-@pytest.fixture(scope="module")
-def weights():
-    folder = find_recordings_folder()
-    if folder is None:
-        pytest.skip("the recordings are not here")
-    files = [file for file in find_stamp_files(folder) if file.condition == "room"]
-    return {file: relabel(open_recording(file.path), Setup(load=file.load)) for file in files}
-
-
-def test_odd_weights_predict_even_ones(weights):
-    """Better than the null that knows no sensor: a quadratic per texel misses by 0.75 % of full scale."""
-    odd = [recording for file, recording in weights.items() if file.letter in "ACEG"]
-    even = [recording for file, recording in weights.items() if file.letter in "BDFH"]
-    array = odd[0].arrays[1].texels
-    shares = flat_shares(array, Box(size=(STAMP_EDGE, STAMP_EDGE, 5e-3)), at=(-0.7e-3, 11.1e-3))
-    found = calibrate(odd, shares=shares, array=1, threshold=THRESHOLD)
-    misfit = []
-    for recording in even:
-        steady = recording.arrays[1].counts[-200:-100, found.texels].mean(axis=0)
-        one = replace(
-            found.observations,
-            loads=np.array([recording.setup.load]),
-            counts=steady[None],
-            groups=("x",),
-            temperatures=np.zeros(1),
-        )
-        misfit.append(np.abs(found.line.predict(one) - steady).sum() / (4095 * 68))
-    assert np.mean(misfit) < 0.0075
-    assert found.estimates["hysteresis"].low > 0
-    assert found.estimates["sensitivity"].low > 1000
 
 
 @given(st.floats(3e-3, 12e-3), st.floats(-2e-3, 2e-3), st.floats(-2e-3, 2e-3))

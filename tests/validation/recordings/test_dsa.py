@@ -1,7 +1,6 @@
 """The `.dsa` reader: what it returns, and that damage is never read as numbers."""
 
 import bz2
-import os
 import re
 import struct
 from pathlib import Path
@@ -10,9 +9,10 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
+from tests.support.recordings import RECORDINGS
 from validation.recordings import Recording, RecordingError, dsa
 
-REAL = Path(os.environ.get("SOFTCOVER_RECORDINGS", Path(__file__).parents[4] / "shared" / "recordings"))
+REAL = RECORDINGS or Path("nowhere")
 SIZES = [(6, 14), (6, 13)]
 TEXELS = 84 + 78
 

@@ -1,20 +1,17 @@
 """Recordings of every format are opened, labelled and saved as MCAP with the same values."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from tests.support.recordings import find_differences, recordings
+from tests.support.recordings import RECORDINGS, find_differences, recordings
 from tests.support.ros_bags import write_bag
 from validation.recordings import RecordingError, Setup
 from validation.recordings.importing import add_forces, open_recording, relabel, save
 
-FOLDER = Path(os.environ.get("SOFTCOVER_RECORDINGS", "../shared/recordings"))
-FILES = sorted(FOLDER.rglob("*.dsa"))
+FILES = [] if RECORDINGS is None else sorted(RECORDINGS.rglob("*.dsa"))
 CSV = "# rows = 2\ntime,force,temperature,a,b,c,d\n10.0,0.1,30.5,0,1,2,3\n10.5,0.2,30.6,4,5,6,4095\n"
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
-from validation.calibration.stamp import CountScore, StampExample, StampRow, StampScores
 from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.evaluation import Evaluation
@@ -15,6 +14,8 @@ from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
 from validation.campaign.verdict import judge
 from validation.credibility.evidence import gather_evidence
+from validation.data_sets.count_score import CountScore
+from validation.data_sets.score import RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import Score
 from validation.report import write_report
 from validation.sensor_file import load
@@ -46,7 +47,7 @@ def draw_estimates():
 
 def draw_row(split, model, *, gains):
     nulls = {"zeros": draw_pooled(), "line per texel": draw_pooled()} if model == "fast model" else {}
-    return StampRow(
+    return RecordingRow(
         split=split,
         model=model,
         kind="model" if model == "fast model" else "null",
@@ -63,10 +64,11 @@ def draw_row(split, model, *, gains):
 @pytest.fixture(scope="module")
 def recordings():
     splits = ("between", "heavier")
-    return StampScores(
+    return RecordingScores(
+        name="made up",
         rows=tuple(draw_row(split, model, gains=gains) for split in splits for model, gains in STAMP_MODELS),
         examples=tuple(
-            StampExample(
+            RecordingExample(
                 split=split,
                 case="room H1",
                 load=8.8,
@@ -77,7 +79,8 @@ def recordings():
         ),
         about=dict.fromkeys((*splits, "fast model"), "some words"),
         files={},
-        window=(5.0, 10.0),
+        notes=dict.fromkeys(splits, ("a note",)),
+        problems=("a file is damaged",),
         noise=9.0,
         source="nowhere",
     )

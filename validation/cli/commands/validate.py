@@ -19,12 +19,13 @@ from validation.cli.output import describe_cover, print_json, print_table, say, 
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from validation.calibration.stamp import StampScores
     from validation.campaign.campaign_file import Campaign
     from validation.campaign.evaluation import Evaluation
     from validation.campaign.metric_text import Metric
     from validation.campaign.pooling import Pooled
     from validation.campaign.results import CampaignResult, RowScores
+    from validation.data_sets.data_set import DataSet
+    from validation.data_sets.score import RecordingScores
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
@@ -32,7 +33,10 @@ _Campaign = Annotated[
     Path | None, Parameter(name="--campaign", help="Campaign file: cases and what is required of the fast model.")
 ]
 _Quick = Annotated[bool, Parameter(name="--quick", help="Six cases instead of all.")]
-_Recordings = Annotated[Path | None, Parameter(help="Folder with recordings of a real sensor under known weights.")]
+_Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
+_DataSet = Annotated[
+    str | None, Parameter(name="--data-set", help="Data-set file, or kiechle-sdh2; that in the folder when not given.")
+]
 
 #: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
@@ -57,12 +61,12 @@ def demo(
         softcover demo --out my-report
         softcover demo --recordings ~/recordings
     """
-    from validation.recordings.series import find_recordings_folder
+    from validation.data_sets.locate import find_data_set
     from validation.sensor_file import BUILT_IN
 
-    folder = find_recordings_folder(recordings)
+    data_set = find_data_set(recordings)
     campaign = _read_campaign(None, BUILT_IN[_DEMO], quick=quick)
-    return _evaluate(BUILT_IN[_DEMO], campaign, out, recordings=folder, recorded=BUILT_IN[_RECORDED], json=json)
+    return _evaluate(BUILT_IN[_DEMO], campaign, out, recordings=data_set, recorded=BUILT_IN[_RECORDED], json=json)
 
 
 def validate(
@@ -71,6 +75,7 @@ def validate(
     campaign: _Campaign = None,
     quick: _Quick = False,
     recordings: _Recordings = None,
+    data_set: _DataSet = None,
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
@@ -87,18 +92,19 @@ def validate(
         softcover validate sensor.toml --out my-report
         softcover validate sensor.toml --quick
         softcover validate sensor.toml --campaign mine.toml
-        softcover validate sdh2-distal --recordings ~/recordings
+        softcover validate sdh2-distal --recordings ~/tactile-sensors
+        softcover validate sensor.toml --recordings data-set.toml
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
     """
     from validation.cli.sensors import read_description
-    from validation.recordings.series import find_recordings_folder
+    from validation.data_sets.locate import find_data_set
 
     description = read_description(sensor, material=material, thickness=thickness, layers=layer)
-    # Recordings belong to one sensor.  Those in the default folder may be of another sensor, so only a folder that the
-    # user names is used.
-    folder = None if recordings is None else find_recordings_folder(recordings)
+    # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
+    # that the user names are used.
+    found = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
     plan = _read_campaign(campaign, description, quick=quick)
-    return _evaluate(description, plan, out, recordings=folder, recorded=description, json=json)
+    return _evaluate(description, plan, out, recordings=found, recorded=description, json=json)
 
 
 def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool) -> Campaign:
@@ -116,7 +122,7 @@ def _evaluate(
     campaign: Campaign,
     out: Path,
     *,
-    recordings: Path | None,
+    recordings: DataSet | None,
     recorded: SensorDescription,
     json: bool,
 ) -> int:
@@ -126,7 +132,7 @@ def _evaluate(
         sensor: The sensor to evaluate.
         campaign: Cases, intended use and acceptance criterion.
         out: Folder of the report.
-        recordings: Folder of recordings, or None.
+        recordings: Recordings under known loads, or None.
         recorded: The sensor that made the recordings.
         json: Whether to print the numbers as JSON instead of tables.
 
@@ -192,6 +198,8 @@ def _tell_friction(sensor: SensorDescription) -> None:
 
 def _tell_problems(evaluation: Evaluation) -> None:
     """Print the cases without scores and the warnings, each on one line."""
+    for line in evaluation.recordings.problems if evaluation.recordings else ():
+        say(f"softcover: recordings: {line}")
     for each in evaluation.campaign.skipped:
         say(f"not scored: {each.case.name} ({each.case.shape}, {each.case.load:.3g} N): {each.reason}")
     for result in evaluation.campaign.cases:
@@ -233,8 +241,12 @@ def _print(evaluation: Evaluation) -> None:
         print_table(
             ("model", *(scores.about[split] for split in splits)),
             _list_recording_scores(scores, splits),
-            title="Against recordings: image changed [%] on weights that were not fitted",
+            title="Against recordings: image changed [%] on loads that were not fitted",
         )
+        for split, notes in scores.notes.items():
+            show(f"{scores.about[split]}:")
+            for note in notes:
+                _show_wrapped(f"- {note}", indent="  ")
 
 
 def _show_wrapped(text: str, *, indent: str = "") -> None:
@@ -273,7 +285,7 @@ def _format_pooled(value: Pooled, metric: Metric) -> str:
     return f"{mean:.2g} ({low:.2g}..{high:.2g})"
 
 
-def _list_recording_scores(scores: StampScores, splits: list[str]) -> Iterator[tuple[str, ...]]:
+def _list_recording_scores(scores: RecordingScores, splits: list[str]) -> Iterator[tuple[str, ...]]:
     """Yield the rows of the table of scores against recordings: the mean change of the image by each model.
 
     Args:

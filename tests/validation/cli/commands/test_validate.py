@@ -1,17 +1,11 @@
 import json
-import shutil
 import signal
 import subprocess
 import sys
 
 import pytest
 
-from validation.recordings.series import find_recordings_folder
-
-FOUND = find_recordings_folder()
-
-
-RECORDINGS = None if FOUND is None else FOUND.absolute()
+from tests.support.recordings import RECORDINGS
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
@@ -20,19 +14,6 @@ def test_recordings_of_another_array_are_refused(softcover):
     assert status == 2
     assert "is not wts-0614-34" in err
     assert "sdh2-distal" in err
-
-
-@pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
-def test_a_truncated_recording_is_named(softcover, tmp_path):
-    shutil.copytree(next(RECORDINGS.rglob("room")), tmp_path / "data" / "room")
-    for path in tmp_path.rglob("*"):
-        path.chmod(0o755)
-    damaged = tmp_path / "data" / "room" / "C1.dsa"
-    damaged.write_bytes(damaged.read_bytes()[:9000])
-    status, _, err = softcover("validate", "sdh2-distal", "--recordings", tmp_path / "data")
-    assert status == 2
-    assert "C1.dsa: truncated" in err
-    assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
 @pytest.mark.slow

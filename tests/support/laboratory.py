@@ -1,0 +1,120 @@
+"""A made-up laboratory: recordings of a known sensor under known loads, with known gains, temperatures and poses."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from meshes import Box, TexelArray
+from meshes.array import FloatArray
+from validation.calibration.contact import ContactMethod, Pose
+from validation.calibration.counts import CountCurve
+from validation.recordings import tables
+from validation.recordings.importing import save
+from validation.recordings.recording import Recording, Setup, make_array
+
+ROWS, COLUMNS, PITCH = 8, 10, 5e-3
+ARRAY = TexelArray.grid(ROWS, COLUMNS, PITCH, name="made up")
+STAMP = Box(size=(16e-3, 12e-3, 5e-3))
+STAMP_TEXT = "box:size=16mmx12mmx5mm"
+
+
+def make_curve(gains: FloatArray, *, sensitivity=917.0, warm=0.0, dead_warm=0.0, creep=0.0) -> CountCurve:
+    return CountCurve(
+        sensitivity=sensitivity,
+        dead_force=0.02,
+        gain_temperature=warm,
+        dead_temperature=dead_warm,
+        reference_temperature=30.0,
+        creep=creep,
+        output_max=4095.0,
+        saturation_band=300.0,
+        gains=gains,
+        heights=np.zeros(len(gains)),
+    )
+
+
+def draw_gains(random, *, sd=0.15, count=ROWS * COLUMNS) -> FloatArray:
+    gains = np.exp(random.normal(0, sd, count))
+    return gains / gains.mean()
+
+
+def uniform_method(array=ARRAY) -> ContactMethod:
+    """Uniform pressure under the level face of a box, spread by a Gaussian of 0.5 pitch; exact integrals."""
+    from scipy.special import erf
+
+    def shares(centres, at, half, sigma, pitch):
+        # The integral of erf, for the share of a Gaussian-blurred interval on each texel.
+        def primitive(x):
+            z = x / (sigma * np.sqrt(2))
+            return x * erf(z) + sigma * np.sqrt(2 / np.pi) * np.exp(-(z**2))
+
+        edges = centres[:, None] + np.array([-pitch / 2, pitch / 2]) - at
+        cumulated = (primitive(edges + half) - primitive(edges - half)) / (4 * half)
+        return cumulated[:, 1] - cumulated[:, 0]
+
+    def solve(indenter, load, pose):
+        sigma = 0.5 * array.pitch[0]
+        x, y = array.centres[:, 0], array.centres[:, 1]
+        along = [
+            shares(c, at, size / 2, sigma, p)
+            for c, at, size, p in (
+                (x, pose.x, indenter.size[0], array.pitch[0]),
+                (y, pose.y, indenter.size[1], array.pitch[1]),
+            )
+        ]
+        return load * along[0] * along[1]
+
+    return ContactMethod(name="uniform", about="uniform pressure", array=array, solve=solve)
+
+
+def press(
+    method: ContactMethod,
+    curve: CountCurve,
+    load: float,
+    pose: Pose,
+    *,
+    indenter=STAMP,
+    temperature=30.0,
+    random=None,
+    noise=3.0,
+    scatter=0.0,
+    seconds=12.0,
+    rate=8.0,
+    threshold=0.0,
+) -> Recording:
+    """A recording of a weight that is put on after one second; `scatter` is the relative error of its load."""
+    random = np.random.default_rng(0) if random is None else random
+    times = np.arange(0, seconds, 1 / rate)
+    actual = load * (1 + scatter * random.standard_normal())
+    forces = method.texel_forces(indenter, np.array([actual]), pose)
+    ages = np.maximum(times - 1.0, 0.1)
+    rows = len(times)
+    counts = curve.predict(
+        np.where(times[:, None] > 1.0, forces, 0.0),
+        temperatures=np.full(rows, temperature),
+        ages=ages,
+        thresholds=np.full(rows, threshold),
+    )
+    lit = np.maximum(np.rint(counts + noise * random.standard_normal(counts.shape) * (counts > 0)), 0)
+    array = method.array
+    return Recording(
+        path=Path("made-up"),
+        sha256="",
+        started=datetime(2026, 1, 1, tzinfo=UTC),
+        times=times,
+        arrays=(make_array(array.rows, array.columns, lit.astype(np.int32), pitch=array.pitch, name=array.name),),
+        temperatures=np.full((2, 1), temperature),
+        temperature_times=np.array([0.0, times[-1]]),
+        setup=Setup(load=load, indenter=STAMP_TEXT, device={"threshold": threshold}),
+    )
+
+
+def write(recording: Recording, path: Path) -> Path:
+    """Write a recording as labelled CSV or as MCAP."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".csv":
+        tables.write(recording, path)
+    else:
+        save(recording, path)
+    return path
