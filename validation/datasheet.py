@@ -60,6 +60,9 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
     source = f"{sensor.source}, [electronics]" if sensor is not None else "the folder of parameters, [electronics]"
     if sensor is not None and BUILT_IN.get(sensor.name) is not None and sensor.source.startswith("built-in"):
         source = _BUILT_IN_SOURCES[sensor.name]
+    assumed = parameters.provenance.get("electronics_assumed", ()) if sensor is None else sensor.assumed_electronics
+    if assumed:
+        source = f"partly assumed ({', '.join(assumed)}), else {source}"
     return (
         *_list_size(parameters, sensor),
         *_list_force(parameters, source),

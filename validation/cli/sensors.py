@@ -7,6 +7,7 @@ from pathlib import Path
 
 import fastmodel
 from fastmodel import Parameters
+from validation.cli.output import say
 from validation.errors import InputError
 from validation.sensor_file import BUILT_IN, SensorDescription, load
 
@@ -32,7 +33,17 @@ def read_description(
             f"{sensor}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
             f"name the sensor file or the built-in sensor that it was derived from"
         )
-    return load(sensor, material=material, thickness=thickness, layers=layers or ())
+    return _tell_assumed(load(sensor, material=material, thickness=thickness, layers=layers or ()))
+
+
+def _tell_assumed(found: SensorDescription) -> SensorDescription:
+    """Say on standard error what is assumed about the electronics; return the description as it is."""
+    if found.assumed_electronics:
+        say(
+            f"softcover: note: {found.source} does not state all of [electronics]; assumed: "
+            f"{', '.join(found.assumed_electronics)}; counts and images follow from that, forces do not"
+        )
+    return found
 
 
 def read_sensor(
@@ -57,7 +68,7 @@ def read_sensor(
         OSError: If the file exists and cannot be read.
     """
     if not _holds_parameters(sensor):
-        return load(sensor, material=material, thickness=thickness, layers=layers or ())
+        return _tell_assumed(load(sensor, material=material, thickness=thickness, layers=layers or ()))
     if material is not None or thickness is not None or layers:
         raise InputError(
             f"--material, --thickness, --layer: the parameters in {sensor} were derived for one cover; "

@@ -131,6 +131,7 @@ class Derivation:
             "depth": None if self.depth is None else dataclasses.asdict(self.depth),
             "validity": _describe_range(self.parameters.validity),
             "undetermined": list(self.undetermined),
+            "assumed_electronics": list(self.sensor.assumed_electronics),
             "calibration": {
                 "calibrated": self.sensor.electronics.calibrated,
                 "tip": None if self.tip is None else dataclasses.asdict(self.tip),
@@ -290,6 +291,7 @@ def _describe_provenance(
         "softcover": version("softcover"),
         "sensor": sensor.name,
         "cover_assumed": sensor.cover.assumed,
+        "electronics_assumed": sensor.assumed_electronics,
         "estimator": "given in the sensor file" if sensor.spread else fit.estimator,
         "residual": fit.residual,
         "outside_kernel": fit.outside_kernel,

@@ -22,6 +22,9 @@ from validation.sensor_file.tables import ElectronicsTable, SensorTables
 
 #: Largest accepted size of a sensor file [bytes]; the gains of ten thousand texels take a fifth of it.
 MOST_BYTES = 2**20
+#: Frames per second [Hz] and slope of the characteristic [1/N] of a sensor whose file does not state them: with 12 bits
+#: the counts then saturate at 4.1 N on a texel.
+_ASSUMED_RATE, _ASSUMED_SENSITIVITY = 100.0, 1000.0
 #: Electronics of the tactile arrays of the SCHUNK SDH-2 hand.  Their characteristic (counts over force) is unpublished,
 #: so the slope of the WTS 0614-34 is used.  The offset of the WTS 0614-34 is left out, because the firmware of the
 #: DSACON32m, which reads the arrays, subtracts a threshold.  To score recordings, a fitted characteristic replaces this
@@ -49,6 +52,8 @@ class SensorDescription:
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip.  A
             derivation and the fast model have no friction [-].
         source: Path of the sensor file, or the name of the built-in sensor.
+        assumed_electronics: What the sensor file does not state about the electronics, and the value assumed instead,
+            one text each; counts depend on it, forces do not.
     """
 
     name: str
@@ -59,6 +64,7 @@ class SensorDescription:
     spread: Gaussian | None = None
     friction: float = 0.0
     source: str = ""
+    assumed_electronics: tuple[str, ...] = ()
 
     def describe_cover(self) -> dict[str, Any]:
         """Return the cover as a dictionary of JSON values, with the key `assumed`."""
@@ -119,7 +125,7 @@ def load(
 
 
 def read_template() -> str:
-    """Return the text of a commented sensor file that describes a WTS 0614-34 under 2 mm of rubber."""
+    """Return the text of a sensor file of a home-made sensor, with all keys explained."""
     return resources.files("validation.sensor_file").joinpath("template.toml").read_text(encoding="utf-8")
 
 
@@ -182,6 +188,7 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
         spread=None if tables.spread is None else Gaussian(**dataclasses.asdict(tables.spread)),
         friction=tables.contact.friction,
         source=str(source),
+        assumed_electronics=tuple(_list_assumed(tables.electronics)),
     )
 
 
@@ -207,8 +214,8 @@ def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
 def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
     """Yield one line of text per fault that concerns several keys of the table `[electronics]`."""
     largest = 2**electronics.bits - 1
-    if (electronics.sensitivity is None) == (electronics.characteristic is None):
-        yield "electronics: give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k])"
+    if electronics.sensitivity is not None and electronics.characteristic is not None:
+        yield "electronics: give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"
     if electronics.output_max is not None and electronics.output_max > largest:
         yield (
             f"electronics.output_max: {electronics.output_max} does not fit {electronics.bits} bits; "
@@ -216,9 +223,18 @@ def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
         )
 
 
+def _list_assumed(table: ElectronicsTable) -> Iterator[str]:
+    """Yield a text for each value of the electronics that the sensor file does not state and that is assumed."""
+    if table.rate is None:
+        yield f"{_ASSUMED_RATE:g} frames/s"
+    if table.sensitivity is None and table.characteristic is None:
+        yield f"{_ASSUMED_SENSITIVITY:g} counts per N on a texel"
+
+
 def _build_electronics(table: ElectronicsTable) -> Electronics:
     given: dict[str, Any] = dataclasses.asdict(table)
     values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
     # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
-    values |= {"sensitivity": table.sensitivity or 1.0, "output_max": table.output_max or 2**table.bits - 1}
-    return Electronics(rate_hz=values.pop("rate"), **values)
+    assumed = _ASSUMED_SENSITIVITY if table.characteristic is None else 1.0
+    values |= {"sensitivity": table.sensitivity or assumed, "output_max": table.output_max or 2**table.bits - 1}
+    return Electronics(rate_hz=values.pop("rate") or _ASSUMED_RATE, **values)

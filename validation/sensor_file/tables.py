@@ -311,9 +311,9 @@ class SpreadTable:
 
 @dataclass(config=_CONFIG, kw_only=True)
 class ElectronicsTable:
-    """Table `[electronics]`: conversion of texel forces to counts."""
+    """Table `[electronics]`: conversion of texel forces to counts; what is left out is assumed and labelled so."""
 
-    rate: Annotated[float, _quantity("frequency")]
+    rate: Annotated[float, _quantity("frequency")] | None = None
     sensitivity: Annotated[float, _quantity("per force")] | None = None
     offset: Number = 0.0
     output_max: Count | None = None
@@ -332,7 +332,7 @@ class SensorTables:
 
     array: Annotated[ArrayTable, BeforeValidator(_add_grid_keys)]
     cover: CoverTable
-    electronics: ElectronicsTable
+    electronics: ElectronicsTable = Field(default_factory=ElectronicsTable)
     contact: ContactTable = Field(default_factory=ContactTable)
     filter: FilterTable | None = None
     spread: SpreadTable | None = None

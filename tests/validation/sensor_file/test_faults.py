@@ -69,7 +69,11 @@ friction = -0.3
         ("rows = 3", "rows = 3\npositions = 'no.csv'", "array.positions: no such file"),
         ("rows = 3", "rows = 3\ntexel_size = '9 mm'", "array: texels 0 and 1 overlap"),
         ("rows = 3", "rows = 5001", "are too many; at most 10000 texels"),
-        ('sensitivity = "2665.7 1/N"', "", "give either sensitivity"),
+        (
+            'rate = "271 Hz"',
+            "characteristic = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]",
+            "give either sensitivity (a line, '2665.7 1/N') or",
+        ),
         ('rate = "271 Hz"', 'rate = "271 Hz"\noutput_max = 5000', "does not fit 12 bits; accepted: 1..4095"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [1.0]', "takes one number per texel (6)"),
         ('rate = "271 Hz"', 'rate = "271 Hz"\nnoise = 3', "electronics.noise: 3 has no unit"),

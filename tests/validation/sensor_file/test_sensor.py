@@ -33,11 +33,21 @@ def test_cover_of_limited_size_holds_its_texels_and_keeps_its_size_under_another
     assert load(with_mask).cover.size == pytest.approx((6.4e-3, 9.8e-3))
 
 
-def test_template_describes_the_default_array(sensor):
+def test_template_is_a_sensor_whose_electronics_are_assumed(sensor):
     description = load(sensor(read_template()))
-    assert tomllib.loads(read_template())["array"]["rows"] == 14
-    np.testing.assert_allclose(description.array.centres, BUILT_IN["wts-0614-34"].array.centres)
-    assert description.electronics == BUILT_IN["wts-0614-34"].electronics
+    assert description.array.count == 24
+    assert description.cover.thickness == pytest.approx(2e-3)
+    assert description.assumed_electronics == ("100 frames/s", "1000 counts per N on a texel")
+
+
+def test_electronics_may_be_left_out_in_part_or_whole(sensor):
+    without = load(sensor(GOOD.partition("[electronics]")[0]))
+    assert (without.electronics.rate_hz, without.electronics.sensitivity) == (100.0, 1000.0)
+    assert without.assumed_electronics == ("100 frames/s", "1000 counts per N on a texel")
+    assert load(sensor(GOOD)).assumed_electronics == ()
+    part = load(sensor(GOOD.replace('rate = "271 Hz"', "")))
+    assert part.assumed_electronics == ("100 frames/s",)
+    assert part.electronics.sensitivity == 2665.7
 
 
 def test_built_in_names():

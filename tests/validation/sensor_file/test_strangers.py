@@ -1,5 +1,7 @@
 """Sensor files of strangers: limits on size, depth and counts, and no content of other files in messages."""
 
+import dataclasses
+import itertools
 import os
 import re
 import time
@@ -10,6 +12,15 @@ import pytest
 from tests.support.sensor_text import GOOD
 from validation.errors import InputError
 from validation.sensor_file import load, read_template
+from validation.sensor_file.tables import (
+    ArrayTable,
+    CoverTable,
+    ElectronicsTable,
+    FilterTable,
+    LayerTable,
+    SensorTables,
+    SpreadTable,
+)
 
 SPREAD = "[spread]\nsigma_x = 1.0\nsigma_y = 1.0\nksize_x = 4294967295\nksize_y = 1"
 #: Replacements in a good sensor file, and a part of the message that refuses the result.
@@ -120,29 +131,57 @@ def test_ten_thousand_texels_in_one_place_are_refused_at_once(tmp_path):
 
 
 TEMPLATE = read_template().splitlines()
-OFF = [
-    n
-    for n, line in enumerate(TEMPLATE)
-    if re.match(r"# (\w+ = |\[)", line) and "positions" not in line and "..." not in line
-]
+#: Numbers of the lines that are commented out: a key, or a layer.
+OFF = [number for number, line in enumerate(TEMPLATE) if re.match(r"# (\w+ = |\{ thickness)", line)]
+#: Keys that exclude each other.
+EXCLUDING = ("# sensitivity", "# characteristic")
 
 
-@pytest.mark.parametrize("number", OFF, ids=lambda n: TEMPLATE[n][:30])
-def test_every_line_of_the_template_that_is_commented_out_is_accepted(tmp_path, number):
-    """With the rest of its table; a second `material` replaces the first."""
-    lines = list(TEMPLATE)
-    start = number
-    while lines[start].startswith("# ") and not lines[start].startswith("# ["):
-        start -= 1
-    if lines[start].startswith("# ["):  # a whole table is commented out
-        end = next((k for k in range(start, len(lines)) if not lines[k].startswith("#")), len(lines))
-        lines[start:end] = [line[2:] for line in lines[start:end]]
-    else:
-        lines[number] = lines[number][2:]
-        key = lines[number].split(" =")[0]
-        lines = [line for k, line in enumerate(lines) if k == number or not line.startswith(f"{key} =")]
+def switch_on(tmp_path, numbers):
+    lines = [line[2:] if number in numbers else line for number, line in enumerate(TEMPLATE)]
     (tmp_path / "s.toml").write_text("\n".join(lines))
-    assert load(tmp_path / "s.toml")
+    return load(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("number", OFF, ids=lambda n: TEMPLATE[n][2:30])
+def test_every_line_of_the_template_that_is_commented_out_is_accepted_alone(tmp_path, number):
+    found, plain = switch_on(tmp_path, {number}), switch_on(tmp_path, set())
+    fields = [field.name for field in dataclasses.fields(found) if field.name not in ("array", "source")]
+    changed = [getattr(found, name) != getattr(plain, name) for name in fields]
+    texels = [(array.texel_size, array.active.tolist()) for array in (found.array, plain.array)]
+    assert any(changed) or texels[0] != texels[1]
+
+
+@pytest.mark.parametrize("left_out", EXCLUDING)
+def test_all_lines_that_are_commented_out_are_accepted_together(tmp_path, left_out):
+    assert len(OFF) >= 18
+    found = switch_on(tmp_path, {number for number in OFF if not TEMPLATE[number].startswith(left_out)})
+    assert found.assumed_electronics == ()
+    with pytest.raises(InputError, match="not both"):
+        switch_on(tmp_path, set(OFF))
+
+
+def test_pairs_of_lines_that_are_commented_out_are_accepted(tmp_path):
+    for pair in itertools.combinations(OFF, 2):
+        if {TEMPLATE[number].split(" =")[0] for number in pair} != set(EXCLUDING):
+            switch_on(tmp_path, set(pair))
+
+
+def test_every_material_that_the_template_offers_is_accepted(tmp_path):
+    given = '{ model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio = 0.49 }'
+    offers = re.findall(r'^#   ("[^"]*"|\{.*?\})', read_template(), flags=re.MULTILINE)
+    assert len(offers) == 5
+    for offer in offers:
+        (tmp_path / "s.toml").write_text(read_template().replace(given, offer, 1))
+        assert load(tmp_path / "s.toml").cover.layers[0].material.youngs_modulus > 0
+
+
+def test_every_key_of_a_sensor_file_is_in_the_template():
+    text = read_template()
+    for table in (SensorTables, ArrayTable, CoverTable, LayerTable, FilterTable, SpreadTable, ElectronicsTable):
+        for field in dataclasses.fields(table):
+            if field.name != "free_edges":  # refused with an explanation
+                assert re.search(rf"\b{field.name}\b", text), field.name
 
 
 @pytest.mark.parametrize("name", ["Dragon-Skin-30", "DRAGON-SKIN-30", " dragon-skin-30 "])

@@ -16,7 +16,7 @@ def init(
     *,
     force: Annotated[bool, Parameter(help="Replace a file that is already there.")] = False,
 ) -> None:
-    """Write a commented sensor file, a template for a sensor of your own.
+    """Write a sensor file of a home-made sensor with all keys explained, to change for a sensor of your own.
 
     Examples of use:
 
@@ -29,4 +29,8 @@ def init(
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; name another file, or replace it with --force")
     write_text(path, read_template())
-    say(f"wrote {path}; next: softcover derive {path}")
+    say(
+        f"wrote {path}: a home-made sensor of 6 x 4 texels under 2 mm of silicone, complete as it is; change rows, "
+        "columns, pitch, thickness and material to yours, the comments say how"
+    )
+    say(f"next: softcover derive {path}")

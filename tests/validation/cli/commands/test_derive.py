@@ -44,7 +44,7 @@ def test_derive_labels_the_assumed_cover(wts_derivation):
 
 
 def test_bad_sensor_file_lists_all_faults_and_writes_nothing(softcover, sensor, tmp_path):
-    text = sensor.read_text().replace('"2 mm"', '"-2 mm"').replace("0.49", "0.51").replace("rows = 14", "rowz = 14")
+    text = sensor.read_text().replace('"2 mm"', '"-2 mm"').replace("0.49", "0.51").replace("rows = 6", "rowz = 6")
     sensor.write_text(text)
     status, out, err = softcover("derive", sensor, "--json", "--out", "derived")
     assert status == 2
