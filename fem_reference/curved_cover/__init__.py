@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fem_reference.curved_cover.press import CurvedIndentation, press_curved
 from fem_reference.curved_cover.responses import GridResponse, TexelResponses, texel_responses
 
-__all__ = ["GridResponse", "TexelResponses", "texel_responses"]
+__all__ = ["CurvedIndentation", "GridResponse", "TexelResponses", "press_curved", "texel_responses"]

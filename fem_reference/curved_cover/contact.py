@@ -1,0 +1,192 @@
+"""Solve the frictionless contact of a rigid indenter with the nodes of a curved top at small strain.
+
+The unknowns are normal forces on nodes of the top.  The gap of a node is the distance to the indenter along the
+undeformed normal.  Nodes in contact have no gap and a positive force; all others have a gap and no force.  The set of
+nodes in contact is found by block principal pivoting (Judice and Pires 1994).  The compliance of a node is one solution
+of the factorised solid, so it is computed when the node first touches, and kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.rays import measure_gaps
+from fem_reference.curved_cover.solid import CoverSolid
+from fem_reference.errors import ConvergenceError
+from meshes import Indenter
+from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.solids.facets import facet_shape, split_facet
+from meshes.spatial_pose import SpatialPose
+
+#: Largest number of exchanges of nodes, and of exchanges of all wrong nodes at once without fewer wrong nodes [-].
+_EXCHANGES, _PATIENCE = 200, 8
+#: Overlap over the deepest overlap of the undeformed top below which a node counts as free [-].
+_NEGLIGIBLE = 1e-9
+#: Share of a node in the area of the top, over the mean share, below which it carries no force (corners of triangles).
+_LEAST_AREA = 1e-3
+#: Search for the first touch: parts of a facet's side, number of facets searched further, points along a side of a
+#: search, number of searches, and size of the next over the distance of the points [-].
+_PARTS, _FACETS, _POINTS, _SEARCHES, _ZOOM = 6, 4, 9, 6, 1.5
+
+
+class NormalCompliance:
+    """Normal displacements of all m nodes of the top per normal force on one of them.
+
+    Args:
+        solid: Factorised cover.
+    """
+
+    def __init__(self, solid: CoverSolid) -> None:
+        self.solid = solid
+        self.top = FacetSurface.part_of(solid.nodes, solid.layout.top)
+        self._rows: dict[int, FloatArray] = {}
+
+    def rows(self, nodes: IntArray) -> FloatArray:
+        """Return the displacements against the normals per force against the normal of each of k nodes.
+
+        Args:
+            nodes: Indices of nodes of the top, shape (k,).
+
+        Returns:
+            Displacements of all nodes of the top, shape (k, m) [m/N].
+        """
+        missing = [int(node) for node in nodes if int(node) not in self._rows]
+        if missing:
+            forces = np.zeros((len(missing), len(self.solid.nodes), 3))
+            forces[np.arange(len(missing)), self.top.index[missing]] = -self.top.normals[missing]
+            moved = self.solid.solve(self.top.index, forces=forces)
+            found = -np.einsum("kmc,mc->km", moved, self.top.normals, optimize=True)
+            self._rows.update(zip(missing, found, strict=True))
+        return np.array([self._rows[int(node)] for node in nodes]).reshape(len(nodes), len(self.top.nodes))
+
+    @cached_property
+    def bearing(self) -> BoolArray:
+        """Whether a node of the top can carry a force, shape (m,)."""
+        return np.asarray(self.top.areas > _LEAST_AREA * self.top.areas.mean())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ContactForces:
+    """Normal forces of an indenter in one position.
+
+    Attributes:
+        forces: Forces on the nodes of the top against their normals, shape (m,) [N].
+        travel: Distance by which the indenter moved from its pose, along its direction [m].
+        load: Force of the indenter on the cover along its direction [N].
+        stiffness: Increase of the load per travel with the same nodes in contact [N/m].
+    """
+
+    forces: FloatArray
+    travel: float
+    load: float
+    stiffness: float
+
+
+def solve_contact(
+    compliance: NormalCompliance, indenter: Indenter, pose: SpatialPose, direction: FloatArray, travel: float
+) -> ContactForces:
+    """Solve the contact after the indenter moved without turning.
+
+    Args:
+        compliance: Compliance of the top.
+        indenter: The indenter.
+        pose: Pose from which it moved.
+        direction: Unit direction of the motion, shape (3,).
+        travel: Distance moved [m].
+
+    Raises:
+        ConvergenceError: If the nodes in contact are not found.
+    """
+    top = compliance.top
+    places = pose.to_indenter(top.nodes - travel * direction)
+    gap = measure_gaps(indenter, places, pose.turn_to_indenter(top.normals))
+    rate = -(top.normals @ direction)
+    gap = np.where(compliance.bearing & (rate > 0), gap, np.inf)
+    forces, inverse_rate = _find_forces(compliance, gap, rate)
+    return ContactForces(forces=forces, travel=travel, load=float(forces @ rate), stiffness=inverse_rate)
+
+
+def _find_forces(compliance: NormalCompliance, gap: FloatArray, rate: FloatArray) -> tuple[FloatArray, float]:
+    """Find the forces on the nodes for given gaps, and the increase of the load per travel."""
+    touching = gap < 0
+    deepest = -float(gap.min(initial=0.0))
+    fewest, patience = len(gap) + 1, _PATIENCE
+    for _ in range(_EXCHANGES):
+        nodes = np.flatnonzero(touching)
+        forces = np.zeros(len(gap))
+        if not len(nodes):
+            return forces, 0.0
+        rows = compliance.rows(nodes)
+        solved = np.linalg.solve(rows[:, nodes], np.stack([-gap[nodes], rate[nodes]], axis=1))
+        forces[nodes] = solved[:, 0]
+        remaining = gap + solved[:, 0] @ rows
+        wrong = np.where(touching, forces < 0, remaining < -_NEGLIGIBLE * deepest)
+        count = int(wrong.sum())
+        if count == 0:
+            return forces, float(rate[nodes] @ solved[:, 1])
+        if count < fewest:
+            fewest, patience = count, _PATIENCE
+        elif patience > 0:
+            patience -= 1
+        else:
+            wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last node alone cannot cycle (Murty 1974)
+        touching = touching ^ wrong
+    raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges")
+
+
+def find_touch(top: FacetSurface, indenter: Indenter, pose: SpatialPose, direction: FloatArray) -> float:
+    """Find how far an indenter moves along a direction until it touches the undeformed top.
+
+    Only the part of the top that looks against the direction can be touched.
+
+    Returns:
+        Distance; negative if the indenter overlaps the top in its pose, inf if it never touches [m].
+    """
+    middle, area, _ = top.split(_PARTS)
+    place = split_facet(top.facets.shape[1], _PARTS)[0]
+    distance = _measure_travel(middle.reshape(-1, 3), area.reshape(-1, 3), indenter, pose, direction)
+    each = distance.reshape(middle.shape[:2])
+    if not np.isfinite(each).any():
+        return float("inf")
+    best = float(each.min())
+    for facet in np.argsort(each.min(axis=1))[:_FACETS]:
+        if np.isfinite(each[facet].min()):
+            start = place[np.argmin(each[facet])]
+            best = min(best, _search_facet(top, int(facet), start, (indenter, pose, direction)))
+    return best
+
+
+def _search_facet(
+    top: FacetSurface, facet: int, start: FloatArray, motion: tuple[Indenter, SpatialPose, FloatArray]
+) -> float:
+    """Find the smallest travel on one facet by searches in smaller and smaller squares of reference coordinates."""
+    count = top.facets.shape[1]
+    low, high = (-1.0, 1.0) if count == 9 else (0.0, 1.0)  # noqa: PLR2004
+    half, best = 2.0 / _PARTS, np.inf
+    for _ in range(_SEARCHES):
+        u, v = (np.clip(np.linspace(c - half, c + half, _POINTS), low, high) for c in start)
+        place = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        if count != 9:  # noqa: PLR2004
+            place = place[place.sum(axis=1) <= 1]
+        points = facet_shape(count, place) @ top.nodes[top.facets[facet]]
+        towards = np.broadcast_to(-motion[2], points.shape)
+        found = _measure_travel(points, towards, *motion)
+        if found.min() < best:
+            best, start = float(found.min()), place[np.argmin(found)]
+        half *= _ZOOM / ((_POINTS - 1) / 2)
+    return best
+
+
+def _measure_travel(
+    points: FloatArray, normals: FloatArray, indenter: Indenter, pose: SpatialPose, direction: FloatArray
+) -> FloatArray:
+    """Measure how far the indenter moves until it meets each of k points; inf where normals look away."""
+    back = np.broadcast_to(pose.turn_to_indenter(-direction), points.shape)
+    # Start far behind the points, so that an indenter that has passed a point is found too.
+    far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))
+    found = measure_gaps(indenter, pose.to_indenter(points) - far * back, back) - far
+    return np.where(normals @ direction < 0, found, np.inf)

@@ -1,0 +1,263 @@
+"""Press a rigid indenter on a curved cover from any direction: linear elastic, small strain, frictionless."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from fem_reference.curved_cover.contact import ContactForces, NormalCompliance, find_touch, solve_contact
+from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_errors, texel_responses
+from fem_reference.errors import ConvergenceError, PiercedError
+from meshes import Indenter, Material, TexelArray
+from meshes.array_types import FloatArray
+from meshes.solids.quality import compute_volume, measure_area
+from meshes.solids.solid_mesh import SolidMesh
+from meshes.spatial_pose import SpatialPose
+
+#: Largest difference between the load and its target, over the target, and largest number of steps to it [-].
+_LOAD_ERROR, _STEPS = 1e-7, 60
+#: Largest depth over the thickness that is solved, and depth from which a warning states that strains are not small.
+_LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
+#: Rank of the node, by its distance from the indenter, at whose touch the search for a load starts.
+_FIRST_NODES = 4
+#: Assumptions of every result.
+_ASSUMPTIONS = {
+    "strain": "small strain; materials linearised at zero load",
+    "friction": "none",
+    "motion": "the indenter moves along its direction and does not turn; forces across it are borne by its guide",
+    "contact": "at nodes of the top, along the normals of the undeformed cover",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CurvedIndentation:
+    """Result of a press on a curved cover, on the finest mesh.
+
+    Attributes:
+        texel_forces: Force on each of n texels along its own normal, 0 on inactive ones, shape (n,) [N].
+        force: Force of the indenter on the cover, shape (3,) [N].
+        moment: Moment of this force about the origin of the array's frame, shape (3,) [N m].
+        base_force: Force of the cover on its base, from the reactions; equals `force`, shape (3,) [N].
+        base_moment: Moment of this force about the origin, shape (3,) [N m].
+        unmeasured: `base_force` less the sum of the texel forces along their normals, as a vector: force beside the
+            texels and shear along them, shape (3,) [N].
+        load: Component of `force` along the direction of motion [N].
+        depth: Distance that the indenter moved since it first touched the undeformed top [m].
+        contact_area: Area of the top that belongs to the nodes in contact; resolved to an element [m2].
+        top: Top of the cover.
+        contact_forces: Force on each of the m nodes of the top against its normal, shape (m,) [N].
+        displacement: Displacements of the displacement nodes of the solid; those of the mesh come first, shape
+            (nodes, 3) [m].
+        mesh: Finest mesh.
+        error_estimate: Estimated relative errors by name, nan with one mesh: `texel_forces` (largest error of a texel
+            over the largest texel force), and `depth` under a given load or `load` at a given depth [-].
+        assumptions: What was assumed.
+        warnings: What limits the result.
+    """
+
+    texel_forces: FloatArray
+    force: FloatArray
+    moment: FloatArray
+    base_force: FloatArray
+    base_moment: FloatArray
+    unmeasured: FloatArray
+    load: float
+    depth: float
+    contact_area: float
+    top: FacetSurface
+    contact_forces: FloatArray
+    displacement: FloatArray
+    mesh: SolidMesh
+    error_estimate: Mapping[str, float]
+    assumptions: Mapping[str, str]
+    warnings: tuple[str, ...] = ()
+
+
+def press_curved(
+    meshes: SolidMesh | Sequence[SolidMesh],
+    texels: TexelArray,
+    material: Material,
+    indenter: Indenter,
+    pose: SpatialPose,
+    *,
+    load: float | None = None,
+    depth: float | None = None,
+    direction: npt.ArrayLike | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CurvedIndentation:
+    """Press a rigid indenter on a curved cover.
+
+    The indenter moves from its pose along the direction until it touches, and on until load or depth are reached.
+
+    Args:
+        meshes: Mesh of the cover, or two or three meshes of it from coarse to fine for an error estimate.
+        texels: Texels on the base of the meshes.
+        material: Material; hyperelastic materials are linearised at zero load.
+        indenter: The indenter.
+        pose: Orientation of the indenter, and a position on its way.
+        load: Force along the direction [N]; give either load or depth.
+        depth: Distance from the first touch [m].
+        direction: Direction of motion, any length, shape (3,); that in which the indenter looks if None.
+        progress: Called with a line of text before each solution.
+
+    Raises:
+        ValueError: If input is missing or wrong, or the indenter never touches.
+        PiercedError: If the indenter would go through most of the cover.
+        ConvergenceError: If the contact or the load is not found.
+    """
+    target, control = _choose_target(load, depth)
+    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = towards / np.linalg.norm(towards)
+    every = check_meshes(meshes)
+    responses = texel_responses(every, texels, material, progress=progress)
+    found, texel_forces, depths = [], [], []
+    for mesh, grid in zip(every, responses.grids, strict=True):
+        compliance = build_compliance(mesh, material)
+        if progress is not None:
+            progress(f"contact, {compliance.solid.unknowns} unknowns")
+        touch = find_touch(compliance.top, indenter, pose, towards)
+        if not np.isfinite(touch):
+            raise ValueError("the indenter never touches the cover; check its position and direction")
+        thickness = compute_volume(mesh) / measure_area(mesh, "base")
+        press = _Press(compliance, indenter, pose, towards, touch, _LARGEST_DEPTH * thickness)
+        contact = press.at_depth(target) if control == "depth" else press.under_load(target)
+        found.append(contact)
+        depths.append(contact.travel - touch)
+        forces = -contact.forces[:, None] * grid.top.normals
+        texel_forces.append(np.einsum("nmc,mc->n", grid.influence, forces, optimize=True))
+    errors = _estimate(every, np.array(texel_forces), depths, [each.load for each in found], control)
+    share = depths[-1] / thickness
+    rough = f"the depth is {100 * share:.3g} % of the thickness: strains are not small, this solution is rough"
+    warnings = (rough,) if share > _WARN_DEPTH else ()
+    values = np.where(texels.active, texel_forces[-1], 0.0)
+    return _collect(compliance, found[-1], depths[-1], values, texels, mesh, errors, warnings)
+
+
+@lru_cache(maxsize=6)
+def build_compliance(mesh: SolidMesh, material: Material) -> NormalCompliance:
+    """Build the compliance of the top of a mesh; the last six are kept, with the nodes that touched so far."""
+    return NormalCompliance(build_solid(mesh, material))
+
+
+class _Press:
+    """Contact of one indenter on one mesh, at a depth or under a load."""
+
+    def __init__(  # noqa: PLR0917
+        self,
+        compliance: NormalCompliance,
+        indenter: Indenter,
+        pose: SpatialPose,
+        direction: FloatArray,
+        touch: float,
+        deepest: float,
+    ) -> None:
+        self._compliance, self._motion = compliance, (indenter, pose, direction)
+        self._touch, self._deepest = touch, deepest
+
+    def at_depth(self, depth: float) -> ContactForces:
+        """Solve the contact at a depth [m]."""
+        if depth > self._deepest:
+            raise PiercedError(
+                f"at a depth of {1e3 * depth:.4g} mm the indenter would go through most of the cover; use at most "
+                f"{1e3 * self._deepest:.4g} mm",
+                "depth",
+            )
+        return solve_contact(self._compliance, *self._motion, self._touch + depth)
+
+    def under_load(self, load: float) -> ContactForces:
+        """Find the depth at which the load is reached [N], by Newton's method between bounds."""
+        low, high = 0.0, np.inf
+        depth = self._first_depth()
+        for _ in range(_STEPS):
+            contact = self.at_depth(min(depth, self._deepest))
+            excess = contact.load - load
+            if abs(excess) <= _LOAD_ERROR * load:
+                return contact
+            if excess < 0 and depth >= self._deepest:
+                raise PiercedError(
+                    f"{load:.4g} N would press the indenter through most of the cover; use at most {contact.load:.3g} "
+                    "N, a wider indenter or a stiffer cover",
+                    "load",
+                )
+            low, high = (depth, high) if excess < 0 else (low, depth)
+            step = -excess / contact.stiffness if contact.stiffness > 0 else np.inf
+            depth = min(depth + step, self._deepest)
+            if not low < depth < high:
+                depth = (low + high) / 2 if np.isfinite(high) else self._deepest
+        raise ConvergenceError(f"the depth under {load:.4g} N was not found in {_STEPS} steps")
+
+    def _first_depth(self) -> float:
+        """Return a depth at which a few nodes touch [m]."""
+        depth = self._deepest / 128
+        while depth < self._deepest and (self.at_depth(depth).forces > 0).sum() < _FIRST_NODES:
+            depth *= 2
+        return min(depth, self._deepest)
+
+
+def _choose_target(load: float | None, depth: float | None) -> tuple[float, Literal["load", "depth"]]:
+    """Return the target and whether it is a load or a depth; raise a ValueError if it is neither or not positive."""
+    if (load is None) == (depth is None):
+        raise ValueError("give either a load or a depth, not both")
+    value = load if depth is None else depth
+    if value is None or not np.isfinite(value) or value <= 0:
+        raise ValueError(f"{'load' if depth is None else 'depth'} must be positive, not {value}")
+    return float(value), "load" if depth is None else "depth"
+
+
+def _estimate(
+    meshes: tuple[SolidMesh, ...],
+    texel_forces: FloatArray,
+    depths: list[float],
+    loads: list[float],
+    control: str,
+) -> dict[str, float]:
+    """Estimate the relative errors of the results on the finest mesh."""
+    name, values = ("depth", depths) if control == "load" else ("load", loads)
+    if len(meshes) == 1:
+        return {"texel_forces": float("nan"), name: float("nan")}
+    errors = estimate_errors(texel_forces, meshes)
+    other = estimate_errors(np.array(values), meshes)
+    peak = max(float(np.abs(texel_forces[-1]).max()), np.finfo(float).tiny)
+    return {"texel_forces": float(errors.max()) / peak, name: float(other) / values[-1]}
+
+
+def _collect(  # noqa: PLR0917
+    compliance: NormalCompliance,
+    contact: ContactForces,
+    depth: float,
+    texel_forces: FloatArray,
+    texels: TexelArray,
+    mesh: SolidMesh,
+    errors: Mapping[str, float],
+    warnings: tuple[str, ...],
+) -> CurvedIndentation:
+    """Solve for the displacements and the reactions under the contact forces, and collect the result."""
+    solid, top = compliance.solid, compliance.top
+    nodal = np.zeros_like(solid.nodes)
+    nodal[top.index] = -contact.forces[:, None] * top.normals
+    displacement, reaction = solid.solve_fully(nodal)
+    base_force = -reaction.sum(axis=0)
+    return CurvedIndentation(
+        texel_forces=texel_forces,
+        force=nodal.sum(axis=0),
+        moment=np.cross(solid.nodes, nodal).sum(axis=0),
+        base_force=base_force,
+        base_moment=-np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
+        unmeasured=base_force + texel_forces @ texels.normals,
+        load=contact.load,
+        depth=depth,
+        contact_area=float(top.areas[contact.forces > 0].sum()),
+        top=top,
+        contact_forces=contact.forces,
+        displacement=displacement,
+        mesh=mesh,
+        error_estimate=errors,
+        assumptions=_ASSUMPTIONS,
+        warnings=warnings,
+    )

@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference import press
+from fem_reference.curved_cover.contact import find_touch, solve_contact
+from fem_reference.curved_cover.press import build_compliance, press_curved
+from fem_reference.curved_cover.rays import measure_gaps
+from fem_reference.errors import PiercedError
+from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
+from meshes.solids import fingertip, flat_pad, phalanx
+from meshes.spatial_pose import SpatialPose
+
+RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.45)
+COVER = phalanx(length=8e-3, rows=2, columns=3)
+MESH = COVER.mesh(2e-3, layers=2)
+BALL = Sphere(radius=5e-3)
+
+
+def at_angle(angle, y=0.0, distance=2e-2):
+    """Pose beside the phalanx that looks at its axis."""
+    out = np.array([np.sin(angle), 0, np.cos(angle)])
+    return SpatialPose.facing(distance * out + [0, y, 0], -out)
+
+
+@pytest.mark.parametrize(
+    "indenter",
+    [
+        Sphere(radius=3e-3),
+        Box(size=(4e-3, 3e-3, 2e-3)),
+        Cylinder(radius=2e-3),
+        Roller(radius=2e-3, length=6e-3),
+        Nut(across=5.5e-3, bore=3e-3),
+        RoundedTip(radius=1e-3),
+    ],
+    ids=lambda shape: type(shape).__name__,
+)
+def test_the_gap_along_z_is_that_of_the_indenter(indenter):
+    x, y = np.random.default_rng(0).uniform(-4e-3, 4e-3, (2, 300))
+    points = np.stack([x, y, np.full_like(x, -1e-3)], axis=1)
+    gap = measure_gaps(indenter, points, np.tile([0.0, 0, 1], (300, 1)))
+    np.testing.assert_allclose(gap, indenter.gap(x, y) + 1e-3, atol=2e-6)
+
+
+def test_points_inside_have_negative_gaps_and_bodies_behind_count_as_absent():
+    points = np.array([[0, 0, 1e-3], [0, 0, 11e-3]])
+    gap = measure_gaps(BALL, points, np.tile([0.0, 0, 1], (2, 1)))
+    np.testing.assert_allclose(gap, [-1e-3, np.inf])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
+    mesh = COVER.mesh()
+    top = build_compliance(mesh, RUBBER).top
+    pose = at_angle(angle, y=1e-3)
+    assert find_touch(top, BALL, pose, -pose.rotation[:, 2]) == pytest.approx(12e-3, abs=2e-6)
+    beside = SpatialPose.facing([0, 20e-3, 20e-3], [0, 0, -1])
+    assert find_touch(top, BALL, beside, np.array([0, 0, -1.0])) == np.inf
+
+
+def test_contact_forces_and_gaps_are_complementary():
+    compliance = build_compliance(MESH, RUBBER)
+    pose, direction = at_angle(0.2), -at_angle(0.2).rotation[:, 2]
+    contact = solve_contact(compliance, BALL, pose, direction, 12.3e-3)
+    nodes = np.flatnonzero(contact.forces)
+    top = compliance.top
+    gap = measure_gaps(
+        BALL, pose.to_indenter(top.nodes - 12.3e-3 * direction), pose.turn_to_indenter(top.normals)
+    ) + contact.forces[nodes] @ compliance.rows(nodes)
+    assert len(nodes) > 2
+    assert (contact.forces >= 0).all()
+    np.testing.assert_allclose(gap[nodes], 0, atol=1e-15)
+    assert gap.min() > -1e-12
+
+
+def test_load_and_depth_control_agree_and_the_base_bears_the_load():
+    pose = at_angle(0.3, y=0.5e-3)
+    loaded = press_curved(MESH, COVER.texels, RUBBER, BALL, pose, load=0.5)
+    driven = press_curved(MESH, COVER.texels, RUBBER, BALL, pose, depth=loaded.depth)
+    assert loaded.load == pytest.approx(0.5, rel=1e-6)
+    assert driven.load == pytest.approx(0.5, rel=1e-5)
+    assert -loaded.force @ pose.rotation[:, 2] == pytest.approx(0.5, rel=1e-6)
+    np.testing.assert_allclose(loaded.base_force, loaded.force, atol=1e-9)
+    np.testing.assert_allclose(loaded.base_moment, loaded.moment, atol=1e-11)
+    total = loaded.unmeasured - loaded.texel_forces @ COVER.texels.normals
+    np.testing.assert_allclose(total, loaded.base_force, atol=1e-12)
+    assert np.isnan(loaded.error_estimate["depth"])
+
+
+def test_mirrored_presses_give_mirrored_forces():
+    one = press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.35), load=0.4)
+    other = press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(-0.35), load=0.4)
+    np.testing.assert_allclose(
+        COVER.texels.image(one.texel_forces)[:, ::-1], COVER.texels.image(other.texel_forces), atol=1e-8
+    )
+    assert one.texel_forces.argmax() % 3 == 2
+
+
+def test_an_oblique_motion_presses_with_the_same_face():
+    pose = at_angle(0.0, distance=13e-3)
+    straight = press_curved(MESH, COVER.texels, RUBBER, BALL, pose, depth=0.2e-3)
+    oblique = press_curved(MESH, COVER.texels, RUBBER, BALL, pose, depth=0.2e-3, direction=[0.6, 0, -0.8])
+    assert oblique.force[0] > 0.02 * straight.load
+    assert oblique.load == pytest.approx(oblique.force @ [0.6, 0, -0.8])
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({}, ValueError, "either a load or a depth"),
+        ({"load": 1.0, "depth": 1e-4}, ValueError, "either a load or a depth"),
+        ({"load": -1.0}, ValueError, "load must be positive"),
+        ({"depth": 1.9e-3}, PiercedError, "most of the cover"),
+        ({"load": 1e4}, PiercedError, "most of the cover"),
+        ({"load": 1.0, "direction": [0, 0, 1.0]}, ValueError, "never touches"),
+    ],
+)
+def test_impossible_presses_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), **options)
+
+
+def test_a_deep_press_warns():
+    found = press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), depth=0.5e-3)
+    assert "strains are not small" in found.warnings[0]
+
+
+@pytest.mark.slow
+def test_a_flat_pad_under_a_ball_agrees_with_the_planar_solution():
+    cover = flat_pad(size=(14e-3, 14e-3), rows=3)
+    ours = press_curved(
+        cover.meshes(), cover.texels, RUBBER, BALL, SpatialPose.facing([1e-3, 0, 5e-3], [0, 0, -1]), load=0.3
+    )
+    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
+    known = press(planar, cover.texels, BALL, load=0.3, at=(1e-3, 0))
+    peak = known.texel_forces.max()
+    difference = np.abs(ours.texel_forces - known.texel_forces).max() / peak
+    assert difference < 0.01
+    assert difference < ours.error_estimate["texel_forces"] + known.error_estimate["texel_forces"]
+    assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] + known.error_estimate["depth"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["middle", "edge", "pole", "oblique"])
+def test_force_and_moment_balance_on_the_fingertip(where):
+    cover = fingertip()
+    position, direction = {
+        "middle": ([0, -7e-3, 2e-2], [0, 0, -1]),
+        "edge": ([2e-2, -13e-3, 2e-3], [-1, 0, 0]),
+        "pole": ([0, 2e-2, 1e-3], [0, -1, 0]),
+        "oblique": ([1e-2, 1e-2, 1.5e-2], [-1, -1, -1.5]),
+    }[where]
+    found = press_curved(cover.mesh(), cover.texels, RUBBER, BALL, SpatialPose.facing(position, direction), load=0.5)
+    size = np.linalg.norm(found.force)
+    np.testing.assert_allclose(found.base_force, found.force, atol=2e-3 * size)
+    np.testing.assert_allclose(found.base_moment, found.moment, atol=2e-3 * size * 8e-3)
+    assert np.linalg.norm(found.unmeasured) < size
