@@ -1,0 +1,203 @@
+"""Fill a closed surface of triangles with tetrahedra by fTetWild (Hu et al. 2020), for covers that cannot be swept.
+
+The mesher gives another mesh at every call, so a mesh is an input: `fill_with_tetrahedra` keeps it in a file, and the
+spread of results over several meshes is their noise.  The mesher runs in a process and a folder of its own, because it
+writes a file into its working folder and may crash on bad surfaces.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from meshes.array_types import FloatArray, IntArray
+from meshes.solids.quality import SIZES, Quality, check_quality
+from meshes.solids.solid_mesh import Setting, SolidMesh, read_mesh, write_mesh
+from meshes.solids.triangles import check_closed, enclosed_volume, merge_corners, nearest_points
+
+#: Largest distance of the surface of the mesh from the given surface, over the thickness of the cover [-].
+_ENVELOPE = 1 / 100
+#: Distance of a facet from the base, in envelopes, up to which it can belong to the base [-].
+_NEAR_BASE = 3.0
+#: Smallest cosine between the normals of a facet and of the base for a facet of the base, and between its normal and
+#: the nearest normal of the base for a facet of the top: 60 degrees, beyond which it is a side [-].
+_ON_BASE, _ON_TOP = 0.7, 0.5
+#: Longest time for a mesh [s].
+_PATIENCE = 1200
+#: Program of the mesher's process: reads the surface and writes the mesh in the current folder.
+_PROGRAM = """
+import numpy, pytetwild
+given = numpy.load("surface.npz")
+nodes, cells = pytetwild.tetrahedralize(given["points"], given["faces"].astype(numpy.int32), vtk_ordering=True,
+    edge_length_abs=float(given["edge"]), epsilon=float(given["epsilon"]), num_threads=1)
+numpy.savez("mesh.npz", nodes=nodes, cells=cells)
+"""
+
+
+def fill_with_tetrahedra(
+    surface: FloatArray, base: FloatArray, element_size: float, *, keep: Path | None = None, name: str = "the surface"
+) -> SolidMesh:
+    """Mesh the inside of a closed surface.
+
+    Args:
+        surface: Corners of the n triangles of the whole surface of the cover, counterclockwise as seen from outside,
+            shape (n, 3, 3) [m].
+        base: Corners of the triangles of the part of it that is bonded, facing either way, shape (b, 3, 3) [m].
+        element_size: Wanted edge length of the tetrahedra [m].
+        keep: File in which the mesh is kept.  If the file exists, its mesh is returned, after a check that it was made
+            from the same surfaces with the same settings.
+        name: Name of the surface in messages.
+
+    Raises:
+        ValueError: If a surface is open, inside out or intersects itself, the mesher fails, or the file holds another
+            mesh.
+        ModuleNotFoundError: If pytetwild is not installed.
+    """
+    surface, base = np.asarray(surface, dtype=float), np.asarray(base, dtype=float)
+    check_closed(surface, name)
+    size = float(np.ptp(surface, axis=(0, 1)).max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise ValueError(
+            f"{name} would be {1e3 * size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm; state its "
+            "unit (were millimetres taken for metres?)"
+        )
+    thickness = enclosed_volume(surface) / (np.linalg.norm(_normals(base), axis=1).sum() / 2)
+    settings: dict[str, Setting] = {
+        "element_size": float(element_size),
+        "envelope": _ENVELOPE * float(thickness),
+        "surface": _hash(surface),
+        "base": _hash(base),
+    }
+    if keep is not None and keep.exists():
+        kept = read_mesh(keep)
+        if dict(kept.settings) != settings:
+            raise ValueError(f"{keep.name} holds a mesh of another surface or with other settings; remove or rename it")
+        return kept
+    if find_spec("pytetwild") is None:
+        raise ModuleNotFoundError("tetrahedral meshes need pytetwild: pip install softcover[curved]")
+    nodes, cells = _run_mesher(surface, element_size, _ENVELOPE * thickness, name)
+    mesh = classify_boundary(nodes, cells, base, tolerance=_NEAR_BASE * _ENVELOPE * thickness, settings=settings)
+    if keep is not None:
+        write_mesh(keep, mesh)
+    return mesh
+
+
+def classify_boundary(
+    nodes: FloatArray,
+    cells: IntArray,
+    base: FloatArray,
+    *,
+    tolerance: float,
+    settings: Mapping[str, Setting] | None = None,
+    source: str = "tetrahedra",
+) -> SolidMesh:
+    """Find base, top and sides of a tetrahedral mesh, project the nodes of the base, and correct the orientation.
+
+    Args:
+        nodes: Positions of the nodes, shape (n, 3) [m].
+        cells: Indices of the nodes of each tetrahedron, in either orientation, shape (e, 4).
+        base: Corners of the triangles of the base, facing either way, shape (b, 3, 3) [m].
+        tolerance: Largest distance of a node of the base from these triangles [m].
+        settings: Settings of the mesh.
+        source: Source of the mesh.
+
+    Raises:
+        ValueError: If no facet lies on the base, or all facets do.
+    """
+    used, place = np.unique(cells, return_inverse=True)
+    nodes, cells = np.array(nodes[used], dtype=float), place.reshape(-1, 4).astype(np.int64)
+    corner = nodes[cells]
+    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
+    cells[turned] = cells[turned][:, [0, 2, 1, 3]]
+    facets = list_boundary(cells)
+    outer = np.unique(facets)
+    nearest = nearest_points(nodes[outer], base)[0]
+    position = np.searchsorted(outer, facets)
+    distance = np.linalg.norm(nearest - nodes[outer], axis=1)
+    normals, given = _unit(_normals(nodes[facets])), _unit(_normals(base))
+    middle_owner = nearest_points(nodes[facets].mean(axis=1), base)[1]
+    cosine = np.einsum("fc,fc->f", normals, given[middle_owner])
+    on_base = (distance[position] <= tolerance).all(axis=1) & (np.abs(cosine) > _ON_BASE)
+    if not on_base.any() or on_base.all():
+        raise ValueError("no part of the surface lies on the base; give the base in the same frame and unit")
+    nodes[outer[position[on_base]]] = nearest[position[on_base]]
+    # The normals of the base must point into the cover: against those of the mesh's facets on the base.
+    inward = -np.sign(cosine[on_base].sum())
+    on_top = ~on_base & (inward * cosine > _ON_TOP)
+    return SolidMesh(
+        nodes=nodes,
+        cells=cells,
+        base=facets[on_base][:, [0, 2, 1]],
+        top=facets[on_top],
+        sides=facets[~on_base & ~on_top],
+        source=source,
+        settings=settings or {},
+    )
+
+
+def measure_base_deviation(mesh: SolidMesh, base: FloatArray) -> float:
+    """Return the largest distance of the nodes of a mesh's base from the triangles of the base [m]."""
+    points = mesh.nodes[np.unique(mesh.base)]
+    return float(np.linalg.norm(nearest_points(points, base)[0] - points, axis=1).max())
+
+
+def check_tetrahedra(mesh: SolidMesh, base: FloatArray) -> Quality:
+    """Check the quality of a tetrahedral mesh, and measure the deviation of its base."""
+    return check_quality(mesh, base_deviation=measure_base_deviation(mesh, base))
+
+
+def list_boundary(cells: IntArray) -> IntArray:
+    """List the facets that belong to one tetrahedron only, facing outwards, shape (f, 3)."""
+    every = cells[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
+    _, place, count = np.unique(np.sort(every, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(every[count[place.ravel()] == 1])
+
+
+def _run_mesher(surface: FloatArray, edge: float, envelope: float, name: str) -> tuple[FloatArray, IntArray]:
+    """Run fTetWild in a process and a temporary folder of its own; return nodes and tetrahedra."""
+    points, faces = merge_corners(surface)
+    scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # the mesher works with lengths of order 1
+    with tempfile.TemporaryDirectory(prefix="softcover-mesh-") as folder:
+        np.savez(
+            Path(folder) / "surface.npz",
+            points=points / scale,
+            faces=faces,
+            edge=edge / scale,
+            epsilon=envelope / scale,
+        )
+        try:
+            done = subprocess.run(  # noqa: S603 -- our own program
+                [sys.executable, "-c", _PROGRAM], cwd=folder, capture_output=True, timeout=_PATIENCE, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise ValueError(f"meshing {name} took more than {_PATIENCE} s; take larger elements") from None
+        result = Path(folder) / "mesh.npz"
+        if done.returncode or not result.exists():
+            last = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
+            raise ValueError(f"the mesher failed on {name} ({last[:120]}); repair or remesh the surface")
+        with np.load(result) as found:
+            nodes, cells = found["nodes"] * scale, found["cells"].astype(np.int64)
+    if not len(cells):
+        raise ValueError(f"the mesher found no volume inside {name}; repair the surface")
+    return nodes, cells
+
+
+def _normals(triangles: FloatArray) -> FloatArray:
+    """Return normal vectors of triangles, with twice their area as length, shape (n, 3) [m2]."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
+
+
+def _hash(values: FloatArray) -> str:
+    """Return a short hash of an array."""
+    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:16]

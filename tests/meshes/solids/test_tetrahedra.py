@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshes.solids.quality import check_quality, compute_volume, measure_area
+from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.tetrahedra import (
+    check_tetrahedra,
+    classify_boundary,
+    fill_with_tetrahedra,
+    list_boundary,
+    measure_base_deviation,
+)
+from meshes.solids.triangles import check_closed, count_crossings, enclosed_volume, nearest_points
+
+SIZE = (6e-3, 4e-3, 2e-3)
+CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0, 1)]) * SIZE
+QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+FACES = np.array([[q[0], *q[k : k + 2]] for q in QUADS for k in (1, 2)])
+BOX = CORNERS[FACES]
+BASE = BOX[(BOX[..., 2] == 0).all(axis=1)]
+#: A box of five tetrahedra.
+FIVE = np.array([[0, 3, 5, 6], [0, 3, 1, 5], [0, 6, 2, 3], [0, 5, 4, 6], [3, 6, 7, 5]])
+
+
+def test_a_box_is_closed_and_holds_its_volume():
+    check_closed(BOX, "box")
+    assert enclosed_volume(BOX) == pytest.approx(np.prod(SIZE))
+
+
+@pytest.mark.parametrize(
+    ("triangles", "message"),
+    [
+        (BOX[1:], "not closed: it has 3 open edges"),
+        (np.concatenate([BOX, BOX[:1]]), "more than two triangles"),
+        (np.concatenate([BOX[:1, ::-1], BOX[1:]]), "face different ways"),
+        (BOX[:, ::-1], "inside out"),
+        (np.concatenate([BOX, BOX + 1e-3]), "intersects itself"),
+        (np.where(np.arange(12)[:, None, None] == 3, np.nan, BOX), "no number"),
+        (BOX * [1, 1, 0], "not closed|encloses no volume"),
+        (BOX[:, :2], "shape"),
+    ],
+)
+def test_bad_surfaces_are_refused_in_one_line(triangles, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        check_closed(triangles, "box.stl")
+    assert "box.stl" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_touching_and_nested_boxes_do_not_cross():
+    assert count_crossings(BOX) == 0
+    assert count_crossings(np.concatenate([BOX, 0.5 * BOX + [0, 0, 5e-4]])) == 0
+    assert count_crossings(np.concatenate([BOX, BOX + 1e-3])) > 3
+
+
+def test_nearest_points_of_triangles():
+    points = np.array([[1e-3, 0, 3e-3], [5e-3, 0, 1e-3], [5e-3, 4e-3, 3e-3], [0, 0, 0.4e-3]])
+    nearest, _ = nearest_points(points, BOX)
+    np.testing.assert_allclose(nearest, [[1e-3, 0, 2e-3], [3e-3, 0, 1e-3], [3e-3, 2e-3, 2e-3], [0, 0, 0]], atol=1e-18)
+
+
+def test_base_top_and_sides_are_found_and_orientation_and_base_are_corrected():
+    nodes = CORNERS + np.where(CORNERS[:, [2]] == 0, [0, 0, 1e-5], 0)
+    cells = FIVE.copy()
+    cells[::2] = cells[::2][:, [1, 0, 2, 3]]
+    mesh = classify_boundary(nodes, cells, BASE, tolerance=2e-5)
+    assert compute_volume(mesh) == pytest.approx(np.prod(SIZE))
+    assert check_quality(mesh).inverted == 0
+    assert measure_base_deviation(mesh, BASE) < 1e-18
+    assert measure_area(mesh, "base") == pytest.approx(24e-6)
+    assert measure_area(mesh, "top") == pytest.approx(24e-6)
+    assert measure_area(mesh, "sides") == pytest.approx(40e-6)
+    reversed_base = classify_boundary(nodes, cells, BASE[:, ::-1], tolerance=2e-5)
+    np.testing.assert_array_equal(np.sort(reversed_base.top, axis=1), np.sort(mesh.top, axis=1))
+    with pytest.raises(ValueError, match="no part of the surface lies on the base"):
+        classify_boundary(nodes, cells, BASE - [0, 0, 1e-3], tolerance=2e-5)
+
+
+def test_the_boundary_faces_outwards():
+    mesh = classify_boundary(CORNERS, FIVE, BASE, tolerance=1e-6)
+    assert enclosed_volume(mesh.nodes[list_boundary(mesh.cells)]) == pytest.approx(np.prod(SIZE))
+
+
+def test_slivers_and_coarse_meshes_are_refused():
+    nodes = CORNERS.copy()
+    nodes[3] += [0, 0, 1e-9]
+    mesh = classify_boundary(nodes, FIVE, BASE, tolerance=1e-6)
+    assert "elements through the thickness" in check_quality(mesh).faults[-1]
+    flat = SolidMesh(
+        nodes=np.array([[0, 0, 0], [1e-2, 0, 0], [0, 1e-2, 0], [3e-3, 3e-3, 1e-6]]),
+        cells=np.array([[0, 1, 2, 3]]),
+        base=np.array([[0, 1, 2]]),
+        top=np.array([[0, 1, 3], [1, 2, 3]]),
+        sides=np.array([[2, 0, 3]]),
+        source="flat",
+    )
+    with pytest.raises(ValueError, match="1 of 1 elements are slivers"):
+        check_quality(flat).require()
+
+
+def test_millimetres_are_noticed_before_meshing():
+    with pytest.raises(ValueError, match="millimetres taken for metres"):
+        fill_with_tetrahedra(1e3 * BOX, 1e3 * BASE, 1.0)
+
+
+@pytest.mark.slow
+def test_the_mesher_runs_in_a_folder_of_its_own_and_its_mesh_is_kept(tmp_path, monkeypatch):
+    pytest.importorskip("pytetwild")
+    monkeypatch.chdir(tmp_path)
+    keep = tmp_path / "box.npz"
+    mesh = fill_with_tetrahedra(BOX, BASE, 1.3e-3, keep=keep)
+    assert [path.name for path in tmp_path.iterdir()] == ["box.npz"]
+    assert check_tetrahedra(mesh, BASE).faults == ()
+    assert compute_volume(mesh) == pytest.approx(np.prod(SIZE), rel=0.01)
+    assert fill_with_tetrahedra(BOX, BASE, 1.3e-3, keep=keep).digest == mesh.digest
+    with pytest.raises(ValueError, match=r"box\.npz holds a mesh of another surface or with other settings"):
+        fill_with_tetrahedra(BOX, BASE, 1.2e-3, keep=keep)
+
+
+@pytest.mark.parametrize(("code", "message"), [("import os; os.abort()", "exit -6"), ("raise OSError('no')", "no")])
+def test_a_mesher_that_dies_is_reported(monkeypatch, code, message):
+    monkeypatch.setattr("meshes.solids.tetrahedra._PROGRAM", code)
+    with pytest.raises(ValueError, match=f"the mesher failed on box.*{message}"):
+        fill_with_tetrahedra(BOX, BASE, 1e-3, name="box")
