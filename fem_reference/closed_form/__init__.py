@@ -16,6 +16,8 @@ from fem_reference.closed_form.curved import (
     PointLoad,
     SphereLayer,
     SpherePatch,
+    SpotLoad,
+    touch_cylinder,
 )
 from fem_reference.closed_form.disk import bonded_disk, gent_lindley
 from fem_reference.closed_form.influence import tabulate_texel_response
@@ -42,6 +44,7 @@ __all__ = [
     "PressedCells",
     "SphereLayer",
     "SpherePatch",
+    "SpotLoad",
     "StuckPunch",
     "Transfer",
     "bonded_disk",
@@ -59,6 +62,7 @@ __all__ = [
     "stuck_punch",
     "stuck_shape",
     "tabulate_texel_response",
+    "touch_cylinder",
     "traction_compliance",
     "transfer",
     "variance",

@@ -3,6 +3,7 @@
 from fem_reference.closed_form.curved.cylinder import ArcLoad, CylinderLayer, CylinderResponse, LineLoad
 from fem_reference.closed_form.curved.sphere import CapLoad, PointLoad, SphereLayer, SphereResponse
 from fem_reference.closed_form.curved.sphere_patch import SpherePatch
+from fem_reference.closed_form.curved.spots import SpotLoad, SpotResponse, touch_cylinder
 
 __all__ = [
     "ArcLoad",
@@ -14,4 +15,7 @@ __all__ = [
     "SphereLayer",
     "SpherePatch",
     "SphereResponse",
+    "SpotLoad",
+    "SpotResponse",
+    "touch_cylinder",
 ]
