@@ -207,7 +207,7 @@ def ring(count, colatitudes, **options):
 
 
 @pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("thickness", [2e-3, 5.4e-3])
+@pytest.mark.parametrize("thickness", [pytest.param(2e-3, marks=pytest.mark.slow), 5.4e-3])
 def test_the_traction_on_a_sphere_balances_the_load(sphere, nu, thickness):
     layer = sphere(nu, thickness)
     response = layer.respond(
