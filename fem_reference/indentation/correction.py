@@ -39,8 +39,9 @@ CONTACT_ASSUMPTION = {
 }
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
-#: Smallest estimated error of a loading path with friction: error of its steps and of the springs [-].
-LEAST_FRICTION_ERROR = 0.015
+#: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
+#: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
+LEAST_FRICTION_ERROR, LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
 #: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
 #: smaller depths the effect is below the discretisation error [-].
 _SMALLEST_RESOLVED_DEPTH = 0.04

@@ -9,6 +9,7 @@ corrections of the small-strain solution, see `correction`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -26,6 +27,7 @@ from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
     CONTACT_ASSUMPTION,
     LEAST_FRICTION_ERROR,
+    LEAST_PAIRED_FRICTION_ERROR,
     SOLID_GRIDS,
     BlockModel,
     SolvedPair,
@@ -56,7 +58,7 @@ def count_refinements(path: LoadingPath) -> int:
 
 
 def study_path(
-    path: LoadingPath, progress: Progress, refinement: int = 0, sticking: GridStudy | None = None
+    path: LoadingPath, progress: Progress, refinement: int = 0, rubbing: GridStudy | None = None
 ) -> GridStudy:
     """Solve a loading path on a wide cover on three grids.
 
@@ -67,16 +69,17 @@ def study_path(
         path: Cover, indenter, target loads or depths, and friction.
         progress: Called with a line of text after each step.
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
-        sticking: Small-strain solutions of a flat face without slip, which are then corrected instead of frictionless
-            ones.
+        rubbing: Small-strain solutions with friction, which are then corrected instead of frictionless ones.
 
     Returns:
         The solutions of every target with the element sizes and the expected order of convergence.
     """
-    corrected = path.indenter.is_flat or not path.indenter.axisymmetric
+    if rubbing is not None:
+        path = replace(path, baseline_friction=path.friction)
+    corrected = path.indenter.is_flat or not path.indenter.axisymmetric or rubbing is not None
     accurate = None
     if corrected:
-        accurate = sticking or small_strain.study_path(path, None, progress)
+        accurate = rubbing or small_strain.study_path(path, None, progress)
         contact = accurate.solutions[-1][0].contact
         solve = partial(_solve_pair, contact=contact, progress=progress, refinement=refinement)
         solutions = correct_path(path, accurate.solutions, solve)
@@ -87,12 +90,19 @@ def study_path(
         solutions=solutions,
         least_order=2.0 if corrected and not path.has_friction_effect else 1.0,
         least_overlap=OVERLAP,
-        least_error=LEAST_FRICTION_ERROR if path.has_friction_effect else 0.0,
+        least_error=_choose_least_error(path),
         accurate=accurate,
         assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
         | (CONTACT_ASSUMPTION if corrected else {}),
         warnings=warn_of_boundary(path.cover),
     )
+
+
+def _choose_least_error(path: LoadingPath) -> float:
+    """Return the smallest error that is estimated for a loading path [-]."""
+    if path.has_friction_effect:
+        return LEAST_FRICTION_ERROR
+    return LEAST_PAIRED_FRICTION_ERROR if path.friction else 0.0
 
 
 def _solve_pair(
