@@ -44,6 +44,8 @@ _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
 _SUFFIX = ".entry"
 #: Largest accepted size of an entry, and of its manifest [bytes].
 _MOST_BYTES, _MOST_MANIFEST_BYTES = 2**32, 2**24
+#: Largest accepted number of arrays of an entry; a path in three dimensions has about 36 for each load or depth [-].
+_MOST_ARRAYS = 2**14
 #: Time in the year 2242; later ones are no times at which an entry was written [s since 1970].
 _LATEST = 2.0**33
 #: Libraries whose versions are part of every key, because the results depend on the versions.
@@ -328,7 +330,7 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
         raise DamagedEntryError("fails its sha256")
     text, _, blob = body.partition(b"\n")
     try:
-        manifest, arrays = parse_json(text), unpack_npz(blob, most=_MOST_BYTES)
+        manifest, arrays = parse_json(text), unpack_npz(blob, most=_MOST_BYTES, most_arrays=_MOST_ARRAYS)
     except FileLimitError as error:
         raise DamagedEntryError(f"has bad content: {error}") from None
     if not isinstance(manifest, dict) or manifest.get("arrays") != sorted(arrays):

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshes.bounded_file import FileLimitError, format_size
 
-#: Largest accepted number of arrays in an npz file [-].
+#: Largest accepted number of arrays in an npz file, unless a caller accepts more [-].
 _MOST_ARRAYS = 64
 #: Kinds of numpy types that are accepted: truth values, numbers and texts.
 _KINDS = "biufcUS"
@@ -41,7 +41,7 @@ def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
     return packed.getvalue()
 
 
-def unpack_npz(content: bytes, *, most: int) -> dict[str, npt.NDArray[np.generic]]:
+def unpack_npz(content: bytes, *, most: int, most_arrays: int = _MOST_ARRAYS) -> dict[str, npt.NDArray[np.generic]]:
     """Return the arrays in the bytes of an npz file, by name.
 
     Sizes, types and shapes are checked before any memory is claimed for an array.
@@ -49,6 +49,7 @@ def unpack_npz(content: bytes, *, most: int) -> dict[str, npt.NDArray[np.generic
     Args:
         content: The bytes.
         most: Largest accepted size of all arrays together; numbers of less than 8 bytes count as 8 [bytes].
+        most_arrays: Largest accepted number of arrays [-].
 
     Raises:
         FileLimitError: If the bytes are no npz file, or are damaged, encrypted, packed by a method other than deflate,
@@ -58,8 +59,8 @@ def unpack_npz(content: bytes, *, most: int) -> dict[str, npt.NDArray[np.generic
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()
-            if len(entries) > _MOST_ARRAYS:
-                raise FileLimitError(f"holds {len(entries)} arrays; at most {_MOST_ARRAYS} are accepted")  # noqa: TRY301
+            if len(entries) > most_arrays:
+                raise FileLimitError(f"holds {len(entries)} arrays; at most {most_arrays} are accepted")  # noqa: TRY301
             for entry in entries:
                 array = _unpack_array(archive, entry, most)
                 most -= array.size * max(array.itemsize, _LEAST_BYTES)

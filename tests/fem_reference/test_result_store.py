@@ -46,6 +46,14 @@ def test_second_fetch_reads_what_the_first_computed():
         np.testing.assert_array_equal(values, second[name])
 
 
+def test_an_entry_of_many_arrays_is_read():
+    """A path of four loads in three dimensions has more than a hundred."""
+    compute, calls = counted({f"a{i}": np.arange(3.0) for i in range(400)})
+    assert len(result_store.fetch("test", {"x": 1.0}, compute)) == 400
+    assert len(result_store.fetch("test", {"x": 1.0}, compute)) == 400
+    assert len(calls) == 1
+
+
 def test_other_inputs_are_other_entries():
     compute, calls = counted({"a": 1.0})
     for inputs in ({"x": 1.0}, {"x": 2.0}, {"x": Sphere(radius=1.0)}, {"x": Sphere(radius=2.0)}, {"y": 1.0}):
