@@ -100,6 +100,7 @@ def find_pressures(
     *,
     columns: FloatArray | None = None,
     sums: FloatArray | None = None,
+    shed: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Find the cells in contact, the contact pressures, and the motions of the indenters.
 
@@ -111,6 +112,8 @@ def find_pressures(
         columns: Downward displacement of the indenter at every cell per unit of each of k free motions, shape
             (k, rows, columns); None if the indenters cannot move.
         sums: Prescribed sums of the pressures times each column, shape (k,) [Pa times the unit of the column].
+        shed: Whether to remove cells under tension first and to add none meanwhile, for an initial guess that is larger
+            than the contact.  Cells under tension lift a stiff top layer against the indenter nearly everywhere.
 
     Returns:
         Pressures, shape (rows, columns) [Pa], and amounts of the k motions, shape (k,).
@@ -126,6 +129,10 @@ def find_pressures(
     fewest, patience = gap.size + 1, _PATIENCE
     for _ in range(_EXCHANGES):
         pressure, motion = _solve_touching(compliance, gap, touching, columns, sums)
+        shed = shed and bool((touching & (pressure < 0)).any() and (touching & (pressure > 0)).any())
+        if shed:
+            touching = touching & (pressure >= 0)
+            continue
         remaining = gap - np.tensordot(motion, columns, 1)
         overlap = compliance.displace(pressure) + remaining
         deepest = max(0.0, -float(remaining[allowed].min()))

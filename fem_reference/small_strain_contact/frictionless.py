@@ -10,10 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
-from fem_reference.errors import TooShallowError
+from fem_reference.errors import ConvergenceError, TooShallowError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
-from fem_reference.small_strain_contact.cell_grid import CellGrid, Face, choose_counts
+from fem_reference.small_strain_contact.cell_grid import CellGrid, Face, GapFunction, choose_counts
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.contact_area import measure_area
 from fem_reference.small_strain_contact.free_edges import SideEdges
@@ -35,6 +36,9 @@ _FIRST_SHARE = 0.2
 _FIRST_DEPTH = 0.5
 #: Smallest number of cells in the initial guess of a contact [-].
 _FIRST_CELLS = 9
+#: Ratio of the cells of a grid and of the coarser grid whose contact is its initial guess, and smallest number of cells
+#: of that along an axis.  Under a stiff top layer every exchange of cells peels only one ring off the contact [-].
+_COARSENING, _COARSEST = 3, 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +114,8 @@ def solve_contact(
         addition = None if sides is None else sides.add_compliance(grid.x.ravel(), grid.y.ravel())
         compliance = ComplianceOperator(surface, grid.x.shape, grid.cell, addition)
         gap = measure_gap(*grid.unscaled)
-        pressure, approach = _solve(compliance, gap, grid.area, load, depth)
+        guess = _guess_from_coarser(surface, measure_gap, grid, half, load=load, depth=depth)
+        pressure, approach = _solve(compliance, gap, grid.area, guess, load=load, depth=depth)
         touching = pressure > 0
         # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
         near = touching if touching.any() else gap == gap.min()
@@ -187,13 +192,68 @@ def guess_touching(gap: FloatArray, depth: float | None) -> BoolArray:
     return np.asarray(allowed & (gap <= max(few, _FIRST_DEPTH * depth)))
 
 
+def _guess_from_coarser(
+    surface: SurfaceCompliance,
+    measure_gap: GapFunction,
+    grid: CellGrid,
+    half: FloatArray,
+    *,
+    load: float | None,
+    depth: float | None,
+) -> BoolArray | None:
+    """Guess the cells in contact from a solution on a coarser grid of the same rectangle, itself guessed in this way.
+
+    The guess is larger than the contact of the coarser grid by one of its cells on each side.  Cells too many are
+    removed in few exchanges; with cells too few, a stiff top layer would overlap the indenter nearly everywhere.
+
+    Args:
+        surface: Compliance of the top of a wide cover; free side edges do not matter for a guess.
+        measure_gap: Function that computes the gap.
+        grid: Grid of cells.
+        half: Half widths of the rectangle that the grid divides, shape (2,) [m].
+        load: Normal force [N], or None.
+        depth: Approach of the indenter [m], or None.
+
+    Returns:
+        Whether each cell is in the guess, shape (rows, columns); None if the grid is too coarse for a coarser one.
+    """
+    counts = np.array(grid.x.shape) // _COARSENING
+    if counts.min() < _COARSEST:
+        return None
+    coarse = CellGrid.span(grid.middle, half, counts)
+    gap = measure_gap(coarse.x, coarse.y)
+    if not np.isfinite(gap).any():
+        return None
+    compliance = ComplianceOperator(surface, coarse.x.shape, coarse.cell)
+    guess = _guess_from_coarser(surface, measure_gap, coarse, half, load=load, depth=depth)
+    try:
+        touching = _solve(compliance, gap, coarse.area, guess, load=load, depth=depth)[0] > 0
+    except ConvergenceError:
+        return None
+    touching = ndimage.binary_dilation(touching, np.ones((3, 3), dtype=bool))
+    rows, columns = (np.arange(n) * m // n for n, m in zip(grid.x.shape, counts, strict=True))
+    return touching[np.ix_(rows, columns)]
+
+
 def _solve(
-    compliance: ComplianceOperator, gap: FloatArray, area: float, load: float | None, depth: float | None
+    compliance: ComplianceOperator,
+    gap: FloatArray,
+    area: float,
+    guess: BoolArray | None,
+    *,
+    load: float | None,
+    depth: float | None,
 ) -> tuple[FloatArray, float]:
-    """Solve for the pressures [Pa] on cells of given area [m2], and the approach [m], at a given load or depth."""
-    touching = guess_touching(gap, depth)
+    """Solve for the pressures [Pa] on cells of given area [m2], and the approach [m], at a given load or depth.
+
+    The initial guess of the cells in contact is `guess`, or else that of `guess_touching`.
+    """
+    shed = guess is not None
+    touching = guess_touching(gap, depth) if guess is None else guess & np.isfinite(gap)
+    if not touching.any():
+        touching = guess_touching(gap, depth)
     if load is None and depth is not None:
-        return find_pressures(compliance, gap - depth, touching)[0], depth
+        return find_pressures(compliance, gap - depth, touching, shed=shed)[0], depth
     sums = np.array([(load or 0.0) / area])
-    pressure, motion = find_pressures(compliance, gap, touching, columns=np.ones((1, *gap.shape)), sums=sums)
+    pressure, motion = find_pressures(compliance, gap, touching, columns=np.ones((1, *gap.shape)), sums=sums, shed=shed)
     return pressure, float(motion[0])
