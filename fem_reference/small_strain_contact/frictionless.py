@@ -93,20 +93,18 @@ def solve_contact(
     """
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
-    middle, half = (
-        (np.zeros(2), np.array(bound_contact(indenter, surface.thickness))) if sides is None else sides.window
-    )
+    first = (np.zeros(2), np.array(bound_contact(indenter, surface.thickness))) if sides is None else sides.window
 
     def measure_gap(x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the gap between indenter and cover [m]; inf beside the indenter and beside the cover."""
         value = indenter.gap(x, y)
         return value if sides is None else np.where(sides.contain(x, y), value, np.inf)
 
-    face = Face.measure(measure_gap, middle, half) if indenter.is_flat else None
+    face = Face.measure(measure_gap, *first) if indenter.is_flat else None
     if face is not None:
-        middle, half = face.middle, face.half
+        first = face.middle, face.half
     fixed = indenter.mirror_symmetry if face is None and sides is None else (True, True)
-    first = middle, half
+    middle, half = first
     for _ in range(_REFINEMENTS):
         grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
         if face is not None:

@@ -21,6 +21,7 @@ _COMMANDS = {
     "press": "press:press",
     "view": "view:view",
     "validate": "validate:validate",
+    "validate-force": "validate_force:validate_force",
     "regress": "regress:regress",
     "export": "export:export",
     "record": "record:record",

@@ -1,0 +1,207 @@
+"""A measurement of force over depth, and the TOML file that describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass as table
+
+from meshes import Cover, Indenter, Layer, Sphere
+from meshes.bounded_file import parse_toml
+from validation.errors import InputError, nearest
+from validation.sensor_file.faults import list_faults
+from validation.sensor_file.sensor import read_tables
+from validation.sensor_file.tables import CoverTable, Length, choice, quantity
+from validation.text.indenter import read_indenter
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Measurements that come with the package, by the name on the command line, and their files.
+BUILT_IN = {"gelsight-mini": "gelsight-mini.toml"}
+#: Largest number of points of a measurement; the finite elements solve every depth [-].
+_MOST_POINTS = 100
+#: Largest Poisson ratio, that of an incompressible material [-].
+_INCOMPRESSIBLE = 0.5
+#: Examples of keys that may be missing, for messages.
+_EXAMPLES = {
+    "indenter": 'indenter = "sphere:radius=7.5mm"',
+    "point": "the tables [[point]]",
+    "depth": 'depth = "0.5 mm"',
+    "force": 'force = "1.65 N"',
+    "use": 'use = "fit"',
+    "name": 'name = "my pad"',
+}
+
+_Force = Annotated[float, quantity("force")]
+
+
+@table(config=ConfigDict(extra="forbid"), kw_only=True)
+class PointTable:
+    """Table `[[point]]`: one measured force, and whether the moduli are fitted to it or it is scored."""
+
+    depth: Length
+    force: _Force
+    use: Annotated[str, choice("fit", "score")]
+
+
+@table(config=ConfigDict(extra="forbid"), kw_only=True)
+class UncertaintyTable:
+    """Table `[uncertainty]`: standard uncertainties of the measurement."""
+
+    force: _Force | None = None
+    zero: Length | None = None
+
+
+@table(config=ConfigDict(extra="forbid"), kw_only=True)
+class MeasurementTables:
+    """All tables of the file of a measurement."""
+
+    name: str
+    indenter: str
+    cover: CoverTable
+    point: Annotated[list[PointTable], Field(max_length=_MOST_POINTS)]
+    source: str = "given by the user"
+    top_radius: Length | None = None
+    uncertainty: UncertaintyTable = Field(default_factory=UncertaintyTable)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurement:
+    """Measured forces on an indenter at n depths.
+
+    Attributes:
+        name: Name for tables.
+        source: Origin of the data.
+        indenter: Indenter with an axis of revolution, pressed into the middle of the cover.
+        cover: Cover; all moduli are multiplied by one fitted factor.
+        depth: Approaches from first touch, ascending, shape (n,) [m].
+        force: Measured normal forces, shape (n,) [N].
+        fitted: Whether the moduli are fitted to each point; the others are scored, shape (n,).
+        top_radius: Radius of curvature of a domed top under a ball; None for a flat top [m].
+        force_uncertainty: Standard uncertainty of each force, independent of the others; None if unknown [N].
+        zero_uncertainty: Standard uncertainty of the zero of depth, one error for all points; None if unknown [m].
+    """
+
+    name: str
+    source: str
+    indenter: Indenter
+    cover: Cover
+    depth: FloatArray
+    force: FloatArray
+    fitted: npt.NDArray[np.bool_]
+    top_radius: float | None = None
+    force_uncertainty: float | None = None
+    zero_uncertainty: float | None = None
+
+    @property
+    def domed_indenter(self) -> Indenter:
+        """The ball that has, on a flat top, the gap of the given ball on the domed top: curvatures add (Hertz)."""
+        if self.top_radius is None or not isinstance(self.indenter, Sphere):
+            return self.indenter
+        return replace(self.indenter, radius=1 / (1 / self.indenter.radius + 1 / self.top_radius))
+
+    @property
+    def poisson_ends(self) -> tuple[Cover, Cover] | None:
+        """The cover with the lowest and highest Poisson ratios of all its layers; None if no spread is given."""
+        if not any(layer.material.poisson_spread for layer in self.cover.layers):
+            return None
+        low, high = (_shift_poisson_ratio(self.cover, sign) for sign in (-1, 1))
+        return low, high
+
+
+def _shift_poisson_ratio(cover: Cover, sign: int) -> Cover:
+    """Move the Poisson ratio of every layer by its spread, at equal shear modulus, within 0..0.5."""
+
+    def shift(layer: Layer) -> Layer:
+        material = layer.material
+        ratio = float(np.clip(material.poisson_ratio + sign * material.poisson_spread, 0, _INCOMPRESSIBLE))
+        moduli = dict(material.parameters)
+        if material.small_strain_only:
+            moduli["youngs_modulus"] = 2 * material.shear_modulus * (1 + ratio)
+        return replace(layer, material=replace(material, poisson_ratio=ratio, parameters=moduli))
+
+    return replace(cover, layers=tuple(shift(layer) for layer in cover.layers))
+
+
+def read_measurement(text: str) -> Measurement:
+    """Read a measurement from a TOML file, or take a built-in one.
+
+    Args:
+        text: Path of a file, or a name in `BUILT_IN`.
+
+    Raises:
+        InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
+        OSError: If the file exists and cannot be read.
+    """
+    if text in BUILT_IN:
+        content = resources.files("validation.measured_force").joinpath(BUILT_IN[text]).read_text(encoding="utf-8")
+        return parse_measurement(parse_toml(content), source=text)
+    path = Path(text)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or built-in measurement; {nearest(text, BUILT_IN)}, or a TOML file")
+    return parse_measurement(read_tables(path), source=text)
+
+
+def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
+    """Convert the parsed tables of a file to a measurement.
+
+    Args:
+        data: The tables, as the TOML parser returns them.
+        source: Path of the file, for error messages.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    try:
+        tables = TypeAdapter(MeasurementTables).validate_python(dict(data))
+    except ValidationError as error:
+        lines = list_faults(error, tables=MeasurementTables, examples=_EXAMPLES)
+        raise InputError(*(f"{source}: {line}" for line in lines)) from None
+    indenter = read_indenter(tables.indenter, place=f"{source}: indenter")
+    # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
+    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)  # type: ignore[arg-type]
+    points = sorted(tables.point, key=lambda each: each.depth)
+    measurement = Measurement(
+        name=tables.name,
+        source=tables.source,
+        indenter=indenter,
+        cover=Cover(layers=layers, base=tables.cover.base, size=tables.cover.size),
+        depth=np.array([each.depth for each in points]),
+        force=np.array([each.force for each in points]),
+        fitted=np.array([each.use == "fit" for each in points], dtype=bool),
+        top_radius=tables.top_radius,
+        force_uncertainty=tables.uncertainty.force,
+        zero_uncertainty=tables.uncertainty.zero,
+    )
+    if faults := list(_find_faults(measurement)):
+        raise InputError(*(f"{source}: {fault}" for fault in faults))
+    return measurement
+
+
+def _find_faults(measurement: Measurement) -> list[str]:
+    """Return one line per fault that concerns several keys of a file."""
+    faults, fitted = [], measurement.fitted
+    if not fitted.any() or fitted.all():
+        faults.append('point: takes at least one with use = "fit" and one with use = "score"')
+    elif len(np.unique(measurement.depth)) == 1:
+        faults.append("point: takes points at two depths or more")
+    thickness = measurement.cover.thickness
+    faults += [
+        f"point.depth: {1e3 * depth:.4g} mm pierces the cover; accepted: less than its {1e3 * thickness:.4g} mm"
+        for depth in measurement.depth[measurement.depth >= thickness]
+    ]
+    if not measurement.indenter.axisymmetric:
+        faults.append("indenter: takes a body of revolution: sphere, cylinder, tip or cone")
+    if measurement.top_radius is not None and not isinstance(measurement.indenter, Sphere):
+        faults.append("top_radius: takes a sphere as indenter; remove the key, or let indenter be a sphere")
+    shift = measurement.zero_uncertainty
+    if shift is not None and len(fitted) and shift >= measurement.depth[0]:
+        faults.append(f"uncertainty.zero: must be less than the smallest depth, {1e3 * measurement.depth[0]:.4g} mm")
+    return faults
