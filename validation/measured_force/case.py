@@ -29,16 +29,6 @@ BUILT_IN = {"gelsight-mini": "gelsight-mini.toml"}
 _MOST_POINTS = 100
 #: Largest Poisson ratio, that of an incompressible material [-].
 _INCOMPRESSIBLE = 0.5
-#: Examples of keys that may be missing, for messages.
-_EXAMPLES = {
-    "indenter": 'indenter = "sphere:radius=7.5mm"',
-    "point": "the tables [[point]]",
-    "depth": 'depth = "0.5 mm"',
-    "force": 'force = "1.65 N"',
-    "use": 'use = "fit"',
-    "name": 'name = "my pad"',
-}
-
 _Force = Annotated[float, quantity("force")]
 
 
@@ -162,8 +152,7 @@ def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
     try:
         tables = TypeAdapter(MeasurementTables).validate_python(dict(data))
     except ValidationError as error:
-        lines = list_faults(error, tables=MeasurementTables, examples=_EXAMPLES)
-        raise InputError(*(f"{source}: {line}" for line in lines)) from None
+        raise InputError(*(f"{source}: {line}" for line in list_faults(error, MeasurementTables))) from None
     indenter = read_indenter(tables.indenter, place=f"{source}: indenter")
     # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
     layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)  # type: ignore[arg-type]

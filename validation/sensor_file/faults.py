@@ -33,6 +33,11 @@ _EXAMPLES = {
     "path": 'path = "press1.csv"',
     "fit": 'fit = ["room"]',
     "score": 'score = ["warm"]',
+    "indenter": 'indenter = "sphere:radius=7.5mm"',
+    "point": "the tables [[point]]",
+    "depth": 'depth = "0.5 mm"',
+    "force": 'force = "1.65 N"',
+    "use": 'use = "fit"',
 }
 
 #: Largest number of faults that are listed; a list of wrong numbers would fill the terminal [-].

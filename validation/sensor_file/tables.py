@@ -42,7 +42,7 @@ _LARGEST_EXPONENT = 100
 PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
 
 
-def _quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
+def quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
     """Make a validator that parses a quantity with a unit and converts it to SI.
 
     Args:
@@ -78,7 +78,7 @@ def _exponent(value: object) -> float:
     return float(value)
 
 
-def _choice(*names: str) -> BeforeValidator:
+def choice(*names: str) -> BeforeValidator:
     """Make a validator that accepts one of the given names."""
 
     def check(value: object) -> object:
@@ -158,8 +158,8 @@ def _material(value: object, read_table: Callable[[object], Any]) -> Material:
     return table.material()
 
 
-Length = Annotated[float, _quantity("length")]
-Pressure = Annotated[float, _quantity("pressure")]
+Length = Annotated[float, quantity("length")]
+Pressure = Annotated[float, quantity("pressure")]
 Count = Annotated[int, Strict(), _bounded(1, 2**32)]
 TexelCount = Annotated[int, Strict(), _bounded(1, MOST_TEXELS)]
 OddCount = Annotated[TexelCount, AfterValidator(_refuse_even)]
@@ -189,15 +189,15 @@ class MaterialTable:
     Each model requires its own parameters and refuses those of other models.
     """
 
-    model: Annotated[str, _choice(*MODELS)]
+    model: Annotated[str, choice(*MODELS)]
     poisson_ratio: Ratio | None = None
     youngs_modulus: Pressure | None = None
     shear_modulus: Pressure | None = None
     c10: Pressure | None = None
-    c01: Annotated[float, _quantity("pressure", positive=False)] | None = None
+    c01: Annotated[float, quantity("pressure", positive=False)] | None = None
     c1: Pressure | None = None
-    c2: Annotated[float, _quantity("pressure", positive=False)] | None = None
-    c3: Annotated[float, _quantity("pressure", positive=False)] | None = None
+    c2: Annotated[float, quantity("pressure", positive=False)] | None = None
+    c3: Annotated[float, quantity("pressure", positive=False)] | None = None
     mu: Annotated[tuple[float, ...], _terms(lambda value: read_quantity(value, "pressure"))] | None = None
     alpha: Annotated[tuple[float, ...], _terms(_exponent)] | None = None
     hardness: Annotated[Any, BeforeValidator(read_hardness)] = None
@@ -256,7 +256,7 @@ class CoverTable:
     """Table `[cover]`: layers of the cover, how its bottom is held, and its size."""
 
     layer: Annotated[list[LayerTable], Field(min_length=1)]
-    base: Annotated[Literal["bonded", "sliding"], _choice("bonded", "sliding")] = "bonded"
+    base: Annotated[Literal["bonded", "sliding"], choice("bonded", "sliding")] = "bonded"
     size: Lengths | None = None
     free_edges: Annotated[object, BeforeValidator(_refuse_free_edges)] = None
 
@@ -295,7 +295,7 @@ class ContactTable:
 class FilterTable:
     """Table `[filter]`: the Butterworth low-pass filter before the electronics."""
 
-    cutoff: Annotated[float, _quantity("frequency")]
+    cutoff: Annotated[float, quantity("frequency")]
     order: Annotated[int, Strict(), _bounded(1, 20)] = 2
 
 
@@ -313,12 +313,12 @@ class SpreadTable:
 class ElectronicsTable:
     """Table `[electronics]`: conversion of texel forces to counts; what is left out is assumed and labelled so."""
 
-    rate: Annotated[float, _quantity("frequency")] | None = None
-    sensitivity: Annotated[float, _quantity("per force")] | None = None
+    rate: Annotated[float, quantity("frequency")] | None = None
+    sensitivity: Annotated[float, quantity("per force")] | None = None
     offset: Number = 0.0
     output_max: Count | None = None
     bits: Annotated[int, Strict(), _bounded(1, 32)] = 12
-    noise: Annotated[float, _quantity("force", positive=False)] = 0.0
+    noise: Annotated[float, quantity("force", positive=False)] = 0.0
     threshold: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
     saturation_band: Annotated[float, Strict(), _bounded(0, 1e9)] = 0.0
     characteristic: Annotated[list[Number], AfterValidator(_refuse_other_degrees)] | None = None
