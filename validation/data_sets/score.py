@@ -144,7 +144,8 @@ def score_recordings(
     problems = [*data_set.problems, *faults]
     if not images:
         more = [f"and {len(problems) - _MOST_LINES} more"] if len(problems) > _MOST_LINES else []
-        raise InputError(*problems[:_MOST_LINES], *more, f"{data_set.name}: no recording can be used")
+        origin = f"; they are of {data_set.sensor}" if data_set.sensor else ""
+        raise InputError(*problems[:_MOST_LINES], *more, f"{data_set.name}: no recording can be used{origin}")
     methods = list_methods(sensor, parameters)
     tables: list[_SplitTable] = []
     for split in data_set.splits:

@@ -26,6 +26,7 @@ def coefficients(monkeypatch):
         raise ConvergenceError("not computed here")
 
     monkeypatch.setattr(press, "press", refuse)
+    monkeypatch.setattr(press, "press_path", refuse)
     monkeypatch.setattr("fem_reference.press_path", refuse)
     return asked
 
@@ -54,4 +55,5 @@ def test_the_sensor_file_reaches_every_case_of_a_report(coefficients, wts_deriva
     sensor = dataclasses.replace(load("wts-0614-34"), friction=0.6)
     with pytest.raises(InputError, match="not computed here"):
         evaluation.evaluate(sensor, cases=[Case.read(name, "sphere:radius=5mm", "2N") for name in ("one", "two")])
-    assert coefficients == [0.6, 0.6]
+    assert len(coefficients) == 4  # what is stored is looked up for the plan, then each case is computed
+    assert set(coefficients) == {0.6}
