@@ -102,6 +102,17 @@ def print_table(
     Console(highlight=False).print(table)
 
 
+#: Names of the quantities of error estimates for people, where they differ from those in JSON.
+_ESTIMATED = {"peak_texel": "largest texel", "sigma": "width of the kernel"}
+
+
+def describe_errors(estimates: Mapping[str, float]) -> str:
+    """Describe error estimates by the names of their quantities; fractions become percent."""
+    return ", ".join(
+        f"{_ESTIMATED.get(name, name.replace('_', ' '))} {100 * value:.2g} %" for name, value in estimates.items()
+    )
+
+
 def describe_cover(cover: Cover) -> str:
     """Describe a cover in one line of text, which begins with ASSUMED if the real cover was never measured."""
     layers = " + ".join(

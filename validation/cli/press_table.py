@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from validation.cli.output import describe_cover, escape, print_rows
+from validation.campaign.metric_text import METRICS
+from validation.cli.meaning import explain_comparison, print_meaning
+from validation.cli.output import describe_cover, describe_errors, escape, print_rows
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -16,6 +18,7 @@ def print_comparison(comparison: Comparison) -> None:
     from rich.console import Console
 
     from validation.cli.heat_map import draw_force_images
+    from validation.press.picture import list_images
     from validation.sensor_file import SensorDescription
 
     console = Console(highlight=False)
@@ -23,20 +26,17 @@ def print_comparison(comparison: Comparison) -> None:
     console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}"), markup=False)
     if isinstance(sensor, SensorDescription):
         console.print(escape(f"cover: {describe_cover(sensor.cover)}") + "\n", markup=False)
-    images = []
-    if comparison.fem is not None and "fem" in comparison.models:
-        images.append(("finite elements", comparison.fem.texel_forces))
-    if comparison.fast is not None:
-        images.append(("fast model", comparison.fast.texel_forces))
+    images = list(list_images(comparison))
     console.print(draw_force_images(array, images, width=console.width))
     print_rows(_list_results(comparison))
+    print_meaning(explain_comparison(comparison))
 
 
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:
-        errors = ", ".join(f"{name} {100 * value:.2g} %" for name, value in fem.error_estimate.items())
+        errors = describe_errors(fem.error_estimate)
         assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
         yield "finite elements", f"{fem.total_force:.4f} N, {_format_force(fem.outside)} of it outside the array"
         yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
@@ -47,8 +47,10 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
         yield "fast model", f"{fast.total_force:.4f} N, {_format_force(fast.outside)} of it outside the array"
         yield "", f"{fast.seconds:.3f} s"
     if comparison.score is not None:
-        for name, value in comparison.score.as_json().items():
-            yield name, "none" if value is None else f"{value:.4g}"
+        values = comparison.score.as_json()
+        for index, (name, metric) in enumerate(METRICS.items()):
+            text = f"{metric.heading}: {metric.text(values[name])} {metric.unit}".rstrip()
+            yield "" if index else "fast against finite", text
 
 
 def _format_force(value: float) -> str:

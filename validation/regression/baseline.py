@@ -166,6 +166,24 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
     return changes
 
 
+def measure_changes(stored: Baseline, measured: Baseline) -> dict[str, float]:
+    """Return the largest change of each quantity over its tolerance [-], by title; infinity where it has none."""
+    return {
+        title: _find_largest(stored.readings.get(title), measured.readings.get(title))
+        for title in sorted({*stored.readings, *measured.readings})
+    }
+
+
+def _find_largest(before: Reading | None, now: Reading | None) -> float:
+    """Return the largest change of a reading's numbers over its tolerance [-]; infinity if they do not correspond."""
+    if before is None or now is None or before.unit != now.unit:
+        return math.inf
+    if {label: len(row) for label, row in before.numbers.items()} != {k: len(row) for k, row in now.numbers.items()}:
+        return math.inf
+    pairs = (pair for label, row in before.numbers.items() for pair in zip(row, now.numbers[label], strict=True))
+    return max((_measure_change(*pair, before) for pair in pairs), default=0.0)
+
+
 def merge(stored: Baseline | None, measured: Baseline, changes: list[Change]) -> Baseline:
     """Return the baseline to store: new values of what changed, stored values of all else, stored tolerances.
 

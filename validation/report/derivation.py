@@ -10,7 +10,6 @@ import numpy as np
 
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
-from validation.report.figures import gaussian_pressure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +20,9 @@ _LOG = logging.getLogger(__name__)
 
 
 def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
-    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json` and, if matplotlib is installed, `psf.svg`.
+    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json`, and pictures if matplotlib is installed.
+
+    The pictures are `psf.svg` and `psf.png`.
 
     Args:
         derivation: Response of a sensor's cover, and the fast model's parameters fitted to the response.
@@ -37,44 +38,60 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
     (folder / "derive.json").write_text(json_text(derivation.as_json()), encoding="utf-8")
     files = ("parameters.toml", "cover.npz", "derive.json")
     try:
-        _plot(derivation, folder / "psf.svg")
+        return (*files, *_plot(derivation, folder))
     except ImportError:
         _LOG.warning("no plot: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
         return files
-    return (*files, "psf.svg")
 
 
-def _plot(derivation: Derivation, path: Path) -> None:
-    """Draw the radial profile and the image of texel forces under a uniform load side by side, and save the drawing.
+def _plot(derivation: Derivation, folder: Path) -> tuple[str, ...]:
+    """Draw the spread of a load over the base and the texels, save the drawing, and return the names of the files.
 
-    For a cover with free side edges, the response of the middle row of texels replaces the radial profile.  In the
-    image, row 0 is at the bottom.
+    From left to right: the pressure at the cover's base under a point load; the forces on the middle row of texels
+    under a uniform load on the middle one, by finite elements and by the fitted kernel; the image of these forces, row
+    0 at the bottom.  With free side edges there is no radial profile, and the rows under two loads are drawn.
     """
     from matplotlib.figure import Figure
 
-    sensor = derivation.sensor
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    profile, image = figure.subplots(1, 2, width_ratios=(2, 1))
-    if derivation.point_spread is None:
-        _plot_row(derivation, profile)
+    sensor, spread = derivation.sensor, derivation.point_spread
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    *plots, image = figure.subplots(1, 3 if spread is not None else 2, width_ratios=(2, 2, 1)[spread is None :])
+    if spread is None:
+        _plot_row(derivation, plots[0])
     else:
-        _plot_radial(derivation, derivation.point_spread, profile)
-    profile.legend(frameon=False)
+        _plot_radial(derivation, spread, plots[0])
+        _plot_kernel(derivation, plots[1])
+    for axes in plots:
+        axes.legend(frameon=False, fontsize="small")
     drawn = image.imshow(100 * derivation.texel_response_uniform, origin="lower", cmap="viridis")
     figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
     image.set(xlabel="column", ylabel="row")
     label = " (assumed cover)" if sensor.cover.assumed else ""
     figure.suptitle(f"{sensor.name}{label}")
-    figure.savefig(path)
+    names = ("psf.svg", "psf.png")
+    for name in names:
+        figure.savefig(folder / name, dpi=150)
+    return names
 
 
 def _plot_radial(derivation: Derivation, spread: PointSpread, axes: Axes) -> None:
-    """Draw the pressure at the cover's base over the distance from a point load, and the fitted Gaussian."""
-    radius = np.linspace(0, 6 * derivation.sensor.cover.thickness, 300)
-    gaussian = gaussian_pressure(derivation, radius)
-    axes.plot(1e3 * radius, 1e-6 * spread.pressure(radius), label="finite elements, point load")
-    axes.plot(1e3 * radius, 1e-6 * gaussian, "--", label=f"fitted Gaussian ({derivation.fit.estimator})")
-    axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm²]")
+    """Draw the pressure at the cover's base over the distance from a point load."""
+    radius = np.linspace(0, 5 * derivation.sensor.cover.thickness, 300)
+    axes.plot(1e3 * radius, 1e-6 * spread.pressure(radius), label="finite elements")
+    axes.axvline(500 * derivation.sensor.array.texel_size[0], linestyle=":", color="grey", label="edge of the texel")
+    axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm\u00b2]", title="point load")
+
+
+def _plot_kernel(derivation: Derivation, axes: Axes) -> None:
+    """Draw the forces on the middle row of texels under a uniform load on the middle texel, and the kernel's."""
+    array = derivation.sensor.array
+    row, column = divmod(array.middle, array.columns)
+    place = 1e3 * array.pitch[0] * (np.arange(array.columns) - column)
+    kernel = np.asarray(array.image(derivation.fit.gaussian.operator(array)[:, array.middle]))[row]
+    axes.bar(place, 100 * kernel, width=0.8e3 * array.pitch[0], color="tab:orange", alpha=0.5, label="fitted Gaussian")
+    axes.plot(place, 100 * derivation.texel_response_uniform[row], "o", label="finite elements")
+    axes.set(xlabel="texel's distance along x [mm]", ylabel="force on the texel [% of the load]")
+    axes.set_title("uniform load on one texel")
 
 
 def _plot_row(derivation: Derivation, axes: Axes) -> None:

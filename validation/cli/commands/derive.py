@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from validation.cli.meaning import explain_derivation, print_meaning
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
+from validation.cli.output import describe_cover, describe_errors, print_json, print_rows, print_table, say
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -66,8 +67,21 @@ def derive(
     else:
         print_rows(_list_results(derivation), title=f"Point spread function of {description.name}")
         print_table(("estimator", "x", "y"), _list_estimates(derivation.fit), title="Sigma by estimator [pitches]")
+        _draw_response(derivation)
+        print_meaning(explain_derivation(derivation))
     if out:
         say(f"wrote {', '.join(files)} to {out}")
+
+
+def _draw_response(derivation: Derivation) -> None:
+    """Print the response of the texels to a load on one of them as coloured text."""
+    from rich.console import Console
+
+    from validation.cli.heat_map import draw_share_image
+
+    console = Console(highlight=False)
+    console.print("Uniform load on one texel: share of it on each texel, %")
+    console.print(draw_share_image(derivation.texel_response_uniform))
 
 
 def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
@@ -78,8 +92,8 @@ def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
     yield "cover", describe_cover(cover)
     yield "sigma x, y", f"{gaussian.sigma_x:.4f}, {gaussian.sigma_y:.4f} pitches ({fit.estimator})"
     yield "ksize x, y", f"{gaussian.ksize_x}, {gaussian.ksize_y} texels"
-    yield "residual", f"{100 * fit.residual:.2f} % of the load on the wrong texel"
-    yield "outside kernel", f"{100 * fit.outside_kernel:.2f} % of the load"
+    yield "kernel's misfit", f"{100 * fit.residual:.2f} % of the load on wrong texels (residual)"
+    yield "beyond the kernel", f"{100 * fit.outside_kernel:.2f} % of the load"
     base, texels = derivation.resolution, derivation.resolution_on_array
     if base is None or texels is None:
         yield "side edges", "free: the spread differs from place to place; sigma is that of the middle texel"
@@ -107,7 +121,7 @@ def _list_results(derivation: Derivation) -> Iterator[tuple[str, str]]:
     if (tip := derivation.tip) is not None:
         shares = f"{tip.lightest:.4f} under a point load, {tip.heaviest:.4f} under {tip.largest_load:.3g} N"
         yield "", f"the share is fitted up to {tip.largest_load:.3g} N ({shares})"
-    yield "error estimate", ", ".join(f"{name} {100 * value:.2g} %" for name, value in errors.items())
+    yield "error estimate", describe_errors(errors)
     yield "time", f"{derivation.seconds:.2f} s"
     for index, line in enumerate(derivation.undetermined):
         yield "" if index else "not determined", line

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import textwrap
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from validation.cli.meaning import print_meaning
 from validation.cli.options import Json
-from validation.cli.output import print_json, print_rows, print_table, show
+from validation.cli.output import print_json, print_rows, print_table, say, show
 from validation.errors import InputError, match_name, nearest
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from meshes.hardness import HardnessModulus
 
 _Name = Annotated[str | None, Parameter(help="One material, with everything that is known about it.")]
+_Out = Annotated[Path | None, Parameter(help="Folder for the stress-strain curve of the material.")]
 _Hardness = Annotated[
     str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
 ]
@@ -30,19 +33,22 @@ PSF_NOTE = (
 )
 
 
-def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json = False) -> None:
+def materials(name: _Name = None, /, *, hardness: _Hardness = None, out: _Out = None, json: Json = False) -> None:
     """List the materials that have a name, show one of them, or estimate a modulus from a hardness.
 
     Examples of use:
 
         softcover materials
         softcover materials dragon-skin-30
+        softcover materials "Sylgard 184" --out sylgard
         softcover materials --hardness 30
         softcover materials --hardness "30 shore-00"
         softcover materials --json
     """
     from meshes.catalogue import MATERIALS
 
+    if out is not None and name is None:
+        raise InputError("--out: holds the curve of one material; name it, for example dragon-skin-30")
     if hardness is not None:
         from validation.text.hardness import read_hardness
 
@@ -56,12 +62,34 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, json: Json =
         if name not in MATERIALS:
             raise InputError(f"unknown material {name!r}; {nearest(name, MATERIALS)}")
         material = MATERIALS[name]
+        files = _write_files(material, out) if out else ()
         print_json({"name": name, **_list_material(material)}) if json else _show_material(material)
+        if files:
+            say(f"wrote {', '.join(files)} to {out}")
     elif json:
         listed = {name: _list_material(material) for name, material in MATERIALS.items()}
         print_json({"materials": listed, "psf": PSF_NOTE})
     else:
         _show_all(list(MATERIALS.values()))
+
+
+def _write_files(material: Material, out: Path) -> tuple[str, ...]:
+    from validation.output_folder import new_folder
+    from validation.report.material_curve import write_curve
+
+    with new_folder(out) as folder:
+        return write_curve(material, folder)
+
+
+def _show_curve(material: Material) -> None:
+    """Print the stress-strain curve as text."""
+    from validation.cli.curve_text import draw_curve
+    from validation.report.material_curve import trace_stress
+
+    strain, stress = trace_stress(material)
+    show("nominal stress [kPa] over strain [%], uniaxial")
+    for line in draw_curve(100 * strain, 1e-3 * stress):
+        show(line)
 
 
 def _show_all(materials: list[Material]) -> None:
@@ -81,7 +109,11 @@ def _show_all(materials: list[Material]) -> None:
     print_table(("name", "model", "E", "range", "nu", "from"), rows, title=title, left=2, lines=False)
     for number, source in enumerate(sources, start=1):
         show(textwrap.fill(f"({number}) {source}", _WIDTH, subsequent_indent="    "))
-    show(textwrap.fill(PSF_NOTE, _WIDTH))
+    advice = (
+        "Sources differ by the range, and batches by about as much: for depth and contact area measure your own sheet, "
+        "and write its modulus into the sensor file or --layer 1:youngs_modulus=..."
+    )
+    print_meaning((PSF_NOTE, advice))
 
 
 def _show_material(material: Material) -> None:
@@ -98,7 +130,13 @@ def _show_material(material: Material) -> None:
         "PSF": _describe_psf(material),
     }
     print_rows(rows.items(), title=material.name)
-    show("")
+    _show_curve(material)
+    low, high = (_format_pressure(value) for value in material.modulus_range)
+    meaning = (
+        f"Sources give {low} to {high} (good: within 10 % of yours). Depth and contact area follow the modulus: "
+        "measure your own sheet where they matter. One layer spreads a touch alike for every modulus."
+    )
+    print_meaning([meaning])
     show(f"softcover derive wts-0614-34 --material {material.name} --thickness 2mm")
 
 
@@ -112,7 +150,11 @@ def _show_hardness(found: HardnessModulus) -> None:
         "PSF": PSF_NOTE,
     }
     print_rows(rows.items(), title=str(found))
-    show("")
+    meaning = (
+        f"A hardness fixes the modulus to within {100 * found.spread:.0f} % only (k = 2): enough to choose a cover, "
+        "not to predict a depth. A tensile or compression test of your sheet gives a better one."
+    )
+    print_meaning([meaning])
     show(
         f'In a sensor file: material = {{ model = "neo-hookean", hardness = "{found.hardness:g} shore-{found.scale}" }}'
     )

@@ -62,7 +62,7 @@ _Curve = Annotated[
 ]
 _Out = Annotated[
     Path | None,
-    Parameter(help="Folder for contact forces, displacement and stress in the cover, or for the curve."),
+    Parameter(help="Folder for pictures, contact forces, displacement and stress in the cover, or for the curve."),
 ]
 _Model = Annotated[str, Parameter(help="Which models: fem, fast, or fem,fast.")]
 
@@ -195,6 +195,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     from validation.json_values import json_text
     from validation.output_folder import new_folder
     from validation.press.fields_file import write_indentation
+    from validation.press.picture import write_picture
 
     files: tuple[str, ...] = ()
     if request.friction and "fast" in request.models:
@@ -219,7 +220,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
             )
         if folder and comparison.fem:
             (folder / "press.json").write_text(json_text(comparison.as_json()), encoding="utf-8")
-            files = ("press.json", *write_indentation(comparison.fem, folder))
+            files = ("press.json", *write_indentation(comparison.fem, folder), *write_picture(comparison, folder))
     _show(comparison, json=json)
     if files:
         say(f"wrote {', '.join(files)} to {out}")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.meaning import explain_verdict
 from validation.cli.options import Json, Sensor
 from validation.cli.output import print_json, say, show
 from validation.cli.progress import Progress
@@ -17,13 +20,14 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.regression.baseline import Baseline
+    from validation.regression.baseline import Baseline, Change
     from validation.regression.subject import Subject
     from validation.sensor_file import SensorDescription
 
 _BaselineFile = Annotated[Path, Parameter(help="File with the stored values.")]
 _Update = Annotated[bool, Parameter(help="Store the present values and print what changed, instead of checking.")]
 _Junit = Annotated[Path | None, Parameter(help="File for the verdict as JUnit XML, one test case per quantity.")]
+_Out = Annotated[Path | None, Parameter(help="Folder for a picture and a table of all changes over their tolerance.")]
 _Seed = Annotated[int, Parameter(help="Seed of the noise, from 0 on; no seed changes the verdict.")]
 
 
@@ -33,43 +37,64 @@ def regress(
     baseline: _BaselineFile = Path("baseline.json"),
     update: _Update = False,
     junit: _Junit = None,
+    out: _Out = None,
     seed: _Seed = 0,
     json: Json = False,
 ) -> int:
     """Compare what the fast model of a sensor measures with a stored baseline; exit with 1 if anything changed.
 
     Checks the fitted kernel, the filter under a load step, noise, characteristic, saturation, frames, the orientation
-    of images, all contact methods, the metrics, and the accuracy against finite elements.  It prints one line for each
-    quantity that changed.  For a folder that `derive --out` wrote, what needs finite elements is left out.
+    of images, contact methods, metrics and accuracy against finite elements, and prints a line for each change.  For a
+    folder that `derive --out` wrote, what needs finite elements is left out.
 
     Examples of use:
 
         softcover regress wts-0614-34 --update
-        softcover regress wts-0614-34
+        softcover regress wts-0614-34 --out verdict
         softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
-        softcover regress my-parameters --baseline ci/parameters.json
     """
     from validation.cli.sensors import read_sensor
-    from validation.regression.baseline import compare, make_baseline, merge, read_baseline
+    from validation.output_folder import new_folder
+    from validation.regression.baseline import compare, make_baseline, measure_changes, merge, read_baseline
     from validation.regression.junit import write_junit
+    from validation.regression.picture import write_verdict
     from validation.regression.quantities import measure
     from validation.regression.subject import describe_sensor
     from validation.sensor_file import SensorDescription
 
     started = time.perf_counter()
-    _check_options(baseline, junit, seed, update=update)
+    _check_options(baseline, junit, out, seed, update=update)
     source = read_sensor(sensor)
-    derived = isinstance(source, SensorDescription)
     name = source.name if isinstance(source, SensorDescription) else source.array.name
-    described = describe_sensor(name, source.array, derived=derived)
-    # The baseline is read before the long computation, so that a fault in it is reported at once.
+    described = describe_sensor(name, source.array, derived=isinstance(source, SensorDescription))
+    # A fault in the baseline is reported before the long computation.
     stored = None if update and not baseline.exists() else read_baseline(baseline, described)
-    with Progress() as progress:
-        readings, failures = measure(_make_subject(source, seed, progress), progress=progress)
-    now = make_baseline(described, readings)
-    changes = [] if stored is None else compare(stored, now, failures)
+    with new_folder(out) if out else nullcontext() as folder:
+        with Progress() as progress:
+            readings, failures = measure(_make_subject(source, seed, progress), progress=progress)
+        now = make_baseline(described, readings)
+        ratios = {} if stored is None else measure_changes(stored, now)
+        files = write_verdict(ratios, name, folder) if folder else ()
+        changes = [] if stored is None else compare(stored, now, failures)
+    _show_changes(changes, failures, now, json=json)
     if update:
         merge(stored, now, changes).write(baseline)
+        say(f"wrote {baseline}: {len(readings)} quantities, {len(changes) if stored else 'all'} changed or new")
+        return DONE
+    seconds = time.perf_counter() - started
+    say(f"{len(readings)} quantities of {name} measured in {seconds:.1f} s: {len(changes) or 'none'} changed")
+    say(explain_verdict(ratios))
+    if changes and stored is not None:
+        _advise(stored, now, sensor, baseline)
+    if junit is not None:
+        write_junit(junit, described, now.readings, changes, seconds=seconds)
+    if files:
+        say(f"wrote {', '.join(files)} to {out}")
+    return CHECK_FAILED if changes else DONE
+
+
+def _show_changes(changes: list[Change], failures: Mapping[str, str], now: Baseline, *, json: bool) -> None:
+    """Print the changes and, on standard error, what could not be measured."""
     if json:
         print_json({"changed": len(changes), "changes": [asdict(each) for each in changes], **now.as_json()})
     else:
@@ -77,23 +102,14 @@ def regress(
             show(f"{change.quantity}: {change.text}")
     for reason in dict.fromkeys(failures.values()):
         say(f"not measured: {'; '.join(title for title, each in failures.items() if each == reason)}: {reason}")
-    if update:
-        say(f"wrote {baseline}: {len(readings)} quantities, {len(changes) if stored else 'all'} changed or new")
-        return DONE
-    seconds = time.perf_counter() - started
-    say(f"{len(readings)} quantities of {name} measured in {seconds:.1f} s: {len(changes) or 'none'} changed")
-    if changes and stored is not None:
-        _advise(stored, now, sensor, baseline)
-    if junit is not None:
-        write_junit(junit, described, now.readings, changes, seconds=seconds)
-    return CHECK_FAILED if changes else DONE
 
 
-def _check_options(baseline: Path, junit: Path | None, seed: int, *, update: bool) -> None:
+def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: int, *, update: bool) -> None:
     """Refuse options that cannot be carried out, before the long computation."""
     faults = []
-    if update and junit is not None:
-        faults.append("--junit, --update: give one of the two; --update checks nothing")
+    for option, path in (("--junit", junit), ("--out", out)):
+        if update and path is not None:
+            faults.append(f"{option}, --update: give one of the two; --update checks nothing")
     if seed < 0:
         faults.append(f"--seed: accepted: 0 or more, not {seed}")
     for option, path in (("--baseline", baseline if update else None), ("--junit", junit)):

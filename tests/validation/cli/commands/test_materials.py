@@ -82,3 +82,18 @@ def test_a_range_that_is_not_symmetric(softcover):
     assert "15 MPa at small strain, 5..45 MPa" in softcover("materials", "TPU")[1]
     found = json.loads(softcover("materials", "tpu", "--json")[1])
     assert (found["youngs_modulus_low"], found["youngs_modulus_high"]) == pytest.approx((5e6, 45e6))
+
+
+def test_the_curve_is_shown_and_written(softcover, tmp_path):
+    status, out, err = softcover("materials", "Sylgard 184", "--out", tmp_path / "curve")
+    assert status == 0
+    assert "nominal stress [kPa] over strain [%], uniaxial" in out
+    assert "wrote material.csv, material.svg, material.png" in err
+    assert {path.name for path in (tmp_path / "curve").glob("material.*")} == {
+        "material.csv",
+        "material.svg",
+        "material.png",
+    }
+    status, _, err = softcover("materials", "--out", tmp_path / "curve")
+    assert status == 2
+    assert "name it" in err

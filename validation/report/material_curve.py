@@ -1,0 +1,100 @@
+"""Stress-strain curves of materials in uniaxial tension and compression, and their pictures."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from meshes import Material
+from meshes.array_types import FloatArray
+
+_LOG = logging.getLogger(__name__)
+
+#: Strains between which the curve of a rubber, and that of a linear elastic material, is drawn [-].
+_RUBBER_STRAIN, _ELASTIC_STRAIN = (-0.5, 1.0), (-0.3, 0.3)
+#: Number of points of a curve [-].
+_POINTS = 301
+
+
+def trace_stress(material: Material) -> tuple[FloatArray, FloatArray]:
+    """Compute the curve of nominal stress over strain in uniaxial tension and compression.
+
+    Returns:
+        Strains, ascending, shape (k,) [-], and nominal stresses (force over undeformed area), shape (k,) [Pa].
+    """
+    limits = _ELASTIC_STRAIN if material.small_strain_only else _RUBBER_STRAIN
+    strain = np.linspace(*limits, _POINTS)
+    return strain, compute_stress(material, strain)
+
+
+def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
+    """Compute the nominal stress in uniaxial tension, of rubbers as if they were incompressible.
+
+    With the stretch l = 1 + strain the lateral stretches are l^(-1/2).  The derivative of the strain energy W by l is,
+    for neo-Hookean materials, mu (l - 1/l^2); Mooney-Rivlin 2 (c10 + c01/l)(l - 1/l^2); Yeoh 2 (l - 1/l^2) (c1 +
+    2 c2 (I - 3) + 3 c3 (I - 3)^2) with I = l^2 + 2/l; Ogden the sum of 2 mu/alpha (l^(alpha - 1) - l^(-alpha/2 - 1)).
+    Source: Ogden, Non-linear Elastic Deformations (1984), chapter 7.
+
+    Args:
+        material: The material.
+        strain: Strains above -1, any shape [-].
+
+    Returns:
+        Nominal stresses, same shape [Pa].
+    """
+    stretch = 1 + np.asarray(strain, dtype=np.float64)
+    slope = stretch - stretch**-2
+    match material.model:
+        case "linear-elastic":
+            return material.youngs_modulus * (stretch - 1)
+        case "neo-hookean":
+            return material.number("shear_modulus") * slope
+        case "mooney-rivlin":
+            return 2 * (material.number("c10") + material.number("c01") / stretch) * slope
+        case "yeoh":
+            above = stretch**2 + 2 / stretch - 3
+            c1, c2, c3 = (material.number(name) for name in ("c1", "c2", "c3"))
+            return 2 * slope * (c1 + 2 * c2 * above + 3 * c3 * above**2)
+        case _:
+            terms = zip(material.terms("mu"), material.terms("alpha"), strict=True)
+            parts = [2 * mu / a * (stretch ** (a - 1) - stretch ** (-a / 2 - 1)) for mu, a in terms]
+            return np.asarray(sum(parts))
+
+
+def write_curve(material: Material, folder: Path) -> tuple[str, ...]:
+    """Write the curve with the range of the modulus as `material.csv`, and, if matplotlib is installed, as pictures.
+
+    Args:
+        material: The material.
+        folder: An existing folder to write to.
+
+    Returns:
+        The names of the written files.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    strain, stress = trace_stress(material)
+    table = np.column_stack([strain, stress])
+    lines = ["strain,nominal_stress_Pa", *(f"{x:.6g},{y:.6g}" for x, y in table.tolist())]
+    (folder / "material.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        _LOG.warning("no picture: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
+        return ("material.csv",)
+    low, high = (end / material.youngs_modulus for end in material.modulus_range)
+    factor, unit = (1e-3, "kPa") if np.abs(stress).max() < 1e6 else (1e-6, "MPa")  # noqa: PLR2004
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.subplots()
+    axes.fill_between(100 * strain, factor * low * stress, factor * high * stress, alpha=0.2, label="range of sources")
+    axes.plot(100 * strain, factor * stress, label=material.model)
+    axes.axhline(0, color="grey", linewidth=0.6)
+    axes.axvline(0, color="grey", linewidth=0.6)
+    axes.set(xlabel="strain [%]", ylabel=f"nominal stress [{unit}]", title=f"{material.name}, uniaxial")
+    axes.legend(frameon=False)
+    for name in ("material.svg", "material.png"):
+        figure.savefig(folder / name, dpi=150)
+    return ("material.csv", "material.svg", "material.png")
