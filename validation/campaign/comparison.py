@@ -13,6 +13,7 @@ from validation.campaign.run import score_forces
 from validation.errors import InputError
 from validation.metrics import Score
 from validation.sensor_file import SensorDescription
+from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
     from fastmodel import FastIndentation, Parameters
@@ -99,7 +100,8 @@ def compare_models(
         case: The indentation: indenter, pose and load.
         parameters: Parameters of the sensor's fast model; required if `models` contains `fast`.
         depth: Approach of the indenter, which replaces the load; the fast model's load is then that force [m].
-        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip [-].
+        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip; the
+            fast model has none, which its warnings then say [-].
         accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Names of the models, some of `MODELS`.
         method: Contact method of the fast model, one of `METHODS`.
@@ -126,6 +128,10 @@ def compare_models(
         tell("indentation by the fast model")
         indenter = tilt_indenter(case.indenter, case.tilt)
         fast = indent(parameters, indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
+        if friction:
+            use = "not used" if fem is None else "used by the finite elements alone"
+            sentence = f"the fast model has no friction; {describe_friction(friction)} is {use}"
+            fast = dataclasses.replace(fast, warnings=(*fast.warnings, sentence))
     score = None
     if fem is not None and fast is not None and parameters is not None:
         score = score_forces(fem, fast.texel_forces, fast.outside, case.load, parameters)

@@ -64,6 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
+        _refuse_unusable(words)
         if not words or words[0] not in _COMMANDS:
             # The list of all commands shows the first line of each command's docstring, so all modules are imported.
             for name in _COMMANDS:
@@ -83,6 +84,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stderr.write("softcover: interrupted\n")
         raise SystemExit(INTERRUPTED) from None
     raise SystemExit(result if isinstance(result, int) else DONE)
+
+
+def _refuse_unusable(words: Sequence[str]) -> None:
+    """Refuse words that no name of a file can hold: NUL, and characters that the file system cannot encode.
+
+    Raises:
+        InputError: If there is such a word; a shell passes none, but programs can.
+    """
+    faults = []
+    for number, word in enumerate(words, start=1):
+        try:
+            fault = "holds a NUL character" if b"\0" in os.fsencode(word) else ""
+        except UnicodeEncodeError as error:
+            fault = f"holds a character that cannot be encoded as {error.encoding}"
+        if fault:
+            faults.append(f"argument {number}, {word[:80]!r}, {fault}; accepted: text that can name a file")
+    if faults:
+        raise InputError(*faults)
 
 
 def _clarify(error: Exception, words: Sequence[str]) -> Exception:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 
 from cyclopts import CycloptsError
 
 from fem_reference.errors import ConvergenceError
-from validation.errors import MissingExtraError
+from validation.errors import InputError, MissingExtraError
 
 #: Exit statuses of commands; `docs/json.md` explains them.
 DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
 #: Exit status after Ctrl-C: 128 plus 2, the number of the signal, by the convention of shells.
 INTERRUPTED = 130
+
+#: Errors of the operating system that the text of a path causes, whatever the state of the machine: a name that is too
+#: long, a file where a folder is needed or the other way round, links in a circle.
+_PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
 
 #: Extra of the package (`pip install 'softcover[EXTRA]'`) that installs each optional module.
 _EXTRAS = {
@@ -51,13 +56,14 @@ def explain(error: Exception) -> Explanation | None:
             missing = _find_missing_extra(error)
             return None if missing is None else Explanation(lines=(str(missing),), status=OUTSIDE_FAILED)
         case ConvergenceError():
-            return Explanation(lines=tuple(str(error).splitlines()), status=NOT_CONVERGED)
+            return Explanation(lines=(_join_lines(error),), status=NOT_CONVERGED)
         case OSError() | MemoryError():
-            return Explanation(lines=(_describe_outside(error),), status=OUTSIDE_FAILED)
-        case CycloptsError():
-            return Explanation(lines=(" ".join(str(error).split()),), status=BAD_INPUT)
-        case ValueError():  # all packages of softcover raise subclasses of ValueError for bad input
-            return Explanation(lines=tuple(str(error).splitlines()), status=BAD_INPUT)
+            status = BAD_INPUT if _is_path_fault(error) else OUTSIDE_FAILED
+            return Explanation(lines=(_describe_outside(error),), status=status)
+        case InputError():
+            return Explanation(lines=error.faults, status=BAD_INPUT)
+        case CycloptsError() | ValueError():  # all packages of softcover raise subclasses of ValueError for bad input
+            return Explanation(lines=(_join_lines(error),), status=BAD_INPUT)
     return None
 
 
@@ -65,6 +71,16 @@ def _describe_outside(error: OSError | MemoryError) -> str:
     if isinstance(error, MemoryError):
         return "not enough memory for this input"
     return f"{error.filename}: {error.strerror or error}" if error.filename else str(error.strerror or error)
+
+
+def _is_path_fault(error: BaseException) -> bool:
+    """Return whether an error, or the one that it was raised from, is due to the text of a path."""
+    return any(getattr(each, "errno", None) in _PATH_FAULTS for each in (error, error.__cause__))
+
+
+def _join_lines(error: Exception) -> str:
+    """Return the text of an error on one line."""
+    return " ".join(str(error).split())
 
 
 def _find_missing_extra(error: BaseException | None) -> MissingExtraError | None:

@@ -13,17 +13,21 @@ if TYPE_CHECKING:
     from meshes.array_types import FloatArray
 
 
-#: Largest number of characters of a text from a file that is printed [-]; the rest is left out.
-_LONGEST = 2000
+#: Largest number of characters of a text from a file that is printed, and how many of them are from its end [-]; the
+#: middle of a longer text is left out.  A message ends with the reason.
+_LONGEST, _END = 2000, 200
 
 
 def escape(text: str) -> str:
     r"""Replace characters of a text that could steer a terminal, such as escape sequences, by `\x1b` and the like.
 
     Names and notes come from files that strangers wrote.  All characters that are not printable are replaced, also
-    those that change the direction of writing; a text of more than 2000 characters is cut.
+    those that change the direction of writing; the middle of a text of more than
+    2000 characters is left out.
     """
-    cut = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({len(text)} characters)"
+    cut = text
+    if len(text) > _LONGEST:
+        cut = f"{text[: _LONGEST - _END]}... ({len(text)} characters) ...{text[-_END:]}"
     return cut if cut.isprintable() else "".join(map(_escape_character, cut))
 
 

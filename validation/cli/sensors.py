@@ -10,6 +10,7 @@ from fastmodel import Parameters
 from validation.cli.output import say
 from validation.errors import InputError
 from validation.sensor_file import BUILT_IN, SensorDescription, load
+from validation.text.friction import describe_friction
 
 
 def read_description(
@@ -75,6 +76,21 @@ def read_sensor(
             f"derive them anew: softcover derive SENSOR --material NAME --out FOLDER"
         )
     return fastmodel.load(Path(sensor))
+
+
+def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple[str, ...]:
+    """Print what a sensor file states and the fast model does not use, a warning each, and return the sentences.
+
+    Args:
+        sensor: Result of `read_sensor`; a folder of parameters states nothing that the fast model does not use.
+        more: Text that the printed lines end with.
+    """
+    if not isinstance(sensor, SensorDescription) or not sensor.friction:
+        return ()
+    friction = describe_friction(sensor.friction)
+    sentence = f"friction {friction} from {sensor.source} is not used; the fast model has none"
+    say(f"softcover: warning: {sentence}{more}")
+    return (sentence,)
 
 
 def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[str], None]) -> Parameters:

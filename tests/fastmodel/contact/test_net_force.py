@@ -14,6 +14,9 @@ from fastmodel.contact.net_force import BY_GEOM, SHARED
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
 
+# Many methods and rates are tried here that a user is warned of.
+pytestmark = pytest.mark.filterwarnings("ignore::fastmodel.OptionWarning", "ignore::fastmodel.RangeWarning")
+
 POSITION, QUATERNION = (0.01, 0.02, 0.03), (1.0, 0.05, -0.04, 0.6)
 FLAT = fastmodel.load("wts-0614-34")
 METHODS = ("cover", "foundation", "area", "boxes")
@@ -55,7 +58,6 @@ def sum_contacts(model, data):
     return total
 
 
-@pytest.mark.filterwarnings("ignore::fastmodel.OptionWarning", "ignore::fastmodel.RangeWarning")
 @pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtCone.mjCONE_PYRAMIDAL])
 @pytest.mark.parametrize("bent", [False, True], ids=["flat", "bent"])
 @pytest.mark.parametrize("method", METHODS)

@@ -16,6 +16,9 @@ from validation.recordings.live_frames import replay_frames
 from validation.recordings.mcap_writer import Clocks, RecordingWriter
 from validation.recordings.recording import RecordingError, Setup, make_array
 
+# The method `boxes` with a Gaussian is warned of; here its forces are only stored and read.
+pytestmark = pytest.mark.filterwarnings("ignore::fastmodel.OptionWarning")
+
 NAMES = ("texel_forces", "pressures", "net_force", "net_torque", "tangential")
 
 

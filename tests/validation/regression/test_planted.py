@@ -16,6 +16,9 @@ from validation.regression.quantities import EXPERIMENTS, QUANTITIES, measure
 from validation.regression.subject import Subject
 from validation.sensor_file import load
 
+# A warning of the sensors under test would reach the user of `softcover regress`, who can do nothing about it.
+pytestmark = pytest.mark.filterwarnings("error::fastmodel.OptionWarning")
+
 #: Groups of quantities that need no finite elements.
 FAST = tuple(EXPERIMENTS)[:13]
 

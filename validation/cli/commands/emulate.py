@@ -142,11 +142,12 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
     if show in BUILT_IN or path.suffix == ".toml" or (path / "parameters.toml").exists():
         from validation.cli.progress import Progress
-        from validation.cli.sensors import find_parameters, read_sensor
+        from validation.cli.sensors import find_parameters, read_sensor, tell_unused
         from validation.recordings.live_frames import simulate_frames
         from validation.text.indenter import read_indenter, read_load
 
         found, shape, weight = read_sensor(show), read_indenter(indenter), read_load(load)
+        tell_unused(found)
         with Progress() as progress:
             parameters = find_parameters(found, progress)
         matrix = _make_matrix(show, parameters.array, parameters.electronics.output_max)

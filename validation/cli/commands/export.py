@@ -77,7 +77,7 @@ def export(
         softcover export derived --format gazebo
     """
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import find_parameters, read_sensor
+    from validation.cli.sensors import find_parameters, read_sensor, tell_unused
     from validation.output_folder import make_file_name, new_folder
 
     faults: list[str] = []
@@ -91,6 +91,7 @@ def export(
         raise InputError(*faults)
     if format == "gazebo":
         _check_gazebo(found)
+    warnings = tell_unused(found)
     model = make_file_name(found.array.name, suffix=FORMATS[format])
     with new_folder(out) as folder:
         with Progress() as progress:
@@ -100,7 +101,7 @@ def export(
     files = [model, "parameters.toml", "cover.npz"]
     if json:
         names = {"sensor": found.array.name, "format": format, "method": used}
-        print_json({**names, "out": str(out), "files": files})
+        print_json({**names, "out": str(out), "files": files, "warnings": list(warnings)})
     else:
         say(f"wrote {', '.join(files)} to {out}")
         say(_NEXT[format].format(path=out / model, out=out, name=Path(model).stem))

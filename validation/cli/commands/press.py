@@ -17,7 +17,7 @@ from validation.cli.output import print_json, print_table, say
 from validation.cli.press_table import print_comparison
 from validation.cli.progress import Progress
 from validation.errors import InputError, nearest
-from validation.text.friction import describe_friction, read_friction
+from validation.text.friction import read_friction
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -169,6 +169,7 @@ def _read_request(
     tilt = collect(faults, lambda: read_tilt(pose[2]))
     coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    collect(faults, lambda: _check_method(method, models, is_curve=files[0] is not None))
     wanted = collect(faults, lambda: _read_accuracy(accuracy, used=needs_reference or models is None))
     load, depth = collect(faults, lambda: _read_force(*force)) or (None, None)
     if found and position:
@@ -198,11 +199,6 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     from validation.press.picture import write_picture
 
     files: tuple[str, ...] = ()
-    if request.friction and "fast" in request.models:
-        say(
-            f"softcover: warning: the fast model has no friction; {describe_friction(request.friction)} is used by the "
-            "finite elements alone"
-        )
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
         with Progress() as progress:
@@ -261,6 +257,8 @@ def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
         print_table(("load [N]", "depth [mm]", "area [mm²]", "peak texel [N]", "energy [mJ]"), _list_points(curve))
     for sentence in curve.warnings:
         say(f"softcover: warning: {sentence}")
+    if "fast" in request.models:
+        say("the curve is that of the finite elements alone; the fast model was not computed")
     say(f"wrote {', '.join(files)} to {out}")
     if curve.stopped:
         say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
@@ -325,6 +323,18 @@ def _check_files(curve: int | None, out: Path | None, models: tuple[str, ...] | 
         raise InputError(f"--curve: accepted: 1..{_MOST_POINTS} points, not {curve}")
     if curve is not None and out is None:
         raise InputError("--curve: give the folder for the curve, for example --out curve")
+
+
+def _check_method(method: str, models: tuple[str, ...] | None, *, is_curve: bool) -> None:
+    """Refuse a contact method of the fast model where the fast model is not computed.
+
+    Raises:
+        InputError: If only the finite elements are chosen, or a curve, which they compute alone.
+    """
+    if method == "default" or models is None or ("fast" in models and not is_curve):
+        return
+    reason = "--curve is computed by finite elements alone" if is_curve else "--model names the finite elements alone"
+    raise InputError(f"--method: {reason}; leave --method out, which chooses how the fast model computes contact")
 
 
 def _read_models(text: str) -> tuple[str, ...]:

@@ -63,6 +63,7 @@ def replay(
     recording = open_recording(file, topic=topic)
     shown = choose_array(recording, array)
     if csv is not None:
+        csv.parent.mkdir(parents=True, exist_ok=True)
         tables.write(recording, csv, array=shown)
     if json:
         print_json({**_list_facts(recording), "shown": shown})
@@ -110,6 +111,7 @@ def import_recording(
         target = out or Path(f"{file.stem}.mcap")
         if target.exists():
             raise InputError(f"--out: {target} exists; name a new file")
+        target.parent.mkdir(parents=True, exist_ok=True)
         save(recording, target)
     if json:
         print_json({**_list_facts(recording), "out": str(target)})

@@ -113,14 +113,19 @@ def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: i
     if seed < 0:
         faults.append(f"--seed: accepted: 0 or more, not {seed}")
     for option, path in (("--baseline", baseline if update else None), ("--junit", junit)):
-        if path is not None and path.is_dir():
+        if path is None:
+            continue
+        if path.is_dir():
             faults.append(f"{option}: {path} is a folder; name a file")
+        elif not next(parent for parent in path.absolute().parents if parent.exists()).is_dir():
+            faults.append(f"{option}: {path} lies below a file; name a file in a folder")
     if faults:
         raise InputError(*faults)
 
 
 def _make_subject(source: SensorDescription | Parameters, seed: int, progress: Progress) -> Subject:
     """Derive the parameters of a described sensor, and make the subject of the measurement."""
+    from validation.cli.sensors import tell_unused
     from validation.regression.subject import Subject
     from validation.sensor_file import SensorDescription
 
@@ -128,6 +133,7 @@ def _make_subject(source: SensorDescription | Parameters, seed: int, progress: P
         return Subject(parameters=source, seed=seed)
     from validation.derivation.derive import derive
 
+    tell_unused(source, ", and this check computes its finite elements without")
     found = derive(source, progress=progress)
     return Subject(parameters=found.parameters, derivation=found, seed=seed, progress=progress.step)
 

@@ -73,7 +73,7 @@ def view(
         softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10
     """
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import find_parameters, read_sensor
+    from validation.cli.sensors import find_parameters, read_sensor, tell_unused
     from validation.cli.view_scene import Scene
     from validation.text.indenter import read_indenter, read_load
 
@@ -86,6 +86,7 @@ def view(
     place = collect(faults, lambda: _choose_display(display, quiet=json))
     if faults or not (found and shape and weight and place):
         raise InputError(*faults)
+    warnings = tell_unused(found)
     with Progress() as progress:
         parameters = find_parameters(found, progress)
     scene = Scene(parameters, shape, load=weight, method=method)
@@ -93,7 +94,7 @@ def view(
     with interrupt_on_terminate(), contextlib.suppress(KeyboardInterrupt):
         _play(scene, seconds, place)
     if json:
-        print_json(_list_last_frame(scene, indenter, weight))
+        print_json({**_list_last_frame(scene, indenter, weight), "warnings": list(warnings)})
     else:
         _print_last_frame(scene, f"{indenter} on {found.array.name}, {weight:.4g} N")
 

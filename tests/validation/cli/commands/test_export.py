@@ -60,6 +60,7 @@ def test_only_the_method_of_an_exported_model_can_read_it(exported, method):
         "method": "cover" if method == "default" else method,
         "out": "out",
         "files": ["wts-0614-34.xml", "parameters.toml", "cover.npz"],
+        "warnings": [],
     }
     plate = printed["method"] in {"cover", "foundation"}
     assert model.ngeom == (1 if plate else 84)

@@ -1,6 +1,7 @@
-"""Friction reaches the finite elements from the command line and from sensor files."""
+"""Friction reaches the finite elements from the command line and from sensor files; the fast model says it has none."""
 
 import dataclasses
+import json
 import math
 from pathlib import Path
 
@@ -57,3 +58,64 @@ def test_the_sensor_file_reaches_every_case_of_a_report(coefficients, wts_deriva
         evaluation.evaluate(sensor, cases=[Case.read(name, "sphere:radius=5mm", "2N") for name in ("one", "two")])
     assert len(coefficients) == 4  # what is stored is looked up for the plan, then each case is computed
     assert set(coefficients) == {0.6}
+
+
+@pytest.fixture
+def rubbing(tmp_path, monkeypatch):
+    """A sensor file with friction, whose fast model is that of the built-in sensor."""
+    from fastmodel import load as load_parameters
+
+    found = load_parameters("wts-0614-34")
+    monkeypatch.setattr("validation.cli.sensors.find_parameters", lambda *_: found)
+    file = tmp_path / "rubbing.toml"
+    text = "[contact]\nfriction = 0.4\n[array]\nrows = 14\ncolumns = 6\npitch = '3.4 mm'\n"
+    file.write_text(text + "[cover]\nlayer = [{ thickness = '2 mm', material = 'dragon-skin-30' }]\n")
+    return file.name
+
+
+PRESS = ("press", "--indenter", "sphere:radius=5mm", "--load", "2N", "--model", "fast")
+VIEW = ("view", "--indenter", "sphere:radius=5mm", "--load", "2N", "--seconds", "0")
+
+
+@pytest.mark.parametrize("command", [PRESS, VIEW, ("export",)], ids=lambda words: words[0])
+def test_the_fast_model_says_in_words_that_it_has_no_friction(softcover, rubbing, command):
+    status, out, err = softcover(command[0], rubbing, *command[1:], "--json")
+    printed = json.loads(out)
+    sentences = (printed["models"]["fast"] if command[0] == "press" else printed)["warnings"]
+    found = [sentence for sentence in sentences if "friction" in sentence]
+    assert status == 0
+    assert len(found) == 1
+    assert "0.4" in found[0]
+    assert "not used" in found[0]
+    assert f"softcover: warning: {found[0]}" in err.splitlines()
+
+
+@pytest.mark.parametrize("command", [PRESS, VIEW, ("export",)], ids=lambda words: words[0])
+def test_without_friction_nothing_is_said_of_it(softcover, command):
+    _, out, err = softcover(command[0], "wts-0614-34", *command[1:], "--json")
+    assert "friction" not in out + err
+
+
+def test_beside_the_finite_elements_the_fast_model_says_that_they_alone_use_friction(monkeypatch):
+    from fastmodel import load as load_parameters
+    from validation.campaign import comparison
+
+    sensor = load("wts-0614-34")
+    case, parameters = Case.read("one", "sphere:radius=5mm", "2N"), load_parameters("wts-0614-34")
+    plain = press.press(sensor.cover, sensor.array, case.indenter, load=case.load)
+    monkeypatch.setattr(comparison, "_press", lambda *_, **__: plain)
+    for friction, text in ((math.inf, "no-slip is used by the finite elements alone"), (0.0, "")):
+        found = comparison.compare_models(sensor, case, parameters=parameters, friction=friction)
+        assert [sentence for sentence in found.fast.warnings if "friction" in sentence] == (
+            [f"the fast model has no friction; {text}"] if text else []
+        )
+
+
+@pytest.mark.parametrize("options", [("--model", "fem"), ("--curve", "3", "--out", "x")])
+def test_a_contact_method_without_the_fast_model_is_refused(softcover, tmp_path, options):
+    words = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "2N", "--method", "boxes", *options)
+    status, out, err = softcover(*words)
+    assert (status, out) == (2, "")
+    assert err.startswith("softcover: --method: ")
+    assert "finite elements" in err
+    assert list(tmp_path.iterdir()) == []
