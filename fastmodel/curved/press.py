@@ -1,0 +1,112 @@
+"""Press a rigid indenter on a curved cover at a pose, under a load, without a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.bench import add_geoms
+from fastmodel.contact.panels import Wrench
+from fastmodel.curved.cover import CurvedCover
+from fastmodel.curved.gaps import measure_gaps
+from fastmodel.curved.pressure import solve_pressure
+from fastmodel.errors import FastModelError, MissedArrayError
+from fastmodel.pose import rotate
+from fastmodel.pressure.gap import describe_solid
+from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
+from meshes import Indenter
+from meshes.array_types import FloatArray
+from meshes.spatial_pose import SpatialPose
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CurvedPress:
+    """Result of a press on a curved cover by the fast model.
+
+    Attributes:
+        texel_forces: Force on each of n texels along its normal, shape (n,) [N].
+        forces: Force on each of m points of the surface against its normal, shape (m,) [N].
+        force: Force of the indenter on the cover, shape (3,) [N].
+        points: Number of points in contact [-].
+    """
+
+    texel_forces: FloatArray
+    forces: FloatArray
+    force: FloatArray
+    points: int
+
+
+def press_curved(
+    cover: CurvedCover,
+    indenter: Indenter,
+    pose: SpatialPose,
+    *,
+    load: float,
+    direction: npt.ArrayLike | None = None,
+) -> CurvedPress:
+    """Press an indenter that moves along a direction without turning; a guide bears the forces across it.
+
+    Args:
+        cover: The cover.
+        indenter: The shape.
+        pose: Orientation of the indenter, and a position on its way.
+        load: Force along the direction [N].
+        direction: Direction of motion, any length, shape (3,); that in which the indenter looks if None.
+
+    Raises:
+        FastModelError: If the load is not positive, or the contact was not found.
+        MissedArrayError: If the indenter never touches the cover.
+    """
+    if not 0 < load < np.inf:
+        raise FastModelError(f"load must be positive, not {load} N")
+    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    outward = -towards / np.linalg.norm(towards)
+    wrench = Wrench(
+        force=load, moment=np.zeros(3), tilts=False, vector=load * outward, directions=outward[None], rotates=False
+    )
+    body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
+    found = solve_pressure(cover, [body], [wrench])
+    if not found.settled:
+        raise FastModelError(f"the contact under {load:.4g} N was not found; use a smaller load")
+    return CurvedPress(
+        texel_forces=cover.influence @ found.forces,
+        forces=found.forces,
+        force=-found.forces @ cover.normals,
+        points=int(found.points[0]),
+    )
+
+
+def pose_indenter(indenter: Indenter, pose: SpatialPose) -> PosedBody:
+    """Describe the solids of an indenter at a pose, in the array's frame."""
+    spec = mujoco.MjSpec()
+    add_geoms(spec, spec.worldbody.add_body(), indenter)
+    model = spec.compile()
+    geoms = range(model.ngeom)
+    turns = np.array([rotate(quaternion, np.eye(3)).T for quaternion in model.geom_quat])
+    return PosedBody(
+        shape=BodyShape(solids=tuple(describe_solid(model, geom) for geom in geoms)),
+        rotation=pose.rotation @ turns,
+        position=pose.position + model.geom_pos @ pose.rotation.T,
+    )
+
+
+def _move_to_touch(cover: CurvedCover, body: PosedBody, outward: FloatArray) -> PosedBody:
+    """Move a body along a direction, unit vector against `outward`, until it touches a point of the undeformed cover.
+
+    Raises:
+        MissedArrayError: If it never does.
+    """
+    facing = cover.points[cover.normals @ outward > 0]
+    middle = (body.position + np.einsum("pij,pj->pi", body.rotation, body.shape.centres)).mean(axis=0)
+    # far in front of the cover, so that the whole body lies ahead of every point
+    spans = (*np.ptp(cover.points, axis=0), *np.ptp(body.position, axis=0), body.shape.halves.max())
+    size = float(max(spans))
+    start = max(float(((facing - middle) @ outward).max(initial=0.0)), 0.0) + 4 * size
+    ahead = replace(body, position=body.position + start * outward)
+    gap = measure_gaps(ahead, facing, np.broadcast_to(outward, facing.shape))
+    if not np.isfinite(gap).any():
+        raise MissedArrayError("the indenter never touches the cover; check its position and direction")
+    return replace(ahead, position=ahead.position - gap.min() * outward)

@@ -1,0 +1,122 @@
+"""Presses on a curved cover by the fast model."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import meshes
+from fastmodel.contact.panels import Wrench
+from fastmodel.curved.cover import CurvedCover
+from fastmodel.curved.press import pose_indenter, press_curved
+from fastmodel.curved.pressure import solve_pressure
+from fastmodel.errors import FastModelError, MissedArrayError, ShapeError
+from meshes import Box, Sphere
+from meshes.spatial_pose import SpatialPose
+
+SOFT = 1e-3  # compliance of one point of the foundation [m/N]
+
+
+def dome(side=25):
+    """A foundation of separate springs on the upper half of a ball of 10 mm, with one texel per quarter."""
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-7e-3, 7e-3, side)] * 2))
+    normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
+    quarter = (x >= 0).astype(int) + 2 * (y >= 0)
+    return CurvedCover(
+        points=10e-3 * normals,
+        normals=normals,
+        influence=(quarter == np.arange(4)[:, None]).astype(float),
+        compliance=SOFT * np.eye(len(x)),
+        thickness=2e-3,
+    )
+
+
+def load_of(force, direction):
+    outward = -np.array(direction, dtype=float)
+    return Wrench(
+        force=force, moment=np.zeros(3), tilts=False, vector=force * outward, directions=outward[None], rotates=False
+    )
+
+
+def test_flat_face_on_separate_springs_follows_from_the_travel():
+    cover = dome()
+    found = press_curved(cover, Box(size=(20e-3, 20e-3, 5e-3)), SpatialPose.facing([0, 0, 0.1], [0, 0, -1]), load=2.0)
+    up = cover.normals[:, 2]
+    touched = found.forces > 0
+    level = (cover.points - SOFT * found.forces[:, None] * cover.normals)[touched, 2]
+    np.testing.assert_allclose(level, level[0], atol=1e-6 * 2e-3)
+    assert found.forces @ up == pytest.approx(2.0, rel=1e-6)
+    assert (cover.points[~touched, 2] <= level[0] + 1e-9).all()
+    np.testing.assert_allclose(found.force, -found.forces @ cover.normals)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, -1.0), (-0.6, 0, -0.8), (0.36, -0.48, -0.8)])
+def test_load_acts_along_the_direction(direction):
+    found = press_curved(
+        dome(), Sphere(radius=4e-3), SpatialPose.facing(-0.05 * np.array(direction), direction), load=0.7
+    )
+    assert found.force @ direction == pytest.approx(0.7, rel=1e-6)
+    assert found.points == (found.forces > 0).sum() > 3
+
+
+def test_mirrored_press_gives_mirrored_forces():
+    cover = dome()
+    right, left = (
+        press_curved(cover, Sphere(radius=4e-3), SpatialPose.facing([s * 2e-3, 0, 0.1], [0, 0, -1]), load=0.5)
+        for s in (1, -1)
+    )
+    np.testing.assert_allclose(right.texel_forces, left.texel_forces[[1, 0, 3, 2]], rtol=1e-3)
+
+
+def test_two_bodies_each_carry_their_load():
+    cover = dome(41)
+    places = ([-4e-3, 0, 0.1], [4e-3, 0, 0.1])
+    bodies = []
+    for place in places:
+        body = pose_indenter(Sphere(radius=2e-3), SpatialPose.facing(place, [0, 0, -1]))
+        bodies.append(dataclasses.replace(body, position=np.array([[place[0], 0, np.sqrt(1e-4 - 16e-6) + 2.5e-3]])))
+    found = solve_pressure(cover, bodies, [load_of(0.2, (0, 0, -1)), load_of(0.4, (0, 0, -1))])
+    assert found.settled
+    up = found.forces * cover.normals[:, 2]
+    assert up[cover.points[:, 0] < 0].sum() == pytest.approx(0.2, rel=1e-6)
+    assert up[cover.points[:, 0] > 0].sum() == pytest.approx(0.4, rel=1e-6)
+
+
+def test_restart_from_the_solution_changes_nothing():
+    cover = dome()
+    body = pose_indenter(Sphere(radius=6e-3), SpatialPose.facing([1e-3, 0, 10e-3], [0, 0, -1]))
+    cold = solve_pressure(cover, [body], [load_of(0.5, (0, 0, -1))])
+    warm = solve_pressure(cover, [body], [load_of(0.5, (0, 0, -1))], cold.forces)
+    np.testing.assert_allclose(warm.forces, cold.forces, atol=1e-6)
+
+
+def test_bad_presses_are_named():
+    with pytest.raises(MissedArrayError, match="never touches"):
+        press_curved(dome(), Sphere(radius=1e-3), SpatialPose.facing([0.1, 0, 0.1], [0, 0, -1]), load=1.0)
+    with pytest.raises(FastModelError, match="load must be positive"):
+        press_curved(dome(), Sphere(radius=1e-3), SpatialPose.facing([0, 0, 0.1], [0, 0, -1]), load=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"thickness": 0.0}, "thickness must be positive"),
+        ({"compliance": np.triu(np.ones((625, 625)))}, "symmetric"),
+        ({"compliance": np.zeros((625, 625))}, "positive diagonal"),
+        ({"normals": 2 * dome().normals}, "unit vectors"),
+        ({"points": np.full((625, 3), np.nan)}, "not finite"),
+        ({"influence": np.ones((4, 3))}, "influence"),
+        ({"compliance": np.eye(3)}, "compliance"),
+    ],
+)
+def test_bad_covers_are_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(dome(), **change)
+
+
+def test_cover_belongs_to_an_array():
+    dome().check(meshes.TexelArray.grid(2, 2, 5e-3))
+    with pytest.raises(ShapeError, match="4 texels; the array has 6"):
+        dome().check(meshes.TexelArray.grid(2, 3, 5e-3))

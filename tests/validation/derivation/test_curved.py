@@ -1,0 +1,44 @@
+"""The fast model of a curved cover against the reference from which it is derived."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fastmodel.curved.press import press_curved as press_fast
+from fem_reference.curved_cover import press_curved, texel_responses
+from meshes import Box, Material, Sphere
+from meshes.solids import phalanx
+from meshes.spatial_pose import SpatialPose
+from validation.derivation.curved import derive_curved_cover
+
+RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+
+
+@pytest.fixture(scope="module")
+def cover():
+    return phalanx(angle=1.6, length=8e-3, rows=3, columns=3)
+
+
+@pytest.fixture(scope="module")
+def mesh(cover):
+    return cover.mesh(1.6e-3, layers=2)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, -1.0), (-0.4, 0, -1.0), (0.2, 0.3, -1.0)])
+@pytest.mark.parametrize("shape", [Sphere(radius=5e-3), Box(size=(5e-3, 4e-3, 4e-3))], ids=["ball", "box"])
+def test_presses_equal_those_of_the_reference_on_the_same_mesh(cover, mesh, shape, direction):
+    fast = derive_curved_cover(mesh, cover.texels, RUBBER)
+    pose = SpatialPose.facing(-20e-3 * np.array(direction) + np.array([0, 0, 5e-3]), direction)
+    known = press_curved(mesh, cover.texels, RUBBER, shape, pose, depth=0.25e-3)
+    found = press_fast(fast, shape, pose, load=known.load)
+    assert np.abs(found.texel_forces - known.texel_forces).sum() < 1e-3 * known.load
+    np.testing.assert_allclose(found.force, known.force, atol=2e-3 * known.load)
+
+
+def test_influence_is_that_of_the_reference(cover, mesh):
+    fast = derive_curved_cover(mesh, cover.texels, RUBBER)
+    known = texel_responses(mesh, cover.texels, RUBBER).finest
+    np.testing.assert_array_equal(fast.influence, known.normal_influence)
+    np.testing.assert_array_equal(fast.points, known.top.nodes)
+    assert np.linalg.eigvalsh(fast.compliance).min() > 0
