@@ -288,6 +288,8 @@ def _choose_height(parameters: Parameters, placement: Placement) -> float:
     On a flat array this is the surface.  On a curved array it is a height at which the indenter touches no texel yet.
     """
     array = parameters.array
+    if parameters.curved is not None:
+        return float(parameters.curved.points[:, 2].max())
     if array.planar:
         return 0.0
     reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)

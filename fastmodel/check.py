@@ -13,10 +13,12 @@ import mujoco
 import numpy as np
 
 from fastmodel.contact.geoms import Reasons, find_obstacles
+from fastmodel.curved.contact import find_frame
+from fastmodel.curved.cover import CurvedCover
 from fastmodel.obstruction import find_span, sample_top
 from fastmodel.parameters import Parameters
 from fastmodel.signal.point_spread import Gaussian
-from meshes.array_types import BoolArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Thickness of plates and boxes below which soft bodies may pass through them; a rope and a cloth of 50 g that fell
 #: 9 mm passed through 2 mm and stayed on 10 mm [mm].
@@ -181,7 +183,7 @@ def _may_sleep(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def check_surroundings(
-    model: mujoco.MjModel, geoms: IntArray, name: str, *, inset: float, spacing: float
+    model: mujoco.MjModel, geoms: IntArray, name: str, *, inset: float, spacing: float, cover: CurvedCover | None = None
 ) -> Iterator[str]:
     """Find geoms that carry part of the force on an array, and geoms that never touch it; yield a sentence about each.
 
@@ -191,10 +193,16 @@ def check_surroundings(
         name: Name of the sensor in the model.
         inset: Width of the margin of the array's geoms around the texels [m].
         spacing: Distance of the points at which the top of the array is examined [m].
+        cover: Curved cover, whose points are examined instead; None for boxes and plates.
     """
     data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)
     mujoco.mj_fwdPosition(model, data)
-    yield from _check_flush_geoms(model, data, geoms, name, inset=inset, spacing=spacing)
+    if cover is None:
+        top = sample_top(model, data, geoms, inset=inset, spacing=spacing)
+    else:
+        axes, origin = find_frame(model, data, int(geoms[0]))
+        top = (origin + cover.points @ axes.T, cover.normals @ axes.T)
+    yield from _check_flush_geoms(model, data, geoms, name, top)
     yield from _check_own_links(model, data, geoms, name)
     colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)
     others = colliding & (model.geom_bodyid != model.geom_bodyid[geoms[0]])
@@ -212,10 +220,10 @@ def check_surroundings(
 
 
 def _check_flush_geoms(
-    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, *, inset: float, spacing: float
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, surface: tuple[FloatArray, FloatArray]
 ) -> Iterator[str]:
-    """Find geoms that move with the array and reach the top of it; see `check_surroundings`."""
-    points, normals = sample_top(model, data, geoms, inset=inset, spacing=spacing)
+    """Find geoms that move with the array and reach its top, points and normals in the world; see the caller."""
+    points, normals = surface
     rigid = _find_colliding(model) & np.isin(model.body_weldid[model.geom_bodyid], _find_welded(model, int(geoms[0])))
     rigid[geoms] = False
     for geom in rigid.nonzero()[0].tolist():

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from fastmodel.curved.cover import CurvedCover
 from fastmodel.errors import ParametersError, ShapeError, check_type
 from fastmodel.parameter_files import NPZ_NAME, TOML_NAME, read_tables, read_values, replace_pair
 from fastmodel.pressure.cover_kernels import CoverCells
@@ -47,10 +48,12 @@ _OPERATOR = "operator"
 _CELL_ARRAYS = ("compliance", "influence", "table", "loads", "load_depths", "loaded_compliance", "loaded_influence")
 #: Attributes of `CoverCells` that are stored in the npz file, with the names of their tables there.
 _CELL_TABLES = {name: f"cells_{name}" for name in _CELL_ARRAYS}
+#: Attributes of `CurvedCover` that are arrays, with the names of their tables in the npz file.
+_CURVED_TABLES = {name: f"curved_{name}" for name in ("points", "normals", "influence", "compliance")}
 #: Value of `validity` in the TOML file if the range of the fast model is not stated.
 _NOT_STATED = "not stated"
 #: Names of tables that the format itself uses; further tables must not have them.
-_RESERVED = (_OPERATOR, *_CELL_TABLES.values())
+_RESERVED = (_OPERATOR, *_CELL_TABLES.values(), *_CURVED_TABLES.values())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +70,7 @@ class Parameters:
         cells: Compliance and influence of the cover between cells smaller than a texel, for the contact methods
             `cover` and `foundation`; None if unknown.
         validity: The range in which the contact method `cover` agrees with the finite elements; None if not stated.
+        curved: Compliance and influence of a curved cover, for the contact method `curved`; None if the cover is flat.
     """
 
     array: TexelArray
@@ -77,6 +81,7 @@ class Parameters:
     tables: Mapping[str, FloatArray] = field(default_factory=dict)
     cells: CoverCells | None = None
     validity: Validity | None = None
+    curved: CurvedCover | None = None
 
     def __post_init__(self) -> None:
         """Check that spread operator, gains and cells fit the array.
@@ -96,6 +101,8 @@ class Parameters:
             raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
         if self.cells is not None:
             self.cells.check(self.array)
+        if self.curved is not None:
+            self.curved.check(self.array)
         for name in _RESERVED:
             if name in self.tables:
                 raise ParametersError(f"a table must not be named {name!r}; the format uses that name itself")
@@ -121,6 +128,9 @@ class Parameters:
         for name, stored in _CELL_TABLES.items():
             if (table := getattr(self.cells, name, None)) is not None:
                 tables[stored] = table
+        for name, stored in _CURVED_TABLES.items():
+            if self.curved is not None:
+                tables[stored] = getattr(self.curved, name)
         packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         replace_pair(target, packed, text.encode())
@@ -175,6 +185,8 @@ def load(sensor: str | Path) -> Parameters:
         low_pass = Butterworth(**document.take("filter")) if "filter" in document.values else None
     with document.section("cells"):
         cells = _build_cells(document.take("cells"), tables) if "cells" in document.values else None
+    with document.section("curved"):
+        curved = _build_curved(document.take("curved"), tables) if "curved" in document.values else None
     with document.section("validity"):
         stated = document.values.get("validity", _NOT_STATED)
         validity = None if stated == _NOT_STATED else Validity(**stated)
@@ -187,6 +199,7 @@ def load(sensor: str | Path) -> Parameters:
             provenance=dict(document.values.get("provenance", {})),
             cells=cells,
             validity=validity,
+            curved=curved,
             tables={name: table for name, table in tables.items() if name not in _RESERVED},
         )
 
@@ -242,6 +255,8 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     if parameters.cells is not None:
         values = _describe_dataclass(parameters.cells)
         document["cells"] = {name: value for name, value in values.items() if name not in _CELL_TABLES}
+    if parameters.curved is not None:
+        document["curved"] = {"thickness": float(parameters.curved.thickness)}
     document["validity"] = _NOT_STATED if parameters.validity is None else _describe_dataclass(parameters.validity)
     if parameters.provenance:
         document["provenance"] = _convert_values(parameters.provenance)
@@ -328,6 +343,12 @@ def _build_cells(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> 
     """Build the cover data between cells from the section `[cells]` and the tables of the npz file."""
     stored: dict[str, Any] = {name: tables[key] for name, key in _CELL_TABLES.items() if key in tables}
     return CoverCells(**{**table, "cell": tuple(table["cell"])}, **stored)
+
+
+def _build_curved(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> CurvedCover:
+    """Build a curved cover from the section `[curved]` and the tables of the npz file."""
+    stored: dict[str, Any] = {name: tables[key] for name, key in _CURVED_TABLES.items()}
+    return CurvedCover(**table, **stored)
 
 
 def _describe_dataclass(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance

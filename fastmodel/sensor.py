@@ -23,6 +23,7 @@ from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import TexelContact
+from fastmodel.curved.contact import CurvedContact
 from fastmodel.errors import LifeCycleError, StateError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
@@ -160,10 +161,11 @@ class Sensor:
         every = self._every or _choose_interval(self.parameters, self._contact, model.opt.timestep)
         pitch = min(array.pitch)
         margin = self._contact.plate.margin if isinstance(self._contact, CoverContact | Foundation) else 0
+        cover = self._contact.cover if isinstance(self._contact, CurvedContact) else None
         around = check_surroundings(
-            model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch
+            model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch, cover=cover
         )
-        spread = () if isinstance(self._contact, CoverContact) else check_calibration(self.parameters)
+        spread = () if isinstance(self._contact, CoverContact | CurvedContact) else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, every, geoms), *spread, *around)
 
     def step(self, data: mujoco.MjData) -> bool:

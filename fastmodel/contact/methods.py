@@ -10,21 +10,25 @@ from fastmodel.contact.area import AreaTexels
 from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.interface import TexelContact
-from fastmodel.errors import ArgumentTypeError, UnknownNameError
+from fastmodel.curved.contact import CurvedContact
+from fastmodel.errors import ArgumentTypeError, ParametersError, UnknownNameError
 from fastmodel.parameters import Parameters
 
 #: Contact methods with their default settings, by name.
 METHODS: Mapping[str, TexelContact] = MappingProxyType(
     {"boxes": BoxTexels(), "area": AreaTexels(), "foundation": Foundation(), "cover": CoverContact()}
 )
-#: Name that stands for the method `cover` if the parameters hold cover data, otherwise for `boxes`.
+#: Name of the method for curved covers, whose settings are the cover itself.
+CURVED = "curved"
+#: Name that stands for the method `curved` or `cover` if the parameters hold its data, otherwise for `boxes`.
 DEFAULT = "default"
 
 
 def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
     """Find a contact method by its name, or return given settings unchanged.
 
-    The name `default` stands for `cover` if the parameters hold the cover's cells, otherwise for `boxes`.
+    The name `default` stands for `curved` if the parameters hold a curved cover, for `cover` if they hold the cells of
+    a flat one, otherwise for `boxes`.  The name `curved` takes the curved cover of the parameters.
 
     Args:
         method: Name of a contact method, or an object with its settings such as `BoxTexels()`.
@@ -36,6 +40,7 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
     Raises:
         ArgumentTypeError: If the method is neither a name nor settings.
         UnknownNameError: If no contact method has this name.
+        ParametersError: If the method is `curved` and the parameters hold no curved cover.
     """
     if not isinstance(method, str):
         if isinstance(method, type) or not (hasattr(method, "attach") and hasattr(method, "bind")):
@@ -44,10 +49,16 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
                 f"not {method!r}"
             )
         return repr(method), method
+    if method == CURVED or (method == DEFAULT and parameters.curved is not None):
+        if parameters.curved is None:
+            raise ParametersError(
+                "the contact method 'curved' needs a curved cover, which these parameters do not hold"
+            )
+        return CURVED, CurvedContact(cover=parameters.curved)
     if method == DEFAULT:
         method = "boxes" if parameters.cells is None else "cover"
     if method not in METHODS:
-        raise UnknownNameError("contact method", method, (DEFAULT, *METHODS))
+        raise UnknownNameError("contact method", method, (DEFAULT, *METHODS, CURVED))
     return method, _end_plate_at_edges(METHODS[method], parameters)
 
 

@@ -1,0 +1,169 @@
+"""Curved covers in MuJoCo against presses without a simulation."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import WTS_0614_34, Parameters, Tabulated
+from fastmodel.curved.contact import CurvedContact
+from fastmodel.curved.cover import CurvedCover
+from fastmodel.curved.press import press_curved
+from fastmodel.errors import FastModelError, ParametersError
+from fastmodel.pose import rotate
+from meshes import Sphere, TexelArray
+from meshes.spatial_pose import SpatialPose
+
+LOAD = 0.5
+QUATERNION = np.array([0.9, 0.1, 0.3, 0.2]) / np.linalg.norm([0.9, 0.1, 0.3, 0.2])
+PLACE = np.array([0.1, 0, 0.2])
+
+
+def make_dome(side=17):
+    """A cover of springs that also push down their neighbours, on the top of a ball of 10 mm, with 4 texels."""
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-6e-3, 6e-3, side)] * 2))
+    normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
+    apart = np.linalg.norm(normals[:, None] - normals, axis=2) * 10
+    quarter = (x >= 0).astype(int) + 2 * (y >= 0)
+    return CurvedCover(
+        points=10e-3 * normals,
+        normals=normals,
+        influence=0.8 * (quarter == np.arange(4)[:, None]),
+        compliance=1e-3 * np.exp(-apart / 0.5),
+        thickness=2e-3,
+    )
+
+
+COVER = make_dome()
+
+
+@pytest.fixture
+def parameters():
+    normals = np.array([[x, y, 8.0] for y in (-3, 3) for x in (-3, 3)]) / np.sqrt(82)
+    array = dataclasses.replace(TexelArray.grid(2, 2, 4e-3), centres=8e-3 * normals, normals=normals)
+    electronics = dataclasses.replace(WTS_0614_34, calibrated="texel force")
+    return Parameters(array=array, spread=Tabulated(matrix=np.eye(4)), electronics=electronics, curved=COVER)
+
+
+def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
+    """A ball on a guide presses a turned array on a finger; returns the bound sensor, the model and its data."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    finger = spec.worldbody.add_body(name="finger", pos=PLACE, quat=QUATERNION)
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[7e-3, 0, 0])
+    sensor = fastmodel.attach(spec, "finger", parameters, **options)
+    along = rotate(QUATERNION, direction[None])[0]
+    ball = spec.worldbody.add_body(name="ball", pos=PLACE - 14.5e-3 * along)
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[4e-3, 0, 0], mass=0.05, condim=1)
+    if joint == "slide":
+        ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=along)
+    else:  # an arm across the direction, 0.1 m long
+        across = np.cross(along, [0.3, 0.5, -0.2])
+        across /= np.linalg.norm(across)
+        axis = np.cross(along, across)
+        ball.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, pos=0.1 * across)
+    spec.option.gravity[:] = along * LOAD / 0.05
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    return sensor, model, data
+
+
+def test_a_bench_test_equals_the_press_without_simulation(parameters):
+    found = fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, at=(1e-3, 0.4e-3))
+    known = press_curved(COVER, Sphere(radius=4e-3), SpatialPose.facing([1e-3, 0.4e-3, 0.1], [0, 0, -1]), load=LOAD)
+    assert found.method == "curved"
+    assert found.total_force == pytest.approx(LOAD, rel=1e-3)
+    np.testing.assert_allclose(found.texel_forces, known.texel_forces, atol=1e-3 * LOAD)
+
+
+@pytest.mark.parametrize("joint", ["slide", "hinge"])
+def test_an_array_on_a_turned_finger_feels_the_press_of_its_own_frame(parameters, joint):
+    direction = np.array([-0.25, 0.1, -1.0])
+    direction /= np.linalg.norm(direction)
+    sensor, *_ = press_ball(parameters, direction, joint=joint)
+    pose = SpatialPose.facing(-20e-3 * direction, direction)
+    known = press_curved(COVER, Sphere(radius=4e-3), pose, load=LOAD)
+    # A guide gives the direction of the force; without one, it is the normal of a facet of the hull, some degrees off.
+    atol = {"slide": 5e-3, "hinge": 4e-2}[joint] * LOAD
+    np.testing.assert_allclose(sensor.frame().texel_forces, known.texel_forces, atol=atol)
+    assert sensor.carried() == pytest.approx(LOAD, rel=5e-3)
+    assert sensor.contact_forces().sum() == pytest.approx(known.forces.sum(), rel=5e-3)
+
+
+def test_a_stored_state_continues_bit_for_bit(parameters):
+    sensor, model, data = press_ball(parameters, np.array([0, 0, -1.0]), steps=60)
+    state = sensor.get_state()
+    other = sensor.twin().bind(model)
+    copied = mujoco.MjData(model)
+    mujoco.mj_copyData(copied, model, data)
+    other.step(copied)
+    other.set_state(state)
+    for each, own in ((sensor, data), (other, copied)):
+        for _ in range(40):
+            mujoco.mj_step(model, own)
+            each.step(own)
+    np.testing.assert_array_equal(other.frame().texel_forces, sensor.frame().texel_forces)
+    assert sensor.frame().texel_forces.sum() > 0.1 * LOAD
+
+
+def test_an_untouched_array_measures_nothing(parameters):
+    sensor, *_ = press_ball(parameters, np.array([0, 0, -1.0]), steps=1)
+    assert not sensor.frame().texel_forces.any()
+    assert sensor.carried() == 0
+
+
+def test_a_body_without_a_convex_shape_presses_with_its_contact_points(parameters):
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    sensor = fastmodel.attach(spec, "world", parameters)
+    plate = spec.worldbody.add_body(name="plate", pos=[0, 0, 12.2e-3], quat=[0, 1, 0, 0])
+    spec.add_hfield(name="field", nrow=2, ncol=2, size=[10e-3, 10e-3, 1e-3, 1e-3], userdata=[1.0] * 4)
+    plate.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="field", mass=0.05, condim=1)
+    plate.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    plate.mass, plate.explicitinertial = LOAD / 9.81, True
+    plate.inertia[:] = 1e-6
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    for _ in range(600):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(LOAD, rel=0.02)
+    assert sensor.frame().texel_forces.sum() == pytest.approx(0.8 * LOAD, rel=0.03)
+
+
+def test_a_geom_at_the_top_is_named(parameters):
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(name="bone", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[9.8e-3, 0, 0])
+    sensor = fastmodel.attach(spec, "world", parameters)
+    model = spec.compile()
+    assert any("'bone'" in each and "0.20 mm below" in each for each in sensor.check(model))
+
+
+def test_parameters_keep_the_cover(parameters, tmp_path):
+    parameters.save(tmp_path)
+    found = fastmodel.load(tmp_path).curved
+    for name in ("points", "normals", "influence", "compliance", "thickness"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(COVER, name))
+
+
+def test_dents_are_refused():
+    points = COVER.points - 0.5e-3 * COVER.normals * (np.linalg.norm(COVER.points[:, :2], axis=1) < 2e-3)[:, None]
+    with pytest.raises(FastModelError, match="has dents"):
+        CurvedContact(cover=dataclasses.replace(COVER, points=points))
+
+
+def test_the_method_needs_a_curved_cover(parameters):
+    flat = dataclasses.replace(parameters, curved=None)
+    with pytest.raises(ParametersError, match="needs a curved cover"):
+        fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, method="curved")
