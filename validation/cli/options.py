@@ -16,7 +16,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-SensorFile = Annotated[str, Parameter(help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal.")]
+SensorFile = Annotated[
+    str,
+    Parameter(
+        help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal; with curved covers: fingertip, phalanx, "
+        "flat-pad."
+    ),
+]
 Sensor = Annotated[
     str,
     Parameter(

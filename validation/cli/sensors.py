@@ -9,12 +9,17 @@ import fastmodel
 from fastmodel import Parameters
 from validation.cli.output import say
 from validation.errors import InputError
-from validation.sensor_file import BUILT_IN, SensorDescription, load
+from validation.sensor_file import BUILT_IN, CURVED, SensorDescription, load
 from validation.text.friction import describe_friction
 
 
 def read_description(
-    sensor: str, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] | None = None
+    sensor: str,
+    *,
+    material: str | None = None,
+    thickness: str | None = None,
+    layers: Sequence[str] | None = None,
+    curved: bool = False,
 ) -> SensorDescription:
     """Read the description of a sensor, for a command that needs the sensor's cover.
 
@@ -23,10 +28,11 @@ def read_description(
         material: Name of a material that replaces the cover's material.
         thickness: Thickness with its unit that replaces the cover's thickness.
         layers: Changes of single layers, values of the option `--layer`.
+        curved: Whether the command can treat curved covers.
 
     Raises:
         InputError: If the sensor cannot be read, or `sensor` is a folder with parameters of the fast model, which do
-            not describe the cover.
+            not describe the cover, or the command cannot treat its curved cover.
         OSError: If the file exists and cannot be read.
     """
     if _holds_parameters(sensor):
@@ -34,7 +40,22 @@ def read_description(
             f"{sensor}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
             f"name the sensor file or the built-in sensor that it was derived from"
         )
-    return _tell_assumed(load(sensor, material=material, thickness=thickness, layers=layers or ()))
+    found = load(sensor, material=material, thickness=thickness, layers=layers or ())
+    return _tell_assumed(found if curved else _refuse_curved(found))
+
+
+def _refuse_curved(found: SensorDescription) -> SensorDescription:
+    """Return a description whose cover is flat.
+
+    Raises:
+        InputError: If the cover is curved.
+    """
+    if found.body is not None:
+        raise InputError(
+            f"{found.source}: has a curved cover, which this command cannot treat yet; `softcover derive`, "
+            "`softcover press` and `softcover mesh` can"
+        )
+    return found
 
 
 def _tell_assumed(found: SensorDescription) -> SensorDescription:
@@ -69,7 +90,7 @@ def read_sensor(
         OSError: If the file exists and cannot be read.
     """
     if not _holds_parameters(sensor):
-        return _tell_assumed(load(sensor, material=material, thickness=thickness, layers=layers or ()))
+        return _tell_assumed(_refuse_curved(load(sensor, material=material, thickness=thickness, layers=layers or ())))
     if material is not None or thickness is not None or layers:
         raise InputError(
             f"--material, --thickness, --layer: the parameters in {sensor} were derived for one cover; "
@@ -119,4 +140,6 @@ def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[
 def _holds_parameters(sensor: str) -> bool:
     """Return whether the text is the path of a folder that `softcover derive` wrote, or of its `parameters.toml`."""
     path = Path(sensor)
-    return sensor not in BUILT_IN and (path.name == "parameters.toml" or (path / "parameters.toml").is_file())
+    return sensor not in (*BUILT_IN, *CURVED) and (
+        path.name == "parameters.toml" or (path / "parameters.toml").is_file()
+    )

@@ -17,6 +17,8 @@ from fastmodel.signal.point_spread import Gaussian
 from meshes import Cover, Layer, TexelArray
 from meshes.bounded_file import FileLimitError, parse_toml, read_text
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
+from meshes.solids import fingertip, flat_pad, phalanx
+from validation.curved.body import CoverBody, make_swept_body
 from validation.errors import InputError, nearest
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
 
@@ -54,6 +56,7 @@ class SensorDescription:
         source: Path of the sensor file, or the name of the built-in sensor.
         assumed_electronics: What the sensor file does not state about the electronics, and the value assumed instead,
             one text each; counts depend on it, forces do not.
+        body: Body of a curved cover, which then has one layer; None for a flat cover.
     """
 
     name: str
@@ -65,6 +68,7 @@ class SensorDescription:
     friction: float = 0.0
     source: str = ""
     assumed_electronics: tuple[str, ...] = ()
+    body: CoverBody | None = None
 
     def describe_cover(self) -> dict[str, Any]:
         """Return the cover as a dictionary of JSON values, with the key `assumed`."""
@@ -74,6 +78,7 @@ class SensorDescription:
             "base": cover.base,
             "size_m": cover.size,
             "thickness_m": cover.thickness,
+            **({} if self.body is None else {"body": self.body.source}),
             "layers": [
                 {
                     "thickness_m": layer.thickness,
@@ -99,6 +104,32 @@ BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
     }
 )
 
+#: Built-in sensors with curved covers, and a flat pad with free sides, that are treated as solids.
+CURVED: Mapping[str, SensorDescription] = MappingProxyType(
+    {
+        name: SensorDescription(
+            name=name,
+            array=made.texels,
+            cover=dataclasses.replace(
+                ASSUMED_COVER, layers=(dataclasses.replace(ASSUMED_COVER.layers[0], thickness=made.thickness),)
+            ),
+            electronics=Electronics(rate_hz=_ASSUMED_RATE, sensitivity=_ASSUMED_SENSITIVITY, output_max=4095, bits=12),
+            source=f"built-in {name}",
+            assumed_electronics=(f"{_ASSUMED_RATE:g} frames/s", f"{_ASSUMED_SENSITIVITY:g} counts per N on a texel"),
+            body=make_swept_body(made, words),
+        )
+        for name, made, words in (
+            ("flat-pad", flat_pad(), "pad of 20 x 20 mm with free sides"),
+            ("phalanx", phalanx(), "120 degrees of a cylinder of 6 mm radius, 20 mm long"),
+            (
+                "fingertip",
+                fingertip(),
+                "half a cylinder of 6 mm radius, 14.4 mm long, with a quarter sphere at its end",
+            ),
+        )
+    }
+)
+
 
 def load(
     sensor: str | Path, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] = ()
@@ -115,13 +146,38 @@ def load(
         InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
         OSError: If the file exists and cannot be read.
     """
-    description = BUILT_IN.get(str(sensor)) or _read_file(Path(sensor))
+    description = BUILT_IN.get(str(sensor)) or CURVED.get(str(sensor)) or _read_file(Path(sensor))
     if material is None and thickness is None and not layers:
         return description
     from validation.sensor_file.changed_cover import change_cover
 
     cover = change_cover(description.cover, material=material, thickness=thickness, layers=layers)
-    return dataclasses.replace(description, cover=cover)
+    body = description.body
+    if body is not None:
+        try:
+            body = body.with_thickness(cover.thickness)
+        except ValueError as error:
+            raise InputError(f"--thickness: {error}") from None
+    return dataclasses.replace(description, cover=cover, body=body)
+
+
+def has_curved_cover(sensor: str) -> bool:
+    """Return whether a text names a built-in sensor with a curved cover, or a sensor file that describes one."""
+    if sensor in CURVED:
+        return True
+    path = Path(sensor)
+    if sensor in BUILT_IN or not path.is_file():
+        return False
+    try:
+        cover = read_tables(path).get("cover")
+    except (InputError, OSError):
+        return False  # reported when the file is read
+    return is_curved_table(cover)
+
+
+def is_curved_table(cover: object) -> bool:
+    """Return whether a table `[cover]` describes the body of a cover by files."""
+    return isinstance(cover, Mapping) and any(name in cover for name in ("surface", "mesh", "unit"))
 
 
 def read_template() -> str:
@@ -131,7 +187,7 @@ def read_template() -> str:
 
 def _read_file(path: Path) -> SensorDescription:
     if not path.exists():
-        hint = nearest(str(path), BUILT_IN)
+        hint = nearest(str(path), (*BUILT_IN, *CURVED))
         raise InputError(f"{path}: no such sensor file or built-in sensor; {hint}, or a file from `softcover init`")
     return parse(read_tables(path), source=path)
 

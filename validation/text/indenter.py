@@ -44,6 +44,8 @@ _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
     "prism": (Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
     "mesh": (read_stl, "mesh:path=part.stl,unit=mm"),
 }
+#: Other names of shapes.
+_ALIASES = {"ball": "sphere"}
 SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
 _EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
 #: Largest accepted number of characters of an indenter, which a prism of about a thousand corners needs [-].
@@ -82,6 +84,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     if len(text) > _LONGEST:
         raise InputError(f"{place}: has {len(text)} characters; at most {_LONGEST} are accepted")
     shape, _, rest = text.strip().partition(":")
+    shape = _ALIASES.get(shape, shape)
     if shape not in SHAPES:
         example = _EXAMPLES["sphere"]
         raise InputError(f"{place}: unknown indenter {shape!r}; {nearest(shape, SHAPES)}; for example {example}")

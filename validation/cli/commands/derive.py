@@ -47,12 +47,18 @@ def derive(
         softcover derive wts-0614-34
         softcover derive sensor.toml --out derived
         softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
+        softcover derive fingertip --out fingertip
     """
     from validation.cli.sensors import read_description
     from validation.derivation.derive import derive as derive_parameters
     from validation.output_folder import new_folder
 
-    description = read_description(sensor, material=material, thickness=thickness, layers=layer)
+    description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    if description.body is not None:
+        from validation.cli.curved import derive_curved_cover
+
+        derive_curved_cover(description, out, json=json)
+        return
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -29,13 +29,29 @@ if TYPE_CHECKING:
 
 #: Largest number of points of a curve [-].
 _MOST_POINTS = 1000
+#: Default of `--tilt`.
+_NO_TILT = "0deg,0deg"
 
 _Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
 _Depth = Annotated[
     str | None,
     Parameter(help="Approach of the indenter from first touch, instead of a load: 0.3mm.", allow_leading_hyphen=True),
 ]
-_At = Annotated[str, Parameter(help="Position of the indenter's axis in the array's frame.", allow_leading_hyphen=True)]
+_At = Annotated[
+    str | None,
+    Parameter(
+        help="Position of the indenter's axis in the array's frame, x,y; on a curved cover x,y,z of a place on its "
+        "surface. The middle of the array if left out.",
+        allow_leading_hyphen=True,
+    ),
+]
+_Direction = Annotated[
+    str | None,
+    Parameter(
+        help="Direction in which the indenter moves on a curved cover, e.g. 0,0,-1; along the normal if left out.",
+        allow_leading_hyphen=True,
+    ),
+]
 _Yaw = Annotated[str, Parameter(help="Rotation of the indenter about its axis.", allow_leading_hyphen=True)]
 _Tilt = Annotated[
     str,
@@ -73,9 +89,10 @@ def press(
     indenter: Shape,
     load: _Load = None,
     depth: _Depth = None,
-    at: _At = "0mm,0mm",
+    at: _At = None,
+    direction: _Direction = None,
     yaw: _Yaw = "0deg",
-    tilt: _Tilt = "0deg,0deg",
+    tilt: _Tilt = _NO_TILT,
     friction: _Friction = None,
     accuracy: _Accuracy = None,
     model: _Model = "fem,fast",
@@ -100,12 +117,24 @@ def press(
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
         softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --out pressed
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
+        softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
     """
+    from validation.sensor_file.sensor import has_curved_cover
+
+    if has_curved_cover(sensor):
+        return _press_curved(
+            (sensor, material, thickness, layer),
+            unsupported={"--tilt": tilt != _NO_TILT, "--friction": friction, "--accuracy": accuracy, "--curve": curve},
+            force=(load, depth), model=model,
+            indenter=indenter, at=at, direction=direction, yaw=yaw, out=out, json=json,
+        )  # fmt: skip
+    if direction is not None:
+        raise InputError("--direction: is for curved covers; a flat one is pressed along -z, --tilt turns the indenter")
     request = _read_request(
         sensor,
         indenter=indenter,
         force=(load, depth),
-        pose=(at, yaw, tilt),
+        pose=(at or "0mm,0mm", yaw, tilt),
         friction=friction,
         accuracy=accuracy,
         model=model,
@@ -119,6 +148,37 @@ def press(
         if curve is not None and out is not None:
             return _trace(request, curve, out, json=json)
         return _compare(request, out, json=json)
+    except PiercedError as error:
+        raise InputError(f"--{error.control}: {error}") from error
+
+
+def _press_curved(
+    cover: tuple[str, str | None, str | None, list[str] | None],
+    *,
+    unsupported: dict[str, object],
+    force: tuple[str | None, str | None],
+    model: str,
+    **options: Any,  # noqa: ANN401 -- passed on
+) -> int:
+    """Press a sensor with a curved cover; `cover` is the sensor, `--material`, `--thickness` and `--layer`."""
+    from fem_reference.errors import PiercedError
+    from validation.cli.curved import press_curved_cover
+    from validation.cli.sensors import read_description
+
+    faults = [
+        f"{name}: is not supported on curved covers; leave it out" for name, given in unsupported.items() if given
+    ]
+    sensor, material, thickness, layer = cover
+    found = collect(
+        faults,
+        lambda: read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True),
+    )
+    models = collect(faults, lambda: _read_models(model))
+    wanted = collect(faults, lambda: _read_force(*force))
+    if faults or found is None or models is None or wanted is None:
+        raise InputError(*faults)
+    try:
+        return press_curved_cover(found, force=wanted, models=models, **options)
     except PiercedError as error:
         raise InputError(f"--{error.control}: {error}") from error
 

@@ -1,0 +1,57 @@
+"""The command line on sensors with curved covers."""
+
+import pytest
+
+from validation.cli.curved import read_direction
+from validation.cli.entry import main
+from validation.errors import InputError
+
+
+def run(*words):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    return ended.value.code
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("validate", "fingertip"),
+        ("export", "phalanx", "--format", "sdf", "--out", "x"),
+        ("datasheet", "flat-pad"),
+        ("regress", "fingertip", "--baseline", "none.json"),
+        ("view", "fingertip", "--indenter", "sphere:radius=4mm", "--load", "1N"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_for_flat_covers_refuse_in_one_line(words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(*words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "curved cover" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("text", ["0,0", "a,b,c", "0,0,0", "1,2,nan", "1mm,0mm,0mm", ""])
+def test_bad_directions_are_refused(text):
+    with pytest.raises(InputError, match=r"--direction: .*--direction=0,0,-1"):
+        read_direction(text)
+
+
+def test_a_direction_is_read():
+    assert read_direction("0, 1e-1,-1") == (0.0, 0.1, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("fingertip", "--tilt=2deg,0deg", "--load=1N"), "--tilt"),
+        (("fingertip", "--friction=0.4", "--load=1N"), "--friction"),
+        (("fingertip", "--load=1N", "--model=fast"), "--model"),
+        (("fingertip",), "--load, --depth"),
+        (("wts-0614-34", "--direction=0,0,-1", "--load=1N"), "--direction"),
+    ],
+)
+def test_options_that_do_not_fit_are_named(words, said, capsys):
+    assert run("press", *words, "--indenter", "ball:radius=4mm") == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,66 @@
+"""Presses of curved covers from a sensor's description."""
+
+import json
+
+import numpy as np
+import pytest
+
+from meshes import Sphere
+from validation.curved.files import write_press
+from validation.curved.press import make_meshes, press_sensor
+from validation.curved.touch import find_middle, find_touch_place
+from validation.errors import InputError
+from validation.json_values import json_text
+from validation.sensor_file import CURVED
+
+
+@pytest.fixture(scope="module")
+def press(small_pad):
+    return press_sensor(small_pad, Sphere(radius=4e-3), shape="sphere:radius=4mm", load=0.5)
+
+
+def test_the_indenter_stands_above_the_middle_texel(press, small_pad):
+    assert find_middle(small_pad.array) == 4
+    np.testing.assert_allclose(press.touch.point, [0, 0, 2e-3], atol=1e-9)
+    assert np.argmax(press.fem.texel_forces) == 4
+
+
+def test_forces_balance_as_vectors(press):
+    np.testing.assert_allclose(press.fem.force, [0, 0, -0.5], atol=1e-7)
+    np.testing.assert_allclose(press.fem.base_force, press.fem.force, atol=1e-9)
+    measured = press.fem.unmeasured - press.fem.texel_forces @ press.sensor.array.normals
+    np.testing.assert_allclose(measured, press.fem.base_force, atol=1e-9)
+
+
+def test_the_mesh_is_named_in_the_result(press, small_pad):
+    described = json.loads(json_text(press.as_json()))["models"]["fem"]["mesh"]
+    assert described["digest"] == make_meshes(small_pad)[-1].digest
+    assert described["elements"] == len(press.fem.mesh.cells)
+
+
+def test_files_hold_the_forces(press, tmp_path, monkeypatch):
+    monkeypatch.setattr("validation.curved.files.write_scene", lambda *_: ())
+    assert write_press(press, tmp_path) == ("press.json", "texels.csv", "contact.csv", "mesh.npz")
+    texels = np.loadtxt(tmp_path / "texels.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(texels[:, -1], press.fem.texel_forces, rtol=1e-6, atol=1e-12)
+    contact = np.loadtxt(tmp_path / "contact.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(contact[:, -1] @ contact[:, 3:6], [0, 0, 0.5], atol=1e-6)
+
+
+def test_places_and_directions(small_pad):
+    mesh, texels = make_meshes(small_pad)[-1], small_pad.array
+    touch = find_touch_place(mesh, texels, at=(1e-3, 2e-3), direction=(0.0, 3.0, -4.0))
+    np.testing.assert_allclose(touch.point, [1e-3, 2e-3, 2e-3], atol=1e-9)
+    np.testing.assert_allclose(touch.direction, [0, 0.6, -0.8])
+    np.testing.assert_allclose(touch.pose.rotation[:, 2], [0, -0.6, 0.8], atol=1e-12)
+    with pytest.raises(InputError, match="mm from the cover"):
+        find_touch_place(mesh, texels, at=(0.0, 0.0, 9e-3))
+    tip = CURVED["fingertip"]
+    with pytest.raises(InputError, match="three lengths"):
+        find_touch_place(tip.body.meshes()[0], tip.array, at=(0.0, 0.0))
+
+
+def test_the_place_on_a_fingertip_is_pressed_along_its_normal():
+    tip = CURVED["fingertip"]
+    touch = find_touch_place(tip.body.meshes()[0], tip.array, at=(0.0, 8e-3, 0.0))
+    np.testing.assert_allclose(touch.direction, [0, -1, 0], atol=0.01)

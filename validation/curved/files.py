@@ -1,0 +1,77 @@
+"""Files of a derivation and of an indentation of a curved cover."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshes.npz import pack_npz
+from meshes.solids import write_mesh
+from validation.json_values import json_text
+from validation.scene.cover_scene import show_curved, show_mesh
+from validation.scene.files import write_scene
+
+if TYPE_CHECKING:
+    from validation.curved.derive import CurvedDerivation
+    from validation.curved.press import CurvedPress
+
+#: Name of the file with the mesh that was solved.
+MESH_FILE = "mesh.npz"
+
+
+def write_derivation(derivation: CurvedDerivation, folder: Path) -> tuple[str, ...]:
+    """Write `parameters.toml`, `cover.npz`, `derive.json`, `responses.npz`, `mesh.npz`, and pictures where possible.
+
+    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each of them.
+
+    Args:
+        derivation: Responses of a sensor's texels.
+        folder: An existing folder to write to.
+
+    Returns:
+        The names of the written files.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    grid, sensor = derivation.responses.finest, derivation.sensor
+    derivation.parameters.save(folder)
+    (folder / "derive.json").write_text(json_text(derivation.as_json()), encoding="utf-8")
+    arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
+    (folder / "responses.npz").write_bytes(pack_npz(arrays))
+    write_mesh(folder / MESH_FILE, grid.mesh)
+    files = ("parameters.toml", "cover.npz", "derive.json", "responses.npz", MESH_FILE)
+    return files + write_scene(show_mesh(grid.mesh, sensor.array, title=sensor.name), folder)
+
+
+def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:
+    """Write `press.json`, `texels.csv`, `contact.csv`, `mesh.npz`, and pictures where possible.
+
+    Args:
+        press: Result of one indentation.
+        folder: An existing folder to write to.
+
+    Returns:
+        The names of the written files.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    found, array = press.fem, press.sensor.array
+    (folder / "press.json").write_text(json_text(press.as_json()), encoding="utf-8")
+    texels = np.column_stack([array.centres, array.normals, found.texel_forces])
+    _write_table(folder / "texels.csv", "x_m,y_m,z_m,nx,ny,nz,force_N", texels)
+    touched = found.contact_forces > 0
+    contact = np.column_stack([found.top.nodes, found.top.normals, found.contact_forces])[touched]
+    _write_table(folder / "contact.csv", "x_m,y_m,z_m,nx,ny,nz,normal_N", contact)
+    write_mesh(folder / MESH_FILE, found.mesh)
+    title = f"{press.shape} on {press.sensor.name}, {found.load:.4g} N"
+    scene = show_curved(found, array, direction=press.touch.direction, title=title)
+    return ("press.json", "texels.csv", "contact.csv", MESH_FILE, *write_scene(scene, folder))
+
+
+def _write_table(path: Path, header: str, rows: np.ndarray) -> None:
+    lines = [header, *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

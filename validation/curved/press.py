@@ -1,0 +1,155 @@
+"""One indentation of a curved cover by finite elements, for the command line and for files."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from meshes import Indenter
+from meshes.solids.quality import check_quality
+from validation.curved.touch import Touch, find_touch_place
+from validation.errors import InputError
+from validation.sensor_file import SensorDescription
+
+if TYPE_CHECKING:
+    from fem_reference.curved_cover import CurvedIndentation
+    from meshes.solids import SolidMesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CurvedPress:
+    """Result of one indentation of a curved cover.
+
+    Attributes:
+        sensor: The sensor.
+        shape: The indenter as text.
+        touch: Place and direction of the indenter.
+        fem: Result of the finite elements.
+        seconds: Wall time of the finite elements [s].
+    """
+
+    sensor: SensorDescription
+    shape: str
+    touch: Touch
+    fem: CurvedIndentation
+    seconds: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result as a dictionary, under the names that the command line prints as JSON."""
+        found = self.fem
+        vectors = ("force", "moment", "base_force", "base_moment", "unmeasured")
+        return {
+            "sensor": self.sensor.name,
+            "cover": self.sensor.describe_cover(),
+            "indenter": self.shape,
+            "at": self.touch.point,
+            "direction": self.touch.direction,
+            "yaw": self.touch.yaw,
+            "load": found.load,
+            "models": {
+                "fem": {
+                    "texel_forces": found.texel_forces,
+                    **{name: getattr(found, name) for name in vectors},
+                    "depth": found.depth,
+                    "contact_area": found.contact_area,
+                    "error_estimate": dict(found.error_estimate),
+                    "assumptions": dict(found.assumptions),
+                    "warnings": list(found.warnings),
+                    "mesh": describe_mesh(found.mesh),
+                    "seconds": self.seconds,
+                }
+            },
+        }
+
+
+def press_sensor(
+    sensor: SensorDescription,
+    indenter: Indenter,
+    *,
+    shape: str,
+    load: float | None = None,
+    depth: float | None = None,
+    at: tuple[float, ...] | None = None,
+    direction: tuple[float, float, float] | None = None,
+    yaw: float = 0.0,
+    progress: Callable[[str], None] | None = None,
+) -> CurvedPress:
+    """Press a rigid indenter on a curved cover by finite elements.
+
+    Args:
+        sensor: A sensor with a curved cover.
+        indenter: The indenter.
+        shape: The indenter as text.
+        load: Force along the direction [N]; give either load or depth.
+        depth: Distance from the first touch [m].
+        at: Place on the cover; see `find_touch_place` [m].
+        direction: Direction of motion, any length.
+        yaw: Rotation of the indenter about its axis [rad].
+        progress: Called with a line of text before each step.
+
+    Raises:
+        InputError: If the mesh, a texel, the place or the direction cannot be used, with one line per fault.
+        PiercedError: If the indenter would go through most of the cover.
+        ConvergenceError: If the contact is not found.
+    """
+    from fem_reference.curved_cover import press_curved
+
+    started = time.perf_counter()
+    meshes = make_meshes(sensor, progress)
+    touch = find_touch_place(meshes[-1], sensor.array, at=at, direction=direction, yaw=yaw)
+    found = press_curved(
+        meshes,
+        sensor.array,
+        sensor.cover.layers[0].material,
+        indenter,
+        touch.pose,
+        load=load,
+        depth=depth,
+        direction=touch.direction,
+        progress=progress,
+    )
+    return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=time.perf_counter() - started)
+
+
+def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
+    """Make the meshes of a sensor's curved cover, coarsest first, and check them and the texels.
+
+    Raises:
+        InputError: If the cover cannot be meshed, a mesh cannot be used, or a texel is not on the base.
+    """
+    from meshes.solids.quality import check_texels
+
+    if sensor.body is None:
+        raise InputError(
+            f"{sensor.source}: the cover has no curved body; give cover.surface, cover.mesh or a thickness"
+        )
+    try:
+        meshes = sensor.body.meshes(progress)
+        for mesh in meshes:
+            check_quality(mesh).require()
+        check_texels(meshes[-1], sensor.array)
+    except ValueError as error:
+        faults = error.faults if isinstance(error, InputError) else str(error).splitlines()
+        raise InputError(*(f"{sensor.source}: {line}" for line in faults)) from None
+    return meshes
+
+
+def describe_mesh(mesh: SolidMesh) -> dict[str, Any]:
+    """Describe a mesh and its quality as a dictionary of JSON values."""
+    quality = check_quality(mesh)
+    return {
+        "digest": mesh.digest,
+        "source": mesh.source,
+        "settings": dict(mesh.settings),
+        "elements": quality.elements,
+        "kind": quality.kind,
+        "nodes": quality.nodes,
+        "volume_m3": quality.volume,
+        "thickness_m": quality.thickness,
+        "scaled_jacobian": quality.scaled_jacobian,
+        "inverted": quality.inverted,
+        "slivers": quality.slivers,
+        "through": quality.through,
+    }

@@ -1,0 +1,110 @@
+"""Place and direction of a rigid indenter on a curved cover."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.responses import find_above, lay_out
+from meshes import TexelArray
+from meshes.array_types import FloatArray
+from meshes.solids import SolidMesh
+from meshes.solids.quality import compute_volume, measure_area
+from meshes.spatial_pose import SpatialPose
+from validation.errors import InputError
+
+#: Largest distance of a wanted place from the top, over the thickness of the cover [-].
+_OFF_TOP = 1.0
+#: Length of a direction below which it is none [-].
+_TINY = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Touch:
+    """Where and along which direction an indenter touches a curved cover.
+
+    Attributes:
+        point: Point of the undeformed top, shape (3,) [m].
+        direction: Unit direction in which the indenter looks and moves, shape (3,) [-].
+        yaw: Rotation of the indenter about its axis [rad].
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    yaw: float
+
+    @property
+    def pose(self) -> SpatialPose:
+        """Pose of the indenter with the lowest point of its axis at the point."""
+        return SpatialPose.facing(self.point, self.direction, spin=self.yaw)
+
+    def describe(self) -> str:
+        """Describe place and direction in words."""
+        place = ", ".join(f"{round(1e3 * each, 3) + 0.0:g}" for each in self.point)
+        towards = ", ".join(f"{round(each, 3) + 0.0:g}" for each in self.direction)
+        turned = f", yaw {np.degrees(self.yaw):g} deg" if self.yaw else ""
+        return f"({place}) mm along ({towards}){turned}"
+
+
+def find_touch_place(
+    mesh: SolidMesh,
+    texels: TexelArray,
+    *,
+    at: tuple[float, ...] | None = None,
+    direction: tuple[float, float, float] | None = None,
+    yaw: float = 0.0,
+) -> Touch:
+    """Find place and direction of an indenter.
+
+    Args:
+        mesh: Mesh of the cover.
+        texels: Texels on its base.
+        at: Wanted place: the nearest point of the top is taken.  Two lengths x and y do for planar texels.  If None,
+            the point above the texel that is nearest to the middle of all active texels [m].
+        direction: Direction of motion, any length; against the normal of the top at the place if None.
+        yaw: Rotation of the indenter about its axis [rad].
+
+    Raises:
+        InputError: If the place is not on the cover, or the direction is zero.
+    """
+    layout = lay_out(mesh)
+    top = FacetSurface.part_of(layout.elements.nodes, layout.top)
+    thickness = compute_volume(mesh) / measure_area(mesh, "base")
+    if at is None:
+        middle = find_middle(texels)
+        wanted = find_above(top, texels)[[middle]]
+    else:
+        wanted = np.array([_complete(at, texels, thickness)])
+    weights, distance = top.locate(wanted)
+    point = (weights @ top.nodes)[0]
+    if distance[0] > _OFF_TOP * thickness:
+        near = ",".join(f"{1e3 * each:.4g}mm" for each in point)
+        raise InputError(
+            f"--at: the place is {1e3 * distance[0]:.4g} mm from the cover's surface; the nearest point is {near}"
+        )
+    if direction is None:
+        # Above a texel, its own normal: that of the top turns from element to element on rough surfaces.
+        towards = -texels.normals[middle] if at is None else -(weights @ top.normals)[0]
+    else:
+        towards = np.array(direction, dtype=float)
+    length = float(np.linalg.norm(towards))
+    if not length > _TINY:
+        raise InputError("--direction: must not be zero; write for example --direction=0,0,-1")
+    return Touch(point=point, direction=towards / length, yaw=yaw)
+
+
+def find_middle(texels: TexelArray) -> int:
+    """Return the index of the active texel whose centre is nearest to the mean of all active centres."""
+    active = np.flatnonzero(texels.active)
+    centres = texels.centres[active]
+    return int(active[np.argmin(np.linalg.norm(centres - centres.mean(axis=0), axis=1))])
+
+
+def _complete(at: tuple[float, ...], texels: TexelArray, thickness: float) -> FloatArray:
+    if len(at) == 3:  # noqa: PLR2004 -- x, y and z
+        return np.array(at)
+    if texels.planar:
+        return np.array([*at, thickness])
+    raise InputError("--at: a curved cover needs three lengths x,y,z; write for example --at=0mm,2mm,8mm")

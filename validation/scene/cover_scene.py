@@ -1,0 +1,227 @@
+"""What a picture of a cover shows: its deformed body with values at the nodes, its texels and the forces on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshes import TexelArray
+from meshes.array_types import FloatArray, IntArray
+from meshes.solids.solid_mesh import SolidMesh
+
+if TYPE_CHECKING:
+    from fem_reference.curved_cover import CurvedIndentation
+    from fem_reference.fields.cover_fields import CoverFields
+    from fem_reference.indentation.result import Indentation
+
+#: Number of steps in which half a turn of an axisymmetric solution is drawn [-].
+_TURN = 48
+#: Distance from the contact to which a wide cover is drawn, over its thickness [-].
+_SURROUNDINGS = 4.0
+#: Ratio of the largest stresses of two layers above which the scale of colours is logarithmic [-].
+_UNEVEN = 20.0
+#: Corners of the 8 parts of a hexahedron of 27 nodes, in the order of VTK, shape (8, 8).
+_PARTS = np.array(
+    [
+        [i + x + 3 * (j + y) + 9 * (k + z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        for k in (0, 1)
+        for j in (0, 1)
+        for i in (0, 1)
+    ]
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverScene:
+    """Deformed cover with values at its n nodes, and the texels below it with the forces on them.
+
+    Attributes:
+        position: Positions of the nodes before deformation, shape (n, 3) [m].
+        displacement: Displacements of the nodes, shape (n, 3) [m].
+        cells: Nodes of e elements in the order of VTK: hexahedra, shape (e, 8), or tetrahedra, shape (e, 4).
+        thickness: Thickness of the cover [m].
+        surface: Values that colour the surface, shape (n,); None for none.
+        surface_label: Name and unit of these values.
+        inside: Values that colour the section, shape (n,); None for none.
+        inside_label: Name and unit of these values.
+        logarithmic: Whether the scale of the section's colours is logarithmic.
+        texels: Texels; None for none.
+        texel_forces: Forces on the n texels, shape (n,) [N]; None for none.
+        touched: Point of the undeformed cover where the indenter touches it, shape (3,) [m]; None without an indenter.
+        direction: Unit vector of the load, shape (3,) [-].
+        title: Text above the picture.
+        limits: Largest distance from `touched` along x and y that is drawn [m]; infinite for the whole cover.
+    """
+
+    position: FloatArray
+    displacement: FloatArray
+    cells: IntArray
+    thickness: float
+    surface: FloatArray | None = None
+    surface_label: str = ""
+    inside: FloatArray | None = None
+    inside_label: str = ""
+    logarithmic: bool = False
+    texels: TexelArray | None = None
+    texel_forces: FloatArray | None = None
+    touched: FloatArray | None = None
+    direction: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    title: str = ""
+    limits: float = float("inf")
+
+
+def show_indentation(found: Indentation, texels: TexelArray, *, title: str = "") -> CoverScene | None:
+    """Prepare the picture of an indentation of a flat cover; None if the indentation has no fields.
+
+    The surface is coloured by the pressure -sigma_zz, which is the contact pressure under the indenter, and the section
+    by the von Mises stress.
+
+    Args:
+        found: Result of `press` with `fields=True`.
+        texels: Texels of the array.
+        title: Text above the picture.
+    """
+    if found.fields is None:
+        return None
+    fields = found.fields
+    weight = found.contact[:, 2]
+    middle = np.average(found.contact[:, :2], axis=0, weights=weight)
+    reach = float(np.abs(found.contact[weight > 0, :2] - middle).max(initial=0.0))
+    top = float(fields.position[:, 2].max())
+    if fields.axisymmetric:
+        fields = _revolve(fields)
+    height = top - float(fields.position[:, 2].min())
+    return CoverScene(
+        position=fields.position,
+        displacement=fields.displacement,
+        cells=fields.cells,
+        thickness=height,
+        surface=-1e-3 * fields.stress[:, 2, 2],
+        surface_label="pressure [kPa]",
+        inside=1e-3 * fields.von_mises,
+        inside_label="von Mises stress [kPa]",
+        logarithmic=_is_uneven(fields),
+        texels=texels,
+        texel_forces=found.texel_forces,
+        touched=np.array([*middle, top]),
+        title=title,
+        limits=reach + _SURROUNDINGS * height,
+    )
+
+
+def show_curved(found: CurvedIndentation, texels: TexelArray, *, direction: FloatArray, title: str = "") -> CoverScene:
+    """Prepare the picture of an indentation of a curved cover, coloured by the contact pressure.
+
+    Args:
+        found: Result of `press_curved`.
+        texels: Texels of the array.
+        direction: Unit direction of the load, shape (3,).
+        title: Text above the picture.
+    """
+    from meshes.solids.facets import area_vectors, split_facet
+    from meshes.solids.quality import compute_volume, measure_area
+
+    mesh, top = found.mesh, found.top
+    place = split_facet(top.facets.shape[1], 2)[0]
+    reference = 4.0 if mesh.is_hexahedral else 0.5
+    areas = reference * np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2).mean(axis=1)
+    pressure = 1e-3 * average_pressure(top.facets, found.contact_forces, areas)
+    count = len(mesh.nodes)
+    surface = np.zeros(max(count, len(found.displacement)))
+    surface[top.index] = pressure
+    forces = found.contact_forces
+    touched = np.average(top.nodes, axis=0, weights=forces) if forces.any() else top.nodes.mean(axis=0)
+    return CoverScene(
+        position=mesh.nodes,
+        displacement=found.displacement[:count],
+        cells=split_cells(mesh),
+        thickness=compute_volume(mesh) / measure_area(mesh, "base"),
+        surface=surface[:count],
+        surface_label="contact pressure [kPa]",
+        inside=1e3 * np.linalg.norm(found.displacement[:count], axis=1),
+        inside_label="displacement [mm]",
+        texels=texels,
+        texel_forces=found.texel_forces,
+        touched=top.nodes[np.argmin(np.linalg.norm(top.nodes - touched, axis=1))],
+        direction=direction,
+        title=title,
+    )
+
+
+def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str = "") -> CoverScene:
+    """Prepare the picture of a mesh without load.
+
+    Args:
+        mesh: Mesh of a cover.
+        texels: Texels on its base.
+        title: Text above the picture.
+    """
+    from meshes.solids.quality import compute_volume, measure_area
+
+    return CoverScene(
+        position=mesh.nodes,
+        displacement=np.zeros_like(mesh.nodes),
+        cells=split_cells(mesh),
+        thickness=compute_volume(mesh) / measure_area(mesh, "base"),
+        texels=texels,
+        title=title,
+    )
+
+
+def split_cells(mesh: SolidMesh) -> IntArray:
+    """Return the elements of a mesh for VTK: each hexahedron of 27 nodes as 8 of 8 nodes, tetrahedra as they are."""
+    return np.asarray(mesh.cells[:, _PARTS].reshape(-1, 8)) if mesh.is_hexahedral else mesh.cells
+
+
+def average_pressure(facets: IntArray, forces: FloatArray, areas: FloatArray) -> FloatArray:
+    """Spread nodal forces to facets and return the mean pressures around the nodes.
+
+    The force of a node is divided equally among its facets.  The corner of a flat triangle with quadratic shape
+    functions has no area of its own, so forces over nodal areas would be no pressures.
+
+    Args:
+        facets: Indices of the nodes of f facets, shape (f, a).
+        forces: Forces on the m nodes against their normals, shape (m,) [N].
+        areas: Areas of the facets, shape (f,) [m2].
+
+    Returns:
+        Pressures, shape (m,) [Pa].
+    """
+    count = np.bincount(facets.ravel(), minlength=len(forces))
+    each = (forces / np.maximum(count, 1))[facets].sum(axis=1)
+
+    def spread(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(facets.ravel(), np.repeat(values, facets.shape[1]), len(forces)), dtype=float)
+
+    return np.asarray(spread(each) / np.maximum(spread(areas), np.finfo(float).tiny))
+
+
+def _is_uneven(fields: CoverFields) -> bool:
+    """Return whether the largest stresses of the layers differ so much that one layer would have no colours."""
+    stress = fields.von_mises
+    largest = [stress[np.unique(fields.cells[fields.layer == layer])].max() for layer in np.unique(fields.layer)]
+    return bool(max(largest) > _UNEVEN * min(largest))
+
+
+def _revolve(fields: CoverFields) -> CoverFields:
+    """Turn an axisymmetric solution by a whole turn about its axis, to hexahedra."""
+    axis = fields.position[np.argmin(fields.position[:, 0])] * [1.0, 1.0, 0.0]
+    angles = np.linspace(0.0, 2 * np.pi, 2 * _TURN + 1)
+    c, s, zero = np.cos(angles), np.sin(angles), np.zeros_like(angles)
+    turn = np.stack([np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])]).transpose(
+        2, 0, 1
+    )
+    count = len(fields.position)
+    start = count * np.arange(len(angles) - 1)[:, None, None]
+    cells = np.concatenate([fields.cells[None] + start, fields.cells[None] + start + count], axis=2)
+    return replace(
+        fields,
+        position=np.einsum("aij,nj->ani", turn, fields.position - axis).reshape(-1, 3) + axis,
+        displacement=np.einsum("aij,nj->ani", turn, fields.displacement).reshape(-1, 3),
+        stress=np.einsum("aij,njk,alk->anil", turn, fields.stress, turn).reshape(-1, 3, 3),
+        cells=cells.reshape(-1, 8),
+        layer=np.tile(fields.layer, len(angles) - 1),
+        axisymmetric=False,
+    )

@@ -1,0 +1,382 @@
+"""Draws covers with pyvista: three views in one PNG, glTF for other programs, and a window.
+
+The views are the deformed surface, a section through the contact, and the forces on the texels.
+"""
+
+# ruff: noqa: ANN401 -- types of pyvista differ between versions
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshes.array_types import FloatArray
+from meshes.solids.texels import tangent_axes
+from validation.scene.cover_scene import CoverScene
+from validation.scene.rendering import draw_on_display, draw_without_display, import_pyvista
+
+#: Width of one view and height of the picture [pixels].
+_WIDTH, _HEIGHT = 800, 820
+#: Colours of pressure, stress and force, and of surfaces without values.
+_PRESSURE_MAP, _STRESS_MAP, _FORCE_MAP, _PLAIN = "YlGnBu", "YlOrRd", "viridis", "#b9c4cf"
+#: Share of the values above which they are drawn in the last colour: stresses are infinite at sharp edges [-].
+_HIGHEST = 0.999
+#: Smallest value over the largest one on a logarithmic scale of colours [-].
+_DECADES = 1e-4
+#: Largest number of intervals of a ruled edge, and accepted lengths of an interval, in powers of ten.
+_INTERVALS, _STEPS = 8, (1.0, 2.0, 5.0, 10.0)
+#: Part of an interval by which what is shown may pass the end of its ruled edge [-].
+_SLACK = 0.1
+#: Factors on displacements, of which the largest is used that moves no point by more than this share of the thickness.
+_FACTORS, _MOST_MOVED = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000), 0.35
+#: Direction of the camera from the middle of a flat cover, and of a cover with texels on all sides.
+_VIEW, _VIEW_ROUND = np.array([0.35, -0.75, 0.55]), np.array([0.75, 0.6, 0.5])
+#: Share of the light that comes from all sides: colours on faces in the shade must be readable [-].
+_AMBIENT = 0.5
+#: Height of the bar of the largest texel force, over the largest edge of the array [-].
+_BAR = 0.3
+#: Half of the height of a view, and shift of its middle downwards to leave room for the colour bar, over the diagonal
+#: of what is shown [-].
+_MARGIN, _RAISED = 0.58, 0.06
+#: Negative force, over the largest force, up to which the colours of forces begin at zero [-].
+_HARDLY = 0.02
+#: Length in the pictures per length in the scene: pictures are in millimetres, glTF is in metres [-].
+_MILLIMETRES = 1e3
+
+
+def write_picture(scene: CoverScene, path: Path) -> None:
+    """Draw a scene to a PNG file.
+
+    Args:
+        scene: What is drawn.
+        path: File to write; its name ends in `.png`.
+
+    Raises:
+        ImportError: If pyvista is not installed.
+        RenderingError: If this machine can draw no picture.
+        OSError: If the file cannot be written.
+    """
+    with draw_without_display():
+        plotter = _draw(scene, off_screen=True)
+        try:
+            plotter.screenshot(str(path))
+        finally:
+            plotter.close()
+
+
+def show_window(scene: CoverScene) -> None:
+    """Show a scene in a window, and wait until the user closes it.
+
+    Raises:
+        ImportError: If pyvista is not installed.
+        RenderingError: If there is no display, or no window can be opened on it.
+    """
+    with draw_on_display():
+        _draw(scene, off_screen=False).show()
+
+
+def write_gltf(scene: CoverScene, path: Path) -> None:
+    """Write the deformed cover, with its colours, and the texel forces to one glTF file in metres.
+
+    Displacements are to scale.
+
+    Args:
+        scene: What is written.
+        path: File to write; its name ends in `.gltf`.
+
+    Raises:
+        ImportError: If pyvista is not installed.
+        RenderingError: If this machine can draw no picture.
+        OSError: If the file cannot be written.
+    """
+    pyvista = import_pyvista()
+
+    with draw_without_display():
+        plotter = pyvista.Plotter(off_screen=True)
+        try:
+            surface = _deform(_crop(make_grid(scene), scene, 1.0), 1.0).extract_surface(algorithm="dataset_surface")
+            # Viewers of glTF know colours of points, not values on a scale.
+            values = scene.surface if scene.surface is not None else None
+            if values is None:
+                plotter.add_mesh(surface, color=_PLAIN)
+            else:
+                plotter.add_mesh(surface, scalars="surface", cmap=_PRESSURE_MAP, clim=_find_limits(scene, "surface"))
+            if scene.texels is not None and scene.texel_forces is not None:
+                bars = make_bars(scene, 1.0)
+                plotter.add_mesh(bars, scalars="force", cmap=_FORCE_MAP, clim=_find_force_limits(scene))
+            plotter.export_gltf(str(path), inline_data=True)
+        finally:
+            plotter.close()
+
+
+def make_grid(scene: CoverScene, length: float = 1.0) -> Any:
+    """Make the undeformed cover with its values as a grid of VTK.
+
+    Args:
+        scene: The scene.
+        length: Length in the grid per metre [1/m].
+    """
+    pyvista = import_pyvista()
+
+    corners = scene.cells.shape[1]
+    kind = pyvista.CellType.HEXAHEDRON if corners == 8 else pyvista.CellType.TETRA  # noqa: PLR2004
+    cells = np.column_stack([np.full(len(scene.cells), corners), scene.cells])
+    grid = pyvista.UnstructuredGrid(cells.ravel(), np.full(len(cells), kind, dtype=np.uint8), length * scene.position)
+    grid.point_data["displacement"] = length * scene.displacement
+    for name in ("surface", "inside"):
+        if (values := getattr(scene, name)) is not None:
+            grid.point_data[name] = values
+    return grid
+
+
+def make_bars(scene: CoverScene, length: float) -> Any:
+    """Make one bar for each active texel: its base is the texel, its height the force on it along the texel's normal.
+
+    Args:
+        scene: A scene with texels and forces on them.
+        length: Length in the grid per metre [1/m].
+    """
+    pyvista = import_pyvista()
+
+    texels, forces = scene.texels, scene.texel_forces
+    assert texels is not None  # noqa: S101 -- stated above
+    values = np.zeros(texels.count) if forces is None else forces
+    largest = max(float(np.abs(values).max()), np.finfo(float).tiny)
+    scale = _BAR * float(np.ptp(texels.centres, axis=0).max()) / largest
+    axes = tangent_axes(texels.normals) * (0.5 * np.array(texels.texel_size))[:, None] * 0.94
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    points: list[FloatArray] = []
+    faces: list[list[int]] = []
+    shown: list[float] = []
+    for number in np.flatnonzero(texels.active):
+        flat = texels.centres[number] + corners @ axes[number]
+        height = max(scale * float(values[number]), 0.01 * _BAR * scale * largest) * texels.normals[number]
+        start = 8 * len(shown)
+        points.append(np.concatenate([flat, flat + height]))
+        faces += [[4, *(start + corner for corner in face)] for face in _FACES]
+        shown.append(1e3 * values[number])
+    bars = pyvista.PolyData(length * np.concatenate(points), np.array(faces).ravel())
+    bars.cell_data["force"] = np.repeat(shown, len(_FACES))
+    return bars
+
+
+#: Faces of a bar, as indices of its 8 corners.
+_FACES = ((3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+
+
+def _draw(scene: CoverScene, *, off_screen: bool) -> Any:
+    """Draw the views of a scene side by side."""
+    pyvista = import_pyvista()
+
+    views = [_draw_surface, _draw_section]
+    if scene.texels is not None:
+        views.append(_draw_texels)
+    plotter = pyvista.Plotter(
+        shape=(1, len(views)), off_screen=off_screen, window_size=(_WIDTH * len(views), _HEIGHT), border=False
+    )
+    plotter.set_background("white", all_renderers=True)
+    if off_screen:
+        plotter.enable_anti_aliasing("ssaa", all_renderers=True)
+    factor = _find_factor(scene)
+    for column, draw in enumerate(views):
+        plotter.subplot(0, column)
+        draw(plotter, scene, factor)
+        plotter.add_axes(color="black", line_width=2, viewport=(0.0, 0.0, 0.16, 0.16))
+    return plotter
+
+
+def _draw_surface(plotter: Any, scene: CoverScene, factor: float) -> None:
+    """Draw the deformed surface."""
+    grid = _deform(_crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES), factor)
+    surface = grid.extract_surface(algorithm="dataset_surface")
+    _add_coloured(plotter, surface, scene, "surface", _PRESSURE_MAP)
+    if scene.surface is None:
+        _add_edges(plotter, surface)
+    if scene.touched is not None:
+        _add_load(plotter, scene, surface)
+    scale = "" if not scene.displacement.any() else f"; displacements x {factor:g}" if factor > 1 else "; to scale"
+    _finish(plotter, scene, surface, f"{scene.title}\ncover{scale}")
+
+
+def _draw_section(plotter: Any, scene: CoverScene, factor: float) -> None:
+    """Draw the half of the deformed cover behind a plane through the contact."""
+    grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
+    origin, normal = _find_section(scene)
+    half = _deform(grid.clip(normal=normal, origin=_MILLIMETRES * origin), factor)
+    surface = half.extract_surface(algorithm="dataset_surface")
+    _add_coloured(plotter, surface, scene, "inside", _STRESS_MAP)
+    if scene.inside is None:
+        _add_edges(plotter, surface)
+    place = ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in origin)
+    _finish(plotter, scene, surface, f"\nsection through ({place}) mm")
+
+
+def _draw_texels(plotter: Any, scene: CoverScene, factor: float) -> None:  # noqa: ARG001 -- as the others
+    """Draw the forces on the texels as bars."""
+    bars = make_bars(scene, _MILLIMETRES)
+    if scene.texel_forces is None:
+        plotter.add_mesh(bars, color="#3a7ca5", show_edges=True)
+        text = "\ntexels on the base"
+    else:
+        plotter.add_mesh(
+            bars, scalars="force", cmap=_FORCE_MAP, clim=_find_force_limits(scene), show_edges=True,
+            scalar_bar_args=_bar("force on the texel [mN]"), edge_color="#808080", line_width=1,
+            ambient=_AMBIENT, diffuse=1 - _AMBIENT,
+        )  # fmt: skip
+        text = f"\n{int(scene.texels.active.sum())} texels, sum {scene.texel_forces.sum():.4g} N"  # type: ignore[union-attr]
+    if _is_round(scene):
+        base = make_grid(scene, 0.999 * _MILLIMETRES).extract_surface(algorithm="dataset_surface")
+        plotter.add_mesh(base, color=_PLAIN, opacity=0.12)
+    _finish(plotter, scene, bars, text, height=_is_round(scene))
+
+
+def _add_coloured(plotter: Any, surface: Any, scene: CoverScene, name: str, colours: str) -> None:
+    """Add a surface in the colours of its values, or in one colour if it has none."""
+    if getattr(scene, name) is None:
+        plotter.add_mesh(surface, color=_PLAIN, smooth_shading=False)
+        return
+    plotter.add_mesh(
+        surface,
+        scalars=name,
+        cmap=colours,
+        clim=_find_limits(scene, name),
+        log_scale=name == "inside" and scene.logarithmic,
+        scalar_bar_args=_bar(getattr(scene, f"{name}_label")),
+        ambient=_AMBIENT,
+        diffuse=1 - _AMBIENT,
+    )
+
+
+def _add_edges(plotter: Any, surface: Any) -> None:
+    plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
+
+
+def _add_load(plotter: Any, scene: CoverScene, surface: Any) -> None:
+    """Add an arrow of the load whose tip lies where the indenter touches."""
+    pyvista = import_pyvista()
+
+    assert scene.touched is not None  # noqa: S101 -- the caller checks it
+    size = 0.35 * float(np.ptp(surface.points, axis=0).max())
+    moved = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
+    arrow = pyvista.Arrow(
+        start=moved - size * scene.direction, direction=scene.direction, scale=size,
+        tip_length=0.25, tip_radius=0.06, shaft_radius=0.02,
+    )  # fmt: skip
+    plotter.add_mesh(arrow, color="#c0392b", opacity=0.9)
+
+
+def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: bool = True) -> None:
+    """Add title and ruled edges to a view and place its camera; `height` is whether the edge along z is ruled."""
+    plotter.add_text(text, position="upper_left", font_size=13, color="black")
+    bounds, counts = [], []
+    for axis in range(3):
+        low, high, count = _round_edge(float(shown.bounds[2 * axis]), float(shown.bounds[2 * axis + 1]))
+        bounds += [low, high]
+        counts.append(count)
+    plotter.show_bounds(
+        bounds=bounds, location="outer", ticks="outside", xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]",
+        color="#404040", font_size=12, n_xlabels=counts[0], n_ylabels=counts[1], n_zlabels=counts[2],
+        minor_ticks=False, fmt="%.4g", show_zaxis=height, show_zlabels=height,
+    )  # fmt: skip
+    middle = np.array(shown.center)
+    view = _find_view(scene)
+    size = float(np.linalg.norm(np.ptp(np.asarray(shown.points), axis=0)))
+    up = np.array([0.0, 0.0, 1.0])
+    upward = up - (up @ view) * view
+    middle -= _RAISED * size * upward / np.linalg.norm(upward)
+    plotter.camera_position = [middle + 2.5 * size * view, middle, up]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = _MARGIN * size
+
+
+def _round_edge(low: float, high: float) -> tuple[float, float, int]:
+    """Round the ends of an edge outwards to multiples of a round interval; returns them and the number of marks."""
+    least = max(high - low, 1e-9) / _INTERVALS
+    power = 10.0 ** np.floor(np.log10(least))
+    step = power * min(each for each in _STEPS if each * power >= least * (1 - 1e-9))
+    first, last = np.floor(low / step + _SLACK), np.ceil(high / step - _SLACK)
+    return float(first * step), float(last * step), int(last - first) + 1
+
+
+def _find_view(scene: CoverScene) -> FloatArray:
+    """Return the unit vector from the middle of the scene to the camera."""
+    view = _VIEW.copy()
+    if _is_round(scene):
+        view = _VIEW_ROUND.copy()
+        if scene.touched is not None:
+            view = view / np.linalg.norm(view) - 1.2 * scene.direction
+    return np.asarray(view / np.linalg.norm(view))
+
+
+def _is_round(scene: CoverScene) -> bool:
+    """Return whether the texels look in several directions."""
+    return scene.texels is not None and not scene.texels.planar
+
+
+def _find_section(scene: CoverScene) -> tuple[FloatArray, FloatArray]:
+    """Return a point of the section and its normal, towards the half that is cut away."""
+    if scene.touched is None:
+        low, high = scene.position.min(axis=0), scene.position.max(axis=0)
+        origin = np.asarray((low + high) / 2)
+    else:
+        origin = np.asarray(scene.touched)
+    view = _find_view(scene)
+    along = -scene.direction if scene.touched is not None else np.array([0.0, 0.0, 1.0])
+    normal = view - (view @ along) * along
+    axis = int(np.argmax(np.abs(normal)))
+    rounded = np.zeros(3)
+    rounded[axis] = np.sign(normal[axis])
+    rounded -= (rounded @ along) * along
+    return origin, rounded / np.linalg.norm(rounded)
+
+
+def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
+    """Cut a wide cover off at some distance from the contact."""
+    if scene.touched is None or not np.isfinite(scene.limits):
+        return grid
+    for axis in (0, 1):
+        for sign in (1.0, -1.0):
+            edge = length * (scene.touched[axis] + sign * scene.limits)
+            if sign * (grid.points[:, axis] - edge).max() > 0 or (sign * (grid.points[:, axis] - edge) > 0).any():
+                normal = np.zeros(3)
+                normal[axis] = sign
+                origin = np.zeros(3)
+                origin[axis] = edge
+                grid = grid.clip(normal=normal, origin=origin)
+    return grid
+
+
+def _deform(grid: Any, factor: float) -> Any:
+    return grid.warp_by_vector("displacement", factor=factor)
+
+
+def _find_factor(scene: CoverScene) -> float:
+    """Find the factor on the displacements that makes them visible."""
+    largest = float(np.linalg.norm(scene.displacement, axis=1).max())
+    if largest == 0:
+        return 1.0
+    return float(max([1, *(each for each in _FACTORS if each * largest <= _MOST_MOVED * scene.thickness)]))
+
+
+def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:
+    """Find the values of the first and the last colour."""
+    values = getattr(scene, name)
+    high = float(np.quantile(values[np.abs(values) > 0], _HIGHEST)) if values.any() else 1.0
+    high = max(high, np.finfo(float).tiny)
+    return (_DECADES * high if name == "inside" and scene.logarithmic else 0.0), high
+
+
+def _find_force_limits(scene: CoverScene) -> tuple[float, float]:
+    """Find the texel forces of the first and the last colour [mN]."""
+    forces = np.zeros(1) if scene.texel_forces is None else 1e3 * scene.texel_forces
+    low, high = float(forces.min()), float(forces.max())
+    return (0.0 if low > -_HARDLY * high else low), max(high, np.finfo(float).tiny)
+
+
+def _bar(title: str) -> dict[str, Any]:
+    """Return the settings of a colour bar at the bottom of a view."""
+    return {
+        "title": title, "color": "black", "vertical": False, "position_x": 0.22, "position_y": 0.03, "width": 0.7,
+        "height": 0.07, "n_labels": 5, "fmt": "%.3g", "title_font_size": 22, "label_font_size": 18,
+    }  # fmt: skip
