@@ -2,7 +2,7 @@
 
 import pytest
 
-from validation.cli.curved import read_direction
+from validation.cli.curved.press import read_direction
 from validation.cli.entry import main
 from validation.errors import InputError
 

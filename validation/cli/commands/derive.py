@@ -55,7 +55,7 @@ def derive(
 
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
     if description.body is not None:
-        from validation.cli.curved import derive_curved_cover
+        from validation.cli.curved.derive import derive_curved_cover
 
         derive_curved_cover(description, out, json=json)
         return

@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from validation.cli.failures import DONE, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
 from validation.cli.output import print_json, print_table, say
+from validation.cli.press_options import (
+    check_files,
+    check_position,
+    read_accuracy,
+    read_force,
+    read_friction_option,
+    read_models,
+)
 from validation.cli.press_table import print_comparison
 from validation.cli.progress import Progress
-from validation.errors import InputError, nearest
-from validation.text.friction import read_friction
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from meshes import TexelArray
     from validation.campaign.case import Case
     from validation.campaign.comparison import Comparison
+    from validation.cli.curved.press import PressText
     from validation.press.curve import LoadCurve
     from validation.sensor_file import SensorDescription
 
-#: Largest number of points of a curve [-].
-_MOST_POINTS = 1000
 #: Default of `--tilt`.
 _NO_TILT = "0deg,0deg"
 
@@ -119,14 +123,15 @@ def press(
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
         softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
     """
+    from validation.cli.curved.press import PressText
     from validation.sensor_file.sensor import has_curved_cover
 
     if has_curved_cover(sensor):
         return _press_curved(
             (sensor, material, thickness, layer),
             unsupported={"--tilt": tilt != _NO_TILT, "--friction": friction, "--accuracy": accuracy, "--curve": curve},
-            force=(load, depth), model=model,
-            indenter=indenter, at=at, direction=direction, yaw=yaw, out=out, json=json,
+            text=PressText(indenter=indenter, at=at, direction=direction, yaw=yaw),
+            force=(load, depth), model=model, out=out, json=json,
         )  # fmt: skip
     if direction is not None:
         raise InputError("--direction: is for curved covers; a flat one is pressed along -z, --tilt turns the indenter")
@@ -156,13 +161,15 @@ def _press_curved(
     cover: tuple[str, str | None, str | None, list[str] | None],
     *,
     unsupported: dict[str, object],
+    text: PressText,
     force: tuple[str | None, str | None],
     model: str,
-    **options: Any,  # noqa: ANN401 -- passed on
+    out: Path | None,
+    json: bool,
 ) -> int:
     """Press a sensor with a curved cover; `cover` is the sensor, `--material`, `--thickness` and `--layer`."""
     from fem_reference.errors import PiercedError
-    from validation.cli.curved import press_curved_cover
+    from validation.cli.curved.press import press_curved_cover
     from validation.cli.sensors import read_description
 
     faults = [
@@ -173,12 +180,12 @@ def _press_curved(
         faults,
         lambda: read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True),
     )
-    models = collect(faults, lambda: _read_models(model))
-    wanted = collect(faults, lambda: _read_force(*force))
+    models = collect(faults, lambda: read_models(model))
+    wanted = collect(faults, lambda: read_force(*force))
     if faults or found is None or models is None or wanted is None:
         raise InputError(*faults)
     try:
-        return press_curved_cover(found, force=wanted, models=models, **options)
+        return press_curved_cover(found, text, force=wanted, models=models, out=out, json=json)
     except PiercedError as error:
         raise InputError(f"--{error.control}: {error}") from error
 
@@ -219,7 +226,7 @@ def _read_request(
     from validation.text.indenter import read_indenter, read_position, read_tilt, read_yaw
 
     faults: list[str] = []
-    models = collect(faults, lambda: _read_models(model))
+    models = collect(faults, lambda: read_models(model))
     needs_reference = models is not None and ("fem" in models or force[1] is not None)
     read = read_description if needs_reference else read_sensor
     found = collect(faults, lambda: read(sensor, material=cover[0], thickness=cover[1], layers=cover[2]))
@@ -227,14 +234,14 @@ def _read_request(
     position = collect(faults, lambda: read_position(pose[0]))
     angle = collect(faults, lambda: read_yaw(pose[1]))
     tilt = collect(faults, lambda: read_tilt(pose[2]))
-    coefficient = collect(faults, lambda: _read_friction(friction, used=needs_reference or models is None))
+    coefficient = collect(faults, lambda: read_friction_option(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     collect(faults, lambda: _check_method(method, models, is_curve=files[0] is not None))
-    wanted = collect(faults, lambda: _read_accuracy(accuracy, used=needs_reference or models is None))
-    load, depth = collect(faults, lambda: _read_force(*force)) or (None, None)
+    wanted = collect(faults, lambda: read_accuracy(accuracy, used=needs_reference or models is None))
+    load, depth = collect(faults, lambda: read_force(*force)) or (None, None)
     if found and position:
-        collect(faults, lambda: _check_position(found.array, position))
-    collect(faults, lambda: _check_files(*files, models))
+        collect(faults, lambda: check_position(found.array, position))
+    collect(faults, lambda: check_files(*files, models))
     if faults or not (found and shape and position and models) or angle is None or tilt is None:
         raise InputError(*faults)
     case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle, tilt=tilt)
@@ -332,59 +339,6 @@ def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
         yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
 
 
-def _read_accuracy(text: str | None, *, used: bool) -> float | None:
-    """Parse the option `--accuracy`, a share such as 1% or 0.01; None if it is not given [-].
-
-    Raises:
-        InputError: If the text is not a share, or if no finite elements are computed.
-    """
-    if text is None:
-        return None
-    number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
-    try:
-        value = float(number) / (100 if percent else 1)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < 1:
-        raise InputError(f"--accuracy: {text!r} is not a share between 0 and 1; for example --accuracy 1%")
-    if not used:
-        raise InputError("--accuracy: the fast model has none; leave it out, or let --model name fem")
-    return value
-
-
-def _check_position(array: TexelArray, position: tuple[float, float]) -> None:
-    """Refuse a position of the indenter's axis beside the array.
-
-    Args:
-        array: The array.
-        position: Position (x, y) of the axis in the array's frame [m].
-
-    Raises:
-        InputError: If the position is beside the array; the message states the accepted ranges.
-    """
-    half = [size / 2 for size in array.texel_size]
-    low = [float(array.centres[:, axis].min()) - half[axis] for axis in (0, 1)]
-    high = [float(array.centres[:, axis].max()) + half[axis] for axis in (0, 1)]
-    if not all(low[axis] <= position[axis] <= high[axis] for axis in (0, 1)):
-        x, y = (f"{1e3 * low[axis]:.4g}..{1e3 * high[axis]:.4g} mm" for axis in (0, 1))
-        given = f"({1e3 * position[0]:.4g}, {1e3 * position[1]:.4g}) mm"
-        raise InputError(f"--at: {given} is not on the array; accepted: x {x}, y {y}")
-
-
-def _check_files(curve: int | None, out: Path | None, models: tuple[str, ...] | None) -> None:
-    """Refuse `--curve` and `--out` where they have nothing to write.
-
-    Raises:
-        InputError: If the finite elements are not chosen, a curve has no folder, or its number of points is wrong.
-    """
-    if (out is not None or curve is not None) and models is not None and "fem" not in models:
-        raise InputError("--out, --curve: the files hold results of the finite elements; let --model name fem")
-    if curve is not None and not 1 <= curve <= _MOST_POINTS:
-        raise InputError(f"--curve: accepted: 1..{_MOST_POINTS} points, not {curve}")
-    if curve is not None and out is None:
-        raise InputError("--curve: give the folder for the curve, for example --out curve")
-
-
 def _check_method(method: str, models: tuple[str, ...] | None, *, is_curve: bool) -> None:
     """Refuse a contact method of the fast model where the fast model is not computed.
 
@@ -395,53 +349,6 @@ def _check_method(method: str, models: tuple[str, ...] | None, *, is_curve: bool
         return
     reason = "--curve is computed by finite elements alone" if is_curve else "--model names the finite elements alone"
     raise InputError(f"--method: {reason}; leave --method out, which chooses how the fast model computes contact")
-
-
-def _read_models(text: str) -> tuple[str, ...]:
-    from validation.campaign.comparison import MODELS
-
-    names = tuple(name.strip() for name in text.split(","))
-    unknown = [f"--model: unknown model {name!r}; {nearest(name, MODELS)}" for name in names if name not in MODELS]
-    if unknown:
-        raise InputError(*unknown)
-    return names
-
-
-def _read_friction(text: str | None, *, used: bool) -> float | None:
-    """Parse the friction coefficient between indenter and cover; infinite for `no-slip` [-].
-
-    Args:
-        text: Value of the option `--friction`, None if it is not given.
-        used: Whether finite elements are computed; the fast model has no friction.
-
-    Raises:
-        InputError: If the text is not a coefficient, or the coefficient is not zero and no finite elements are
-            computed.
-    """
-    if text is None:
-        return None
-    value = read_friction(text, place="--friction", example="--friction 0.4")
-    if value and not used:
-        raise InputError("--friction: the fast model has none; leave it out, or let --model name fem")
-    return value
-
-
-def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
-    """Parse the options `--load` and `--depth`, of which exactly one must be given.
-
-    Returns:
-        The load [N] and the depth [m], one of which is None.
-
-    Raises:
-        InputError: If both options or none are given, or the given one cannot be read.
-    """
-    from validation.text.indenter import read_depth, read_load
-
-    if load is not None and depth is None:
-        return read_load(load), None
-    if depth is not None and load is None:
-        return None, read_depth(depth)
-    raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
 
 
 def _show(comparison: Comparison, *, json: bool) -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fastmodel
-from validation.cli.commands.press import _read_friction
+from validation.cli.press_options import read_friction_option
 from validation.errors import InputError
 
 
@@ -107,18 +107,18 @@ def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatc
 
 @given(value=st.floats(0, 1e6))
 def test_a_coefficient_of_friction_reads_back_as_written(value):
-    assert _read_friction(repr(value), used=True) == value
+    assert read_friction_option(repr(value), used=True) == value
 
 
 @pytest.mark.parametrize("text", ["inf", "nan", "-0.1", "1e999", "slip", ""])
 def test_what_is_no_coefficient_of_friction_is_refused(text):
     with pytest.raises(InputError, match="is not zero, a positive number or no-slip"):
-        _read_friction(text, used=True)
+        read_friction_option(text, used=True)
 
 
 def test_no_slip_is_an_infinite_coefficient_that_only_the_finite_elements_use():
-    assert _read_friction("no-slip", used=True) == np.inf
-    assert _read_friction("0", used=False) == 0
-    assert _read_friction(None, used=False) is None
+    assert read_friction_option("no-slip", used=True) == np.inf
+    assert read_friction_option("0", used=False) == 0
+    assert read_friction_option(None, used=False) is None
     with pytest.raises(InputError, match="the fast model has none"):
-        _read_friction("no-slip", used=False)
+        read_friction_option("no-slip", used=False)

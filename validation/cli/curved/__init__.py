@@ -1,0 +1,1 @@
+"""The commands `derive`, `press` and `mesh` on sensors with curved covers."""
