@@ -147,6 +147,11 @@ def press(
         cover=(material, thickness, layer),
         files=(curve, out),
     )
+    return _run(request, curve, out, json=json)
+
+
+def _run(request: _Request, curve: int | None, out: Path | None, *, json: bool) -> int:
+    """Compute the curve or the indentation that the options ask for."""
     from fem_reference.errors import PiercedError
 
     try:
