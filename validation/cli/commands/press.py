@@ -119,7 +119,6 @@ def press(
         softcover press wts-0614-34 --indenter cylinder:radius=4mm --depth 0.2mm --model fem --json
         softcover press sensor.toml --indenter roller:radius=30mm,length=40mm --load 5N --accuracy 0.5%
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
-        softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --out pressed
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
         softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
     """
