@@ -10,7 +10,7 @@ import contextlib
 import logging
 import threading
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, wraps
 from typing import Any, TypeVar
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -57,12 +57,34 @@ def compile_kernel(loops: _F) -> _F:
     Args:
         loops: The function; its loops are written out.
     """
-    return _compile(loops)  # type: ignore[return-value]  # numba's dispatcher takes the same arguments
+    return _guard(loops)  # type: ignore[return-value]  # it takes the same arguments
+
+
+@cache
+def _guard(loops: Callable[..., Any]) -> Callable[..., Any]:
+    """Make numba's version of a kernel, from which exceptions of signal handlers come out as they are.
+
+    While numba makes Python objects of the results, a signal such as Ctrl-C may raise an exception.  Python then
+    reports a `SystemError` that this exception caused.
+    """
+    kernel = _compile(loops)
+
+    @wraps(kernel, updated=())
+    def call(*arguments: Any) -> Any:  # noqa: ANN401 -- those of the kernel
+        try:
+            return kernel(*arguments)
+        except SystemError as error:
+            first: BaseException = error
+            while isinstance(first, SystemError) and first.__cause__ is not None:
+                first = first.__cause__
+            raise first from None
+
+    return call
 
 
 @cache
 def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
-    """Register the functions that kernels call with numba, and make numba's version of a kernel."""
+    """Register the functions that kernels call with numba, and make numba's dispatcher of a kernel."""
     import numba
 
     while _CALLED:

@@ -200,7 +200,7 @@ def show(event):
         print("go" if count == 1 else "on", flush=True)
 
 try:
-    with Sensor(sys.argv[1]) as sensor:
+    with Sensor(sys.argv[1], timeout=30.0) as sensor:
         done = record(sensor, sys.argv[2], on_event=show)
         print(done.frames, done.ended)
 except OSError as error:
@@ -260,7 +260,7 @@ def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path):
         with _running() as port:
             for delay in delays[number::_AT_ONCE]:
                 run = _start_recorder(port, path)
-                assert run.stdout.readline() == "go\n"
+                assert run.stdout.readline() == "go\n", run.communicate()
                 time.sleep(delay)
                 run.kill()
                 killed = time.monotonic_ns()
