@@ -130,7 +130,7 @@ class Parameters:
                 tables[stored] = table
         for name, stored in _CURVED_TABLES.items():
             if self.curved is not None:
-                tables[stored] = getattr(self.curved, name)
+                tables[stored] = getattr(self.curved, name).astype(np.float32)  # half the size; the error is 1e-7
         packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         replace_pair(target, packed, text.encode())

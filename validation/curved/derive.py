@@ -68,11 +68,15 @@ class CurvedDerivation:
 
     @cached_property
     def parameters(self) -> Parameters:
-        """Parameters of the fast model: the texels, the tabulated spread of loads on texels, and the electronics."""
+        """Parameters of the fast model: texels, compliance and influence of the surface, and the electronics.
+
+        Without a mesh small enough for the compliance, the tabulated spread of loads on texels stands alone.
+        """
         from importlib.metadata import version
 
         from fastmodel.parameters import Parameters
         from fastmodel.signal.point_spread import Tabulated
+        from validation.curved.fast import derive_fast_model
 
         sensor = self.sensor
         return Parameters(
@@ -80,6 +84,7 @@ class CurvedDerivation:
             spread=Tabulated(matrix=self.uniform.T.copy(), source="finite elements of the curved cover"),
             filter=sensor.filter,
             electronics=sensor.electronics,
+            curved=derive_fast_model(sensor, tuple(grid.mesh for grid in self.responses.grids)),
             provenance={
                 "softcover": version("softcover"),
                 "sensor": sensor.name,

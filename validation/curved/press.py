@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshes import Indenter
 from meshes.solids.quality import check_quality
+from validation.curved.fast import FastPress, derive_fast_model, press_fast
 from validation.curved.touch import Touch, find_touch_place
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
@@ -28,6 +29,7 @@ class CurvedPress:
         touch: Place and direction of the indenter.
         fem: Result of the finite elements.
         seconds: Wall time of the finite elements [s].
+        fast: Result of the fast model under the same load; None if not wanted or not possible.
     """
 
     sensor: SensorDescription
@@ -35,6 +37,7 @@ class CurvedPress:
     touch: Touch
     fem: CurvedIndentation
     seconds: float
+    fast: FastPress | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as a dictionary, under the names that the command line prints as JSON."""
@@ -59,7 +62,8 @@ class CurvedPress:
                     "warnings": list(found.warnings),
                     "mesh": describe_mesh(found.mesh),
                     "seconds": self.seconds,
-                }
+                },
+                **({"fast": self.fast.as_json()} if self.fast else {}),
             },
         }
 
@@ -74,6 +78,7 @@ def press_sensor(
     at: tuple[float, ...] | None = None,
     direction: tuple[float, float, float] | None = None,
     yaw: float = 0.0,
+    fast: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> CurvedPress:
     """Press a rigid indenter on a curved cover by finite elements.
@@ -87,6 +92,7 @@ def press_sensor(
         at: Place on the cover; see `find_touch_place` [m].
         direction: Direction of motion, any length.
         yaw: Rotation of the indenter about its axis [rad].
+        fast: Whether the fast model presses too.
         progress: Called with a line of text before each step.
 
     Raises:
@@ -110,7 +116,10 @@ def press_sensor(
         direction=touch.direction,
         progress=progress,
     )
-    return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    cover = derive_fast_model(sensor, meshes, progress) if fast else None
+    model = press_fast(cover, indenter, touch, found.load, found) if cover is not None else None
+    return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=seconds, fast=model)
 
 
 def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:

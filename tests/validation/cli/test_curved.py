@@ -47,7 +47,8 @@ def test_a_direction_is_read():
     [
         (("fingertip", "--tilt=2deg,0deg", "--load=1N"), "--tilt"),
         (("fingertip", "--friction=0.4", "--load=1N"), "--friction"),
-        (("fingertip", "--load=1N", "--model=fast"), "--model"),
+        (("fingertip", "--depth=0.1mm", "--model=fast"), "--depth"),
+        (("fingertip", "--load=1N", "--model=fast", "--out=x"), "--out"),
         (("fingertip",), "--load, --depth"),
         (("wts-0614-34", "--direction=0,0,-1", "--load=1N"), "--direction"),
     ],

@@ -20,6 +20,8 @@ from validation.cli.progress import Progress
 from validation.errors import InputError
 
 if TYPE_CHECKING:
+    from meshes import Indenter, TexelArray
+    from meshes.array_types import FloatArray
     from validation.curved.press import CurvedPress
     from validation.sensor_file import SensorDescription
 
@@ -71,11 +73,11 @@ def press_curved_cover(
     from validation.output_folder import new_folder
 
     if "fem" not in models:
-        raise InputError("--model: curved covers are pressed by finite elements only; write --model fem")
+        return press_by_fast_model(sensor, text, force[0], out, json=json)
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
-        press = _compute(sensor, text, force)
+        press = _compute(sensor, text, force, fast="fast" in models)
         if folder:
             from validation.curved.files import write_press
 
@@ -86,15 +88,55 @@ def press_curved_cover(
         _print_press(press)
     for sentence in press.fem.warnings:
         say(f"softcover: warning: {sentence}")
-    if "fast" in models:
-        say("softcover: note: curved covers are pressed by finite elements only; --model fem says so")
+    if "fast" in models and press.fast is None:
+        say("softcover: note: the meshes of this cover are too fine for the fast model; --model fem leaves it out")
     if files:
         say(f"wrote {', '.join(files)} to {out}")
     return DONE
 
 
-def _compute(sensor: SensorDescription, text: PressText, force: tuple[float | None, float | None]) -> CurvedPress:
-    from validation.curved.press import press_sensor
+def press_by_fast_model(
+    sensor: SensorDescription, text: PressText, load: float | None, out: Path | None, *, json: bool
+) -> int:
+    """Run the command `press` on a curved cover with the fast model alone, which needs a load.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    from validation.curved.fast import derive_fast_model, press_fast
+    from validation.curved.press import make_meshes
+    from validation.curved.touch import find_touch_place
+
+    if load is None or out is not None:
+        faults = ["--depth: the fast model takes a load; write --load"] if load is None else []
+        faults += ["--out: needs the finite elements; write --model fem,fast"] if out is not None else []
+        raise InputError(*faults)
+    shape, place, towards, angle = _read_text(text)
+    with Progress() as progress:
+        meshes = make_meshes(sensor, progress)
+        touch = find_touch_place(meshes[-1], sensor.array, at=place, direction=towards, yaw=angle)
+        cover = derive_fast_model(sensor, meshes, progress)
+        if cover is None:
+            raise InputError("--model: the meshes of this cover are too fine for the fast model; write --model fem")
+        found = press_fast(cover, shape, touch, load)
+    if json:
+        about = {"sensor": sensor.name, "cover": sensor.describe_cover(), "indenter": text.indenter}
+        pose = {"at": touch.point, "direction": touch.direction, "yaw": touch.yaw, "load": load}
+        print_json({**about, **pose, "models": {"fast": found.as_json()}})
+        return DONE
+    rows = [
+        ("cover", describe_body(sensor)),
+        ("touched at", touch.describe()),
+        ("force on the cover", f"({format_vector(found.force, 4)}) N, {load:.4f} N of it along the direction"),
+        ("time", f"{1e3 * found.seconds:.0f} ms, without the derivation of the model"),
+    ]
+    print_rows(rows, title=f"{text.indenter} on {sensor.name}, {load:.4g} N, fast model")
+    _print_texels(sensor.array, found.texel_forces, None)
+    return DONE
+
+
+def _read_text(text: PressText) -> tuple[Indenter, tuple[float, ...] | None, tuple[float, float, float] | None, float]:
+    """Read indenter, place, direction and yaw; raise an InputError with one line per fault."""
     from validation.text.indenter import read_indenter, read_yaw
 
     faults: list[str] = []
@@ -104,6 +146,15 @@ def _compute(sensor: SensorDescription, text: PressText, force: tuple[float | No
     angle = collect(faults, lambda: read_yaw(text.yaw))
     if faults or shape is None or angle is None:
         raise InputError(*faults)
+    return shape, place, towards, angle
+
+
+def _compute(
+    sensor: SensorDescription, text: PressText, force: tuple[float | None, float | None], *, fast: bool
+) -> CurvedPress:
+    from validation.curved.press import press_sensor
+
+    shape, place, towards, angle = _read_text(text)
     with Progress() as progress:
         return press_sensor(
             sensor,
@@ -114,6 +165,7 @@ def _compute(sensor: SensorDescription, text: PressText, force: tuple[float | No
             at=place,
             direction=towards,
             yaw=angle,
+            fast=fast,
             progress=progress,
         )
 
@@ -148,14 +200,21 @@ def _print_press(press: CurvedPress) -> None:
     """Print the result of one indentation as tables and sentences."""
     found, array = press.fem, press.sensor.array
     print_rows(_list_press(press), title=f"{press.shape} on {press.sensor.name}, {found.load:.4g} N")
-    order = np.argsort(-np.abs(found.texel_forces), kind="stable")[:_LISTED]
-    rows = [
-        (str(number), format_vector(1e3 * array.centres[number]), f"{1e3 * found.texel_forces[number]:.2f}")
-        for number in order
-        if found.texel_forces[number]
-    ]
-    print_table(("texel", "centre [mm]", "force [mN]"), rows, title="Texels with the largest forces")
+    _print_texels(array, found.texel_forces, press.fast.texel_forces if press.fast else None)
     print_meaning(_explain_press(press))
+
+
+def _print_texels(array: TexelArray, forces: FloatArray, fast: FloatArray | None) -> None:
+    """Print the texels with the largest forces [N], by one model or two."""
+    order = np.argsort(-np.abs(forces), kind="stable")[:_LISTED]
+    columns = [forces] if fast is None else [forces, fast]
+    rows = [
+        (str(number), format_vector(1e3 * array.centres[number]), *(f"{1e3 * each[number]:.2f}" for each in columns))
+        for number in order
+        if forces[number]
+    ]
+    heads = ("force [mN]",) if fast is None else ("force [mN]", "fast model [mN]")
+    print_table(("texel", "centre [mm]", *heads), rows, title="Texels with the largest forces")
 
 
 def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
@@ -167,6 +226,11 @@ def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
     yield "not measured", f"({format_vector(found.unmeasured, 4)}) N: beside the texels and shear along them"
     yield "depth", f"{1e3 * found.depth:.4f} mm; contact area {1e6 * found.contact_area:.3f} mm²"
     yield "error estimate", describe_errors(found.error_estimate)
+    if press.fast is not None and press.fast.misplaced is not None:
+        yield (
+            "fast model",
+            f"misplaces {100 * press.fast.misplaced:.2f} % of the load; {1e3 * press.fast.seconds:.0f} ms",
+        )
     yield "assumes", "; ".join(f"{name}: {value}" for name, value in found.assumptions.items())
     quality = f"{len(found.mesh.cells)} {'hexahedra' if found.mesh.is_hexahedral else 'tetrahedra'}"
     yield "finest mesh", f"{quality}, {found.mesh.digest[:12]}; {press.seconds:.1f} s"

@@ -1,0 +1,52 @@
+"""The fast model of a sensor with a curved cover, and its place in the results."""
+
+import json
+
+import numpy as np
+import pytest
+
+from meshes import Sphere
+from meshes.solids import flat_pad
+from validation.cli.curved.press import PressText, press_by_fast_model
+from validation.curved.derive import derive_curved
+from validation.curved.fast import choose_mesh
+from validation.curved.press import press_sensor
+from validation.errors import InputError
+from validation.json_values import json_text
+
+BALL = PressText(indenter="sphere:radius=4mm", at=None, direction=None, yaw="0deg")
+
+
+def test_a_press_by_both_models_states_what_the_fast_one_misplaces(small_pad):
+    press = press_sensor(small_pad, Sphere(radius=4e-3), shape="ball", load=0.5, fast=True)
+    assert press.fast.misplaced < 1e-3  # one mesh serves both
+    described = json.loads(json_text(press.as_json()))["models"]["fast"]
+    np.testing.assert_allclose(described["texel_forces"], press.fem.texel_forces, atol=1e-3)
+    assert described["misplaced_force"] == press.fast.misplaced
+    assert press_sensor(small_pad, Sphere(radius=4e-3), shape="ball", load=0.5).fast is None
+
+
+def test_derived_parameters_hold_the_cover(small_pad):
+    parameters = derive_curved(small_pad).parameters
+    assert parameters.curved.influence.shape[0] == parameters.array.count
+    assert parameters.curved.thickness == pytest.approx(2e-3)
+
+
+def test_the_fast_model_alone(small_pad, capsys):
+    press_by_fast_model(small_pad, BALL, 0.5, None, json=True)
+    found = json.loads(capsys.readouterr().out)
+    assert found["models"]["fast"]["force"] == pytest.approx([0, 0, -0.5], abs=1e-6)
+    press_by_fast_model(small_pad, BALL, 0.5, None, json=False)
+    assert "fast model" in capsys.readouterr().out
+    with pytest.raises(InputError, match="takes a load"):
+        press_by_fast_model(small_pad, BALL, None, None, json=False)
+
+
+def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one():
+    pad = flat_pad(size=(9e-3, 9e-3))
+    coarse, middle, fine = (pad.mesh(size, layers=2) for size in (3e-3, 1.5e-3, 0.5e-3))
+    assert choose_mesh((coarse, middle, fine)) is middle
+    assert choose_mesh((coarse,)) is coarse
+    huge = flat_pad(size=(40e-3, 40e-3)).mesh(1.5e-3, layers=2)
+    assert choose_mesh((coarse, huge)) is coarse
+    assert choose_mesh((huge,)) is None

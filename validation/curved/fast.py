@@ -1,0 +1,116 @@
+"""The fast model of a sensor with a curved cover: its arrays by finite elements, and one indentation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from validation.errors import InputError
+from validation.sensor_file import SensorDescription
+
+if TYPE_CHECKING:
+    from fastmodel.curved.cover import CurvedCover
+    from fem_reference.curved_cover import CurvedIndentation
+    from meshes import Indenter
+    from meshes.array_types import FloatArray
+    from meshes.solids import SolidMesh
+    from validation.curved.touch import Touch
+
+#: Largest number of nodes of the top on which the fast model is derived, which needs one solution per node [-].
+_MOST_NODES = 2500
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FastPress:
+    """One indentation of a curved cover by the fast model.
+
+    Attributes:
+        texel_forces: Force on each texel along its normal, shape (n,) [N].
+        force: Force of the indenter on the cover, shape (3,) [N].
+        load: Component of `force` along the direction of motion [N].
+        misplaced: Half the sum of the differences from the finite elements over the load; None without them [-].
+        seconds: Wall time, without the derivation of the model [s].
+    """
+
+    texel_forces: FloatArray
+    force: FloatArray
+    load: float
+    misplaced: float | None
+    seconds: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result as a dictionary."""
+        return {
+            "texel_forces": self.texel_forces,
+            "force": self.force,
+            "misplaced_force": self.misplaced,
+            "seconds": self.seconds,
+        }
+
+
+def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
+    """Choose the mesh on which the fast model is derived: the second of three, or a coarser one; None if all are large.
+
+    Args:
+        meshes: Meshes of the cover, coarsest first.
+    """
+    for mesh in reversed(meshes[: 1 + len(meshes) // 2]):
+        if len(np.unique(mesh.top)) <= _MOST_NODES:
+            return mesh
+    return None
+
+
+def derive_fast_model(
+    sensor: SensorDescription, meshes: tuple[SolidMesh, ...], progress: Callable[[str], None] | None = None
+) -> CurvedCover | None:
+    """Derive the arrays of the fast model; None if even the coarsest mesh has too many nodes on its top.
+
+    Args:
+        sensor: A sensor with a curved cover.
+        meshes: Meshes of the cover, coarsest first.
+        progress: Called with a line of text before the solution.
+    """
+    from validation.derivation.curved import derive_curved_cover
+
+    mesh = choose_mesh(meshes)
+    if mesh is None:
+        return None
+    if progress is not None:
+        progress("fast model, compliance of the surface")
+    return derive_curved_cover(mesh, sensor.array, sensor.cover.layers[0].material)
+
+
+def press_fast(
+    cover: CurvedCover, indenter: Indenter, touch: Touch, load: float, known: CurvedIndentation | None = None
+) -> FastPress:
+    """Press an indenter by the fast model.
+
+    Args:
+        cover: Arrays of the fast model.
+        indenter: The indenter.
+        touch: Place and direction.
+        load: Force along the direction [N].
+        known: Result of the finite elements under the same load, with which the texel forces are compared.
+
+    Raises:
+        InputError: If the indenter never touches, or the contact was not found.
+    """
+    from fastmodel.curved.press import press_curved
+    from fastmodel.errors import FastModelError
+
+    started = time.perf_counter()
+    try:
+        found = press_curved(cover, indenter, touch.pose, load=load, direction=touch.direction)
+    except FastModelError as error:
+        raise InputError(f"fast model: {error}") from None
+    seconds = time.perf_counter() - started
+    misplaced = None
+    if known is not None:
+        misplaced = float(np.abs(found.texel_forces - known.texel_forces).sum() / (2 * load))
+    return FastPress(
+        texel_forces=found.texel_forces, force=found.force, load=load, misplaced=misplaced, seconds=seconds
+    )
