@@ -9,11 +9,14 @@ from meshes import Box, TexelArray
 from meshes.array import FloatArray
 from validation.calibration.contact import ContactMethod, Pose
 from validation.calibration.counts import CountCurve
+from validation.calibration.observations import Observations, Placement
 from validation.recordings import tables
 from validation.recordings.importing import save
 from validation.recordings.recording import Recording, Setup, make_array
 
 ROWS, COLUMNS, PITCH = 8, 10, 5e-3
+#: Middles of the nine places where the stamp is put down [m].
+PLACES = [(x, y) for y in (-12e-3, 12e-3, 0.0) for x in (-15e-3, 0.0, 15e-3)]
 ARRAY = TexelArray.grid(ROWS, COLUMNS, PITCH, name="made up")
 STAMP = Box(size=(16e-3, 12e-3, 5e-3))
 STAMP_TEXT = "box:size=16mmx12mmx5mm"
@@ -108,6 +111,57 @@ def press(
         temperature_times=np.array([0.0, times[-1]]),
         setup=Setup(load=load, indenter=STAMP_TEXT, device={"threshold": threshold}),
     )
+
+
+def observe_presses(
+    random,
+    curve: CountCurve,
+    *,
+    places=6,
+    loads=(5.0, 10.0, 15.0, 20.0),
+    temperatures=(30.0,),
+    scatter=0.005,
+    noise=2.0,
+    known=False,
+    method=None,
+    indenter=STAMP,
+) -> tuple[Observations, dict[str, Pose]]:
+    """Mean images of weights in several places, each with a load error of its own, and the true pose of each place."""
+    method = uniform_method() if method is None else method
+    columns = {name: [] for name in ("loads", "counts", "placements", "groups", "temperatures")}
+    poses = {}
+    for number, (x, y) in enumerate(PLACES[:places]):
+        pose = Pose(x + random.normal(0, 1e-3), y + random.normal(0, 1e-3))
+        at = (pose.x, pose.y) if known else None
+        placement = Placement(name=f"place {number}", indenter=indenter, at=at, yaw=0.0)
+        poses[placement.name] = pose
+        for degrees in temperatures:
+            for load in loads:
+                actual = load * (1 + scatter * random.standard_normal())
+                counts = curve.predict(
+                    method.texel_forces(indenter, np.array([actual]), pose),
+                    temperatures=np.array([degrees]),
+                    ages=np.array([2.0]),
+                    thresholds=np.zeros(1),
+                )[0]
+                noisy = counts + noise * random.standard_normal(len(counts)) * (counts > 0)
+                columns["loads"].append(load)
+                columns["counts"].append(np.maximum(noisy, 0.0))
+                columns["placements"].append(placement)
+                columns["groups"].append(f"{number}, {load:g} N, {degrees:g} degC")
+                columns["temperatures"].append(degrees)
+    count = len(columns["loads"])
+    arrays = {name: np.array(columns[name]) for name in ("loads", "counts", "temperatures")}
+    nothing = np.full(count, np.nan)
+    return Observations(
+        **arrays,
+        measured=np.ones(arrays["counts"].shape, dtype=bool),
+        placements=tuple(columns["placements"]),
+        groups=tuple(columns["groups"]),
+        ages=nothing,
+        thresholds=np.zeros(count),
+        creep=nothing,
+    ), poses
 
 
 def write(recording: Recording, path: Path) -> Path:

@@ -29,8 +29,9 @@ _ROUNDS = 3
 _TOLERANCE, _MOST_STEPS = 1e-5, 25
 #: Smallest scale of the residual: rounding to whole counts [counts].
 _LEAST_SCALE = 0.5
-#: Root mean square residual of an image over the median of all, from which its weight falls (Huber) [-].
-_HUBER = 2.0
+#: Root mean square residual of an image over the median of all, from which its weight falls (Huber) [-].  Three medians
+#: are two standard deviations of a Gaussian error of the whole image, so that one in 20 sound images loses weight.
+_HUBER = 3.0
 #: Weight of an image below which it is reported as an outlier [-].
 _OUTLIER = 0.5
 #: First guess of the scale of the residual [counts]; smallest load over the largest by which images are weighed [-].
@@ -192,8 +193,7 @@ def _solve(problem: _Problem) -> ForwardFit:
         vector = solution.x
         misfit = problem.misfit(vector)
         rms = np.array([_rms(row[lit]) for row, lit in zip(misfit, observations.measured, strict=True)])
-        middle = max(float(np.median(rms)), _LEAST_SCALE)
-        weights = emphasis * np.minimum(1.0, _HUBER * middle / np.maximum(rms, 1e-9))
+        weights = emphasis * np.minimum(1.0, _HUBER / np.maximum(_compare_to_median(rms, loads), 1e-9))
         scale = max(float(np.sqrt(np.average(rms**2, weights=weights**2))), _LEAST_SCALE)
     problem.scale, problem.weights = scale, weights
     misfit = problem.misfit(vector)
@@ -217,6 +217,17 @@ def _solve(problem: _Problem) -> ForwardFit:
         levels={},
         observations=observations,
     )
+
+
+def _compare_to_median(rms: FloatArray, loads: FloatArray) -> FloatArray:
+    """Compare the residual of each of m images with that of the others, shape (m,) [-].
+
+    The error of a sound image is as large as that of the others, or as large a share of the load: the smaller ratio
+    counts.
+    """
+    share = rms / np.maximum(loads, _LEAST_EMPHASIS)
+    plain, relative = (each / max(float(np.median(each)), _LEAST_SCALE) for each in (rms, share))
+    return np.minimum(plain, relative)
 
 
 def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:

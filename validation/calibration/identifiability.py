@@ -1,9 +1,9 @@
 """Covariance of the parameters of a fitted forward model, and what the fitted recordings determine.
 
-All images of one recording have common errors (placement, drift, history of the rubber).  The uncertainty therefore
-depends on the number of recordings.  The covariance is the cluster-robust estimate with the CR3 correction (Bell and
-McCaffrey 2002), close to a jackknife over recordings, extended by the variance of the priors.  Intervals use Student's
-t with the degrees of freedom of the recordings that bear on a parameter.
+All texels of one recording have a common relative error (of the load, of creep, of the history of the rubber), and each
+texel an error of its own in counts.  The two variances are estimated from the residuals by the method of moments, with
+the degrees of freedom that the fit has taken.  The uncertainty then depends on the number of recordings, not on that of
+frames.  Intervals use Student's t with degrees of freedom after Satterthwaite (1946).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.stats import t as student
 
 from meshes.array import FloatArray
@@ -20,6 +21,14 @@ from validation.calibration.parameters import describe_confounding
 
 #: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
 FEWEST_RECORDINGS = 3
+#: Standard deviation of rounding to whole counts [counts].
+_ROUNDING = 12**-0.5
+#: Singular value over the largest one, below which a direction of errors leaves no residual [-].
+_NEGLIGIBLE = 1e-6
+#: The same, below which that residual is no measure of the error: other errors of the model are as large [-].
+_CLEAR = 0.02
+#: Repetitions in which weights and variance settle [-].
+_REPETITIONS = 20
 #: Standard error over that of the prior, below which the data count as determining a gain [-].
 _DETERMINED = 0.5
 #: Growth of the standard error of a position by fitted gains, above which position and gains are called confounded [-].
@@ -67,24 +76,103 @@ def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncert
     if len(names) < FEWEST_RECORDINGS:
         raise ValueError(f"{len(names)} recordings give no interval; at least {FEWEST_RECORDINGS} are needed")
     group = np.array([names.index(each) for each in fit.observations.groups])[fit.index]
-    jacobian, residual = fit.jacobian, fit.residual
-    information = jacobian.T @ jacobian + np.diag(fit.prior)
-    bread = np.linalg.pinv(information, hermitian=True)
-    meat = np.zeros_like(bread)
-    shares = np.zeros((len(names), len(bread)))
-    for number in range(len(names)):
-        rows = jacobian[group == number]
-        own, score = rows.T @ rows, rows.T @ residual[group == number]
-        # X' (I - X B X')^-1 r for the rows X of the Jacobian and the residuals r of one recording, with B the inverse
-        # of `information`.  Woodbury's identity replaces the inverse by that of a p x p matrix.
-        corrected = score + own @ np.linalg.pinv(information - own, rcond=1e-10, hermitian=True) @ score
-        meat += np.outer(corrected, corrected)
-        shares[number] = np.einsum("ij,jk,ki->i", bread, own, bread)
-    covariance = (len(names) - 1) / len(names) * bread @ meat @ bread + bread @ np.diag(fit.prior) @ bread
-    # Recordings that do not press on a texel say nothing about its gain: count those that bear on a parameter.
-    bearing = np.maximum(shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300), 2.0)
-    quantiles = student.ppf(0.5 + confidence / 2, np.maximum(bearing - 1, 1.0))
-    return Uncertainty(covariance=covariance, quantiles=quantiles, confidence=confidence)
+    information = fit.jacobian.T @ fit.jacobian + np.diag(fit.prior)
+    bread = np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
+    common = _measure_common_errors(fit, group, bread, len(names))
+    shared = bread @ (common.directions.T @ common.directions) @ bread * common.variance
+    own = bread @ common.texel_information @ bread * common.texel_variance
+    of_prior = bread @ np.diag(fit.prior) @ bread
+    parts = [np.diag(each) for each in (shared, own)]
+    total = np.maximum(parts[0] + parts[1], 1e-300)
+    freedom = total**2 / np.maximum(parts[0] ** 2 / common.freedom + parts[1] ** 2 / common.texel_freedom, 1e-300)
+    quantiles = np.asarray(student.ppf(0.5 + confidence / 2, np.maximum(freedom, 1.0)), dtype=np.float64)
+    return Uncertainty(covariance=shared + own + of_prior, quantiles=quantiles, confidence=confidence)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _CommonErrors:
+    """Variances of the errors of k recordings.
+
+    Attributes:
+        directions: Derivatives of the weighted residuals along a common relative error, shape (k, p).
+        variance: Variance of that relative error [-].
+        freedom: Degrees of freedom of `variance` [-].
+        texel_information: Jacobian^T D Jacobian with the relative variances D of the texels' errors, shape (p, p).
+        texel_variance: Variance of the residual of a texel in an image of weight one [-].
+        texel_freedom: Degrees of freedom of `texel_variance` [-].
+    """
+
+    directions: FloatArray
+    variance: float
+    freedom: float
+    texel_information: FloatArray
+    texel_variance: float
+    texel_freedom: float
+
+
+def _measure_common_errors(
+    fit: ForwardFit, group: npt.NDArray[np.intp], bread: FloatArray, count: int
+) -> _CommonErrors:
+    """Estimate the variances of relative errors of recordings and of errors of texels from the residuals.
+
+    The residuals are (I - H) e for errors e and the hat matrix H of the fit.  What remains of them after projection on
+    the directions that relative errors of recordings leave gives the variance of the texels.  What they hold in
+    those directions gives the variance of the recordings.  Texels that are predicted to read zero are left out.
+    """
+    lit = np.abs(fit.jacobian).sum(axis=1) > 0
+    jacobian, residual, group = fit.jacobian[lit], fit.residual[lit], group[lit]
+    weights = np.asarray(fit.weights[fit.index][lit])
+    predicted = residual + weights * fit.observations.counts[fit.observations.measured][lit] / fit.scale
+    relative = weights**2
+    information, weighted = jacobian.T @ jacobian, jacobian.T @ (relative[:, None] * jacobian)
+    hat = bread @ information
+
+    def leave(errors: FloatArray) -> FloatArray:
+        """Residuals of errors, (I - H) e, shape (r, k)."""
+        return np.asarray(errors - jacobian @ (bread @ (jacobian.T @ errors)))
+
+    images = np.zeros((len(residual), count))
+    images[np.arange(len(residual)), group] = predicted
+    span, sizes, _ = np.linalg.svd(leave(images), full_matrices=False)
+    chosen = sizes > _NEGLIGIBLE * max(float(sizes.max()), 1e-300)
+    span, sizes = span[:, chosen], sizes[chosen]
+    own = (relative @ leave(span) ** 2) / np.maximum(sizes, 1e-300) ** 2
+    texels = relative.sum() - 2 * np.trace(bread @ weighted) + np.trace(hat @ bread @ weighted)
+    texels -= own @ sizes**2
+    freedom = max(1.0, float(len(residual) - 2 * np.trace(hat) + np.sum(hat * hat.T) - span.shape[1]))
+    rest = float(residual @ residual - np.sum((span.T @ residual) ** 2))
+    texel_variance = max(rest / max(float(texels), 1e-12), (_ROUNDING / fit.scale) ** 2)
+
+    clear = sizes > _CLEAR * max(float(sizes.max(initial=0.0)), 1e-300)
+    squares = (span.T @ residual)[clear] ** 2 / sizes[clear] ** 2
+    variance, common_freedom = _estimate_variance(squares, texel_variance * own[clear])
+    return _CommonErrors(
+        directions=images.T @ jacobian,
+        variance=variance,
+        freedom=common_freedom,
+        texel_information=weighted,
+        texel_variance=texel_variance,
+        texel_freedom=freedom,
+    )
+
+
+def _estimate_variance(squares: FloatArray, known: FloatArray) -> tuple[float, float]:
+    """Estimate the common part v of the variances of k independent errors.
+
+    Args:
+        squares: Squares of the errors, whose expected values are v + `known`, shape (k,).
+        known: Known parts of the variances, shape (k,).
+
+    Returns:
+        The estimate, weighted by the inverse variances of the squares, and its degrees of freedom.
+    """
+    if not squares.size:
+        return 0.0, 1.0
+    variance, weights = float(squares.mean()), np.ones(len(squares))
+    for _ in range(_REPETITIONS):
+        weights = (max(variance, 1e-300) / (variance + known + 1e-300)) ** 2
+        variance = max(0.0, float(weights @ (squares - known) / max(weights.sum(), 1e-300)))
+    return variance, max(1.0, float(weights.sum() ** 2 / max(weights @ weights, 1e-300)))
 
 
 def describe_fit(fit: ForwardFit) -> Iterator[str]:

@@ -12,6 +12,7 @@ from meshes import TexelArray
 from meshes.array import FloatArray
 from validation.calibration.contact import Pose
 from validation.calibration.counts import CountCurve
+from validation.calibration.loading import CREEP_START
 from validation.calibration.observations import Observations, Placement
 
 IntArray = npt.NDArray[np.intp]
@@ -291,6 +292,7 @@ def _guess_curve(observations: Observations, options: Options, array: TexelArray
         dead_temperature=0.0,
         reference_temperature=float(np.nanmean(warm)) if np.isfinite(warm).any() else float("nan"),
         creep=options.creep or 0.0,
+        reference_age=float(np.nanmean(ages)) if np.isfinite(ages := observations.ages).any() else CREEP_START,
         output_max=largest,
         saturation_band=band,
         gains=np.ones(array.count),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from fastmodel.signal.electronics import TEXEL_FORCE
@@ -55,22 +56,24 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
 
 def _calibrated_electronics(calibration: Calibration, *, polynomial: bool) -> dict[str, Any]:
     """Return keys and values for the table `[electronics]` of a sensor file, from a calibration."""
-    curve = calibration.polynomial if polynomial else calibration.line
-    if curve is None:
-        raise InputError("a polynomial of degree 5 needs recordings under at least 7 loads; there were fewer")
     electronics: dict[str, Any] = {
-        "threshold": float(curve.form.threshold),
+        "threshold": calibration.threshold,
         "gains": [round(gain, 5) for gain in calibration.gains.tolist()],
         "calibrated": TEXEL_FORCE,
     }
+    sensitivity = calibration.estimates["sensitivity"].value
     if polynomial:
-        electronics["characteristic"] = curve.values[: curve.form.degree + 1].tolist()
+        if calibration.polynomial is None:
+            raise InputError("a polynomial of degree 5 needs recordings under at least 7 loads; there were fewer")
+        electronics["characteristic"] = calibration.polynomial.tolist()
     else:
-        electronics |= {"sensitivity": f"{curve.value('c1'):.6g} 1/N", "offset": round(curve.value("c0"), 3)}
-    if curve.form.saturation:
-        electronics["output_max"] = round(curve.value("output_max"))
-        electronics["saturation_band"] = round(abs(curve.value("saturation_band")), 1)
+        offset = calibration.estimates["offset"].value
+        electronics |= {"sensitivity": f"{sensitivity:.6g} 1/N", "offset": round(offset, 3)}
+    curve = calibration.fit.curve
+    if np.isfinite(curve.output_max):
+        electronics["output_max"] = round(curve.output_max)
+        electronics["saturation_band"] = round(curve.saturation_band, 1)
     noise = calibration.estimates.get("noise")
     if noise is not None:
-        electronics["noise"] = f"{noise.value / calibration.line.value('c1'):.4g} N"
+        electronics["noise"] = f"{noise.value / sensitivity:.4g} N"
     return electronics

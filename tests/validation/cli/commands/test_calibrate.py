@@ -1,25 +1,111 @@
+"""`softcover calibrate` on recordings of a made-up WTS array, made by the contact method that it fits with."""
+
 import json
 
+import numpy as np
 import pytest
 
-from tests.support.calibration import make_recording
-from validation.cli.entry import main
-from validation.recordings import tables
+import fastmodel
+from meshes import Box
+from tests.support.laboratory import draw_gains, make_curve, press, write
+from validation.calibration.contact import Pose, make_fast_method
+
+WTS = fastmodel.load("wts-0614-34")
+TOOL = "box:size=10mmx10mmx5mm"
+POSE = Pose(1e-3, -2e-3)
 
 
-def test_calibrate_prints_one_json_object_and_refuses_a_reversed_window(tmp_path, capsys):
-    files = []
-    for number, load in enumerate((1.0, 2.0, 3.0, 5.0, 8.0)):
-        recording = make_recording(number, load)
-        tables.write(recording, tmp_path / f"{number}.csv")
-        files.append(str(tmp_path / f"{number}.csv"))
-    with pytest.raises(SystemExit) as caught:
-        main(["calibrate", *files, "--indenter", "box:size=6.8mmx6.8mmx5mm", "--at", "0mm,0mm", "--json"])
-    told = json.loads(capsys.readouterr().out)
-    assert caught.value.code == 0
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Paths of recordings under five loads as CSV and MCAP, and the true gains."""
+    folder = tmp_path_factory.mktemp("recordings")
+    random = np.random.default_rng(2)
+    curve = make_curve(draw_gains(random, count=WTS.array.count))
+    paths = []
+    for number, load in enumerate((2.0, 4.0, 6.0, 8.0, 10.0)):
+        recording = press(
+            make_fast_method(WTS), curve, load, POSE, indenter=Box(size=(10e-3, 10e-3, 5e-3)), random=random
+        )
+        paths.append(write(recording, folder / f"{number}.{'csv' if number % 2 else 'mcap'}"))
+    return paths, curve.gains
+
+
+def test_gains_of_a_known_pose(softcover, recordings):
+    paths, gains = recordings
+    arguments = ("--indenter", TOOL, "--at", "1mm,-2mm", "--sensor", "wts-0614-34")
+    status, out, err = softcover("calibrate", *paths, *arguments, "--json")
+    assert status == 0, err
+    told = json.loads(out)
+    texels = told["texels"]
+    mean = gains[texels].mean()
     assert told["estimates"]["sensitivity"]["unit"] == "counts/N"
+    assert told["estimates"]["sensitivity"]["value"] == pytest.approx(917 * mean, rel=0.01)
+    assert np.array(told["gains"])[texels] == pytest.approx(gains[texels] / mean, rel=0.02)
+    assert told["poses"]["tool"]["x_m"] == [1e-3, 0.0]
+    assert told["hold_out"]["image_changed_percent"] < 0.2
     assert told["report_line"]["sensitivity"] == 2665.7
-    with pytest.raises(SystemExit) as caught:
-        main(["calibrate", files[0], "--indenter", "box:size=6.8mmx6.8mmx5mm", "--window", "9:6"])
-    assert caught.value.code == 2
-    assert "the earlier time first" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_pose_is_fitted(softcover, recordings):
+    paths, _ = recordings
+    status, out, _ = softcover("calibrate", *paths, "--indenter", TOOL, "--sensor", "wts-0614-34", "--json")
+    assert status == 0
+    (x, width), (y, _) = (json.loads(out)["poses"]["tool"][name] for name in ("x_m", "y_m"))
+    assert abs(x - POSE.x) < width
+    assert (x, y) == pytest.approx((POSE.x, POSE.y), abs=1e-3)  # gains take up a shift: one stamp in one place
+
+
+def test_the_table_and_the_picture_show_left_out_recordings(softcover, recordings, tmp_path):
+    paths, _ = recordings
+    arguments = ("--indenter", TOOL, "--at", "1mm,-2mm", "--sensor", "wts-0614-34", "--picture", "left-out.png")
+    status, out, err = softcover("calibrate", *paths, *arguments)
+    assert status == 0
+    assert "wrote left-out.png" in err
+    assert (tmp_path / "left-out.png").read_bytes()[:4] == b"\x89PNG"
+    assert "tool: x 1.00 +- 0.00 mm, y -2.00 +- 0.00 mm" in out
+    assert "left-out recordings: image changed" in out
+    assert "the width of the cover's spread cannot be told from the gains" in out
+
+
+def test_a_data_set_file_stands_for_its_recordings(softcover, recordings, tmp_path):
+    paths, _ = recordings
+    (tmp_path / "set.toml").write_text(
+        f"indenter = '{TOOL}'\nat = ['1 mm', '-2 mm']\n[[series]]\nname = 'weights'\nfiles = ['*.csv', '*.mcap']\n"
+        f"use = 'fit'\n"
+    )
+    text = f"path = '{paths[0].parent}'\n" + (tmp_path / "set.toml").read_text()
+    (tmp_path / "set.toml").write_text(text)
+    status, out, _ = softcover("calibrate", "set.toml", "--sensor", "wts-0614-34", "--json")
+    assert status == 0
+    assert set(json.loads(out)["poses"]) == {"weights"}
+    status, _, err = softcover("calibrate", "set.toml", paths[0], "--sensor", "wts-0614-34")
+    assert status == 2
+    assert "a data-set file stands alone" in err
+
+
+def test_a_recording_that_cannot_be_used_costs_itself(softcover, recordings, tmp_path):
+    paths, _ = recordings
+    (tmp_path / "damaged.csv").write_text("time,a\n0,x\n")
+    arguments = ("--indenter", TOOL, "--at", "1mm,-2mm", "--sensor", "wts-0614-34", "--json")
+    status, out, err = softcover("calibrate", *paths, "damaged.csv", *arguments)
+    assert status == 0
+    assert "damaged.csv, line 2: not a number" in err
+    assert "5 recordings" in json.loads(out)["estimates"]["sensitivity"]["fitted_on"]
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        (("--window", "9:6"), "the earlier time first"),
+        (("--tip", "1mm"), "--tip, --texel: give both"),
+        (("--indenter", "bxo:size=1mm"), "unknown indenter 'bxo'; did you mean 'box'?"),
+        (("--out", "new.toml"), "wts-0614-34 is built in and has no file to copy"),
+        (("--method", "covr"), "did you mean 'cover'?"),
+        (("--threshold", "-1"), "--threshold"),
+    ],
+)
+def test_bad_options_end_in_one_line(softcover, recordings, options, fault):
+    status, _, err = softcover("calibrate", *recordings[0], "--sensor", "wts-0614-34", *options)
+    assert status == 2
+    assert fault in err
