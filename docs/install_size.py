@@ -24,11 +24,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "installation.md"
 #: Lines of the page between which the table stands.
 BEGIN, END = "<!-- sizes: begin -->", "<!-- sizes: end -->"
+#: Packages that an empty environment holds.
+_WITH_EVERY_ENVIRONMENT = {"pip", "setuptools"}
 #: What each extra adds, in words.
 PURPOSE = {
     "": "fast model in MuJoCo, `export`, `view`, `datasheet`, `press --model fast`",
     "fem": "finite elements: `derive`, `press`",
+    "curved": "tetrahedra for curved covers that cannot be swept",
     "report": "reports and pictures: `demo`, `validate`",
+    "docs": "this site: `sphinx-build docs site`",
     "device": "the real sensor and its files",
     "gym": "Gymnasium wrapper",
     "torch": "signal chain on arrays of PyTorch (PyTorch itself not included)",
@@ -92,10 +96,12 @@ def measure(wheel: Path, extra: str) -> tuple[float, int, float]:
         command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", target]
         subprocess.run(command, check=True, env=environment)
         seconds = time.perf_counter() - started
-        (packages,) = (Path(folder) / "lib").glob("python*/site-packages")
-        kept = [path for path in packages.iterdir() if path.name.partition("-")[0] not in {"pip", "setuptools"}]
-        files = [file for path in kept for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
-        size = sum(file.stat().st_size for file in files) / 1e6
+        library = Path(folder) / "lib"  # packages, and beside them the libraries of MKL
+        (packages,) = library.glob("python*/site-packages")
+        kept = [path for path in packages.iterdir() if path.name.partition("-")[0] not in _WITH_EVERY_ENVIRONMENT]
+        beside = [path for path in library.iterdir() if not path.name.startswith("python")]
+        files = (file for path in (*kept, *beside) for file in (path, *path.rglob("*")) if file.is_file())
+        size = sum(file.stat().st_size for file in files if not file.is_symlink()) / 1e6
         return size, sum(path.suffix == ".dist-info" for path in kept), seconds
 
 

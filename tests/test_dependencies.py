@@ -18,8 +18,8 @@ OWN = {
     "tests",
     *(path.stem for folder in ("examples", "benchmarks") for path in (ROOT / folder).glob("*.py")),
 }
-#: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest.
-TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-cov"}
+#: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest and Sphinx.
+TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-cov", "furo", "myst-parser"}
 #: Packages that benchmarks compare with, where each benchmark installs its own; and coverage, which pytest-cov brings.
 BENCHMARKS_ONLY = {"felupe", "netgen", "ngsolve", "coverage"}
 

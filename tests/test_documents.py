@@ -1,25 +1,79 @@
-"""The examples in the documents run."""
+"""The pages of the documentation: their blocks run and assert numbers, their links lead somewhere."""
+
+from __future__ import annotations
 
 import re
-import subprocess
-import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from tests.support.pages import DOCS, PAGES, ROOT, list_blocks, run_page
 from validation.cli.entry import app
 from validation.regression.quantities import EXPERIMENTS
 
-DOCS = Path(__file__).parents[1] / "docs"
+#: Languages of blocks that are no code: results, file formats, directives of the site.
+NO_CODE = {"", "text", "toml", "sh notest", "{toctree}", "{eval-rst}"}
+RUNNING = [page for page in PAGES if any(language in {"python", "sh"} for language, _ in list_blocks(page))]
+#: Pages that run within a second or two; the slow tests run the others.
+QUICK = {"how-to/electronics.md", "tutorials/gripper.md"}
 
 
-def test_the_gripper_with_replaced_pads_runs_without_a_warning():
-    section = (DOCS / "fast-model.md").read_text().split("## On other people's robots")[1].split("\n## ")[0]
-    (example,) = re.findall(r"^```python\n(.*?)^```$", section, flags=re.DOTALL | re.MULTILINE)
-    command = [sys.executable, "-W", "always", "-c", example]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603 -- our own document
+def name(page):
+    return str(page.relative_to(DOCS))
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=name(page), marks=() if name(page) in QUICK else pytest.mark.slow) for page in RUNNING],
+)
+def test_a_page_runs_from_its_first_block_to_its_last(page, tmp_path):
+    done = run_page(page, tmp_path)
+    assert done.returncode == 0, done.stderr
     assert "OptionWarning" not in done.stderr
-    assert done.stdout == "5.000 N and 5.000 N\n"
+
+
+@pytest.mark.parametrize("page", RUNNING, ids=name)
+def test_a_page_with_code_asserts_a_number(page):
+    assert any(re.search(r"assert.*\d", code) for language, code in list_blocks(page) if language == "python")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_block_is_run_or_is_no_code(page):
+    for language, code in list_blocks(page):
+        assert language in NO_CODE | {"python", "sh"} or language.startswith("file "), (language, code)
+        if language == "toml" or (language.startswith("file ") and language.endswith(".toml")):
+            tomllib.loads(code)
+        if language in {"", "text"}:
+            assert not re.search(r"^(import|from) ", code, flags=re.MULTILINE), code
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_links_lead_to_files_and_headings(page):
+    text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if target.startswith("https://"):
+            continue
+        file, _, anchor = target.partition("#")
+        path = (page.parent / file).resolve() if file else page
+        assert path.exists(), target
+        assert not anchor or anchor in list_anchors(path), target
+
+
+def list_anchors(path: Path):
+    text = path.read_text()
+    titles = re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)
+    slugs = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+    return slugs | set(re.findall(r"^\((.+)\)=$", text, flags=re.MULTILINE))
+
+
+def test_every_page_is_in_the_contents():
+    listed = {line for _, code in list_blocks(DOCS / "index.md") for line in code.splitlines() if line}
+    assert {name(page).removesuffix(".md") for page in PAGES} - {"index"} <= listed
+
+
+def test_readme_stays_short():
+    assert len((ROOT / "README.md").read_text().splitlines()) < 90
 
 
 @pytest.mark.parametrize("name", ["regression.md", "regress.yml"])

@@ -8,11 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
-DOCUMENTS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md")] + sorted((ROOT / "docs").glob("*.md"))
 
 
 def blocks(language):
@@ -46,9 +43,3 @@ def test_ci_takes_its_commands_from_here():
         [shutil.which("bash"), "-c", awk], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
     assert found.splitlines() == [block.strip() for block in blocks("sh")[:2]]
-
-
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_links_lead_somewhere(path):
-    for target in re.findall(r"\]\(([^)#]+)\)", path.read_text()):
-        assert target.startswith("https://") or (path.parent / target).exists(), target

@@ -10,7 +10,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unknow
 
 import validation
 from validation.cli.failures import DONE, INTERRUPTED, explain
-from validation.cli.output import say
+from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
 
 #: Place of each command as `module:name` in the folder `commands`: its function, or its application if the command has
@@ -76,13 +76,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
             raise
         for line in explanation.lines:
-            say(f"softcover: {line}")
-        if isinstance(error, CycloptsError):
-            say(f"softcover: see: softcover {_command(words)}--help")
+            see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
+            say(f"softcover: {line.removesuffix('.')}{see}" if see else f"softcover: {line}")
+        forget_notes()
         raise SystemExit(explanation.status) from None
     except KeyboardInterrupt:
         sys.stderr.write("softcover: interrupted\n")
+        forget_notes()
         raise SystemExit(INTERRUPTED) from None
+    say_notes()
     raise SystemExit(result if isinstance(result, int) else DONE)
 
 
@@ -119,7 +121,10 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
         known = [name for name in group if not name.startswith("-")]
         return InputError(f"unknown {kind} {word!r}; {nearest(word, known)}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
-        return InputError(f"{error.argument.name} is missing; `softcover {_command(words)}--help` has examples")
+        name = error.argument.name
+        if error.argument.index is not None:  # given by its place: SENSOR, as in the help
+            name = name.lstrip("-").upper()
+        return InputError(f"{name} is missing; `softcover {_command(words)}--help` has examples")
     return error
 
 

@@ -52,10 +52,16 @@ def explain_derivation(derivation: Derivation) -> Iterator[str]:
             f"{1e3 * validity.ball_radius:.3g} mm radius it puts at most 2 % of the force on wrong texels up to "
             f"{validity.load_2_percent:.3g} N; compare your own touches by `softcover press`."
         )
+    elif validity is not None and validity.load_5_percent > 0:
+        yield (
+            "The fast model does not use the kernel but the spread itself. Under a ball of "
+            f"{1e3 * validity.ball_radius:.3g} mm radius it puts 2 to 5 % of the force on wrong texels (usable) up to "
+            f"{validity.load_5_percent:.3g} N; compare your own touches by `softcover press`."
+        )
     elif validity is not None:
         yield (
-            "The fast model puts more than 2 % of the force on wrong texels under a ball at every load compared: take "
-            "the finite elements (`softcover press --model fem`), or finer texels or a thicker cover."
+            "The fast model puts more than 5 % of the force on wrong texels under a ball at every load compared: take "
+            "the finite elements (`softcover press --model fem`)."
         )
     else:
         yield "The range of the fast model is not known here; compare your own touches by `softcover press`."

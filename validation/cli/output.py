@@ -40,6 +40,27 @@ def say(message: str) -> None:
     sys.stderr.write(f"{escape(message)}\n")
 
 
+#: Notes that are written when the command has succeeded.
+_notes: list[str] = []
+
+
+def note(message: str) -> None:
+    """Keep a message for the user until the command has succeeded; a command with a fault writes its fault only."""
+    _notes.append(message)
+
+
+def say_notes() -> None:
+    """Write the kept messages to standard error, each once."""
+    for message in dict.fromkeys(_notes):
+        say(f"softcover: note: {message}")
+    forget_notes()
+
+
+def forget_notes() -> None:
+    """Drop the kept messages."""
+    _notes.clear()
+
+
 def show(text: str) -> None:
     """Write one or more lines of the result to standard output."""
     for line in text.split("\n"):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import fastmodel
 from fastmodel import Parameters
-from validation.cli.output import say
+from validation.cli.output import note, say
 from validation.errors import InputError
 from validation.sensor_file import BUILT_IN, CURVED, SensorDescription, load
 from validation.text.friction import describe_friction
@@ -59,10 +59,10 @@ def _refuse_curved(found: SensorDescription) -> SensorDescription:
 
 
 def _tell_assumed(found: SensorDescription) -> SensorDescription:
-    """Say on standard error what is assumed about the electronics; return the description as it is."""
+    """Keep a note on what is assumed about the electronics; return the description as it is."""
     if found.assumed_electronics:
-        say(
-            f"softcover: note: {found.source} does not state all of [electronics]; assumed: "
+        note(
+            f"{found.source} does not state all of [electronics]; assumed: "
             f"{', '.join(found.assumed_electronics)}; counts and images follow from that, forces do not"
         )
     return found

@@ -1,5 +1,7 @@
 """Driver, protocol and virtual sensor for Weiss WTS tactile arrays on a serial port.
 
+Print the frames of a sensor:
+
     with Sensor("/dev/ttyACM0") as sensor:
         print(sensor.read_matrix(), sensor.read_temperature())
         for event in sensor.stream():

@@ -59,7 +59,7 @@ BAD = [
     (["derive", "wts-0614-34", "--material", "dragonskn-30"], "did you mean 'dragon-skin-30'"),
     (["derive", "wts-0614-34", "--thickness", "2"], "--thickness: '2' has no unit"),
     (["derive", "wts-0614-34", "--thickness=-2mm"], "--thickness: must be positive"),
-    (["derive"], "sensor is missing"),
+    (["derive"], "SENSOR is missing"),
     (["derive", "wts-0614-34", "--thicknes", "2mm"], "--thicknes"),
     (["press", "wts-0614-34", "--indenter", "shpere:radius=5mm", "--load", "1N"], "did you mean 'sphere'"),
     (["press", "wts-0614-34", "--indenter", "sphere:raduis=5mm", "--load", "1N"], "did you mean 'radius'"),
@@ -190,3 +190,21 @@ def test_an_unknown_command_is_answered_with_all_known_ones(word):
     (line,) = messages.getvalue().splitlines()
     assert line.startswith(f"softcover: unknown command {word!r}; ")
     assert all(name in line.split("accepted: ")[1].split(", ") for name in _COMMANDS)
+
+
+def test_a_note_is_written_only_by_a_command_that_succeeds(softcover, tmp_path):
+    softcover("init", tmp_path / "own.toml")
+    touch = ("--indenter", "sphere:radius=5mm", "--load", "1N")
+    status, _, err = softcover("press", tmp_path / "own.toml", *touch, "--model", "slow")
+    assert status == 2
+    assert err.splitlines() == ["softcover: --model: unknown model 'slow'; accepted: fem, fast"]
+    status, _, err = softcover("emulate", "x", "--fault", "lose=2")
+    assert (status, err) == (2, "softcover: --fault: the rate of lose must lie in 0..1, not 2.0\n")
+
+
+def test_a_folder_in_place_of_a_file_is_bad_input(softcover, tmp_path):
+    (tmp_path / "dir").mkdir()
+    for words in (("derive", "dir"), ("regress", "dir"), ("replay", "dir"), ("calibrate", "dir")):
+        status, out, err = softcover(*words)
+        assert (status, out) == (2, ""), words
+        assert len(err.splitlines()) == 1

@@ -100,7 +100,11 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
         rates = {name: float(rate) for name, _, rate in (text.partition("=") for text in faults)}
     except ValueError as error:
         raise InputError(f"--fault: {error}; write a fault and how often, for example lose=0.01") from error
-    return Misbehaviour(rates=rates, pauses=tuple(read_time_span("--pause", text, "2:3") for text in pauses), seed=seed)
+    spans = tuple(read_time_span("--pause", text, "2:3") for text in pauses)
+    try:
+        return Misbehaviour(rates=rates, pauses=spans, seed=seed)
+    except ValueError as error:
+        raise InputError(f"--fault: {error}") from error
 
 
 @dataclass(frozen=True, kw_only=True)

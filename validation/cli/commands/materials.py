@@ -97,7 +97,7 @@ def _show_all(materials: list[Material]) -> None:
     rows = [
         (
             material.name,
-            material.model,
+            material.model.removesuffix("-elastic"),  # the table has 80 columns
             _format_pressure(material.youngs_modulus, digits=3),
             _format_spread(material),
             _format_poisson_range(material),

@@ -1,0 +1,123 @@
+"""Write what each command prints on a terminal of 80 columns into docs/outputs.md.
+
+python docs/outputs.py                  runs all commands and writes the page
+python docs/outputs.py derive press     runs these commands, and keeps what the page shows of the others
+
+`tests/test_outputs.py` compares the page with what the commands print, with a tolerance for numbers.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "outputs.md"
+HEAD = """# What each command prints
+
+On a terminal of 80 columns, in an empty folder, one after the other. The page is written
+by `python docs/outputs.py`; the tests run the commands again and compare.
+"""
+#: Commands that need no finite elements, and those that do or take longer; each may use the files of those above it.
+QUICK = (
+    "softcover init",
+    "softcover materials",
+    "softcover materials dragon-skin-30",
+    "softcover materials --hardness 30",
+    "softcover datasheet wts-0614-34",
+    "softcover export wts-0614-34 --format urdf --mass 20g --out urdf",
+    "softcover export wts-0614-34 --out parameters",
+    "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --model fast",
+    "softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g --seconds 1",
+    "softcover regress parameters --baseline sensor.json --update",
+    "softcover regress parameters --baseline sensor.json",
+    "softcover emulate wts --seconds 20",
+    "softcover doctor --port wts",
+    "softcover record wts --seconds 1 --out touch.mcap",
+    "softcover replay touch.mcap",
+    "softcover import touch.mcap --load 500g --out labelled.mcap",
+    "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv",
+    "softcover store list",
+    "softcover doctor",
+)
+SLOW = (
+    "softcover derive sensor.toml --out derived",
+    "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --at=0.7mm,-1.1mm",
+    "softcover validate wts-0614-34 --quick --out report",
+    "softcover validate-force gelsight-mini",
+)
+#: Commands whose output is that of this machine and not compared.
+OF_THIS_MACHINE = ("softcover doctor",)
+#: Lines of progress, which depend on the speed of the machine.
+_PROGRESS = re.compile(r"^\[ *[\d.]+ s\].*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?", flags=re.MULTILINE)
+#: Keys of stored results, which depend on the version of the code.
+_KEY = re.compile(r"\b[0-9a-f]{12}\b")
+
+
+def run_commands(commands: tuple[str, ...], folder: Path) -> dict[str, str]:
+    """Run commands in a folder; return what each writes to standard error and output, in this order."""
+    programs = Path(sys.executable).parent
+    environment = {**os.environ, "COLUMNS": "80", "LINES": "60", "PATH": f"{programs}:{os.environ['PATH']}"}
+    environment["PYTHONPATH"] = f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"
+    environment["SOFTCOVER_STORE"] = str(folder / "store")
+    write_recordings(folder)
+    found, emulator = {}, None
+    for command in commands:
+        words = shlex.split(command)
+        if words[1] == "emulate":
+            emulator = subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
+            while not (folder / "wts").exists():
+                time.sleep(0.1)
+            continue
+        done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        text = _PROGRESS.sub("", done.stderr) + done.stdout
+        found[command] = _KEY.sub("0" * 12, text.replace(str(folder), "FOLDER")).rstrip()
+    if emulator is not None:
+        (command,) = (each for each in commands if each.split()[1] == "emulate")
+        found[command] = emulator.communicate()[1].rstrip()
+    return found
+
+
+def write_recordings(folder: Path) -> None:
+    """Write recordings of an array of 4 x 4 texels of 1500 counts per newton under four known weights."""
+    labels = "# rows = 4\n# columns = 4\n# pitch = 0.004\n# full_scale = 4095\n# indenter = box:size=8mmx8mmx5mm\n"
+    for newton in (1, 2, 3, 4):
+        counts = [375 * newton if row in {1, 2} and column in {1, 2} else 0 for row in range(4) for column in range(4)]
+        lines = ["time," + ",".join(f"texel_{texel}" for texel in range(16))]
+        for frame in range(500):
+            ripple = [count and count + (frame * (texel + 3)) % 5 - 2 for texel, count in enumerate(counts)]
+            lines.append(f"{0.02 * frame:.2f}," + ",".join(map(str, ripple)))
+        (folder / f"{newton}N.csv").write_text(f"{labels}# load = {newton}\n" + "\n".join(lines) + "\n")
+
+
+def read_page() -> dict[str, str]:
+    """Read the outputs of the page by command."""
+    text = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    pattern = r"^```sh notest\n(.*?)\n```\n\n```text\n(.*?)\n```$"
+    return dict(re.findall(pattern, text, flags=re.MULTILINE | re.DOTALL))
+
+
+def main() -> None:
+    """Run the commands and write the page."""
+    wanted = set(sys.argv[1:])
+    commands = tuple(command for command in QUICK + SLOW if not wanted or command.split()[1] in {"init", *wanted})
+    with tempfile.TemporaryDirectory() as folder:
+        outputs = {**read_page(), **run_commands(commands, Path(folder))}
+    sections, seen = [HEAD], set()
+    for command in QUICK + SLOW:
+        name = command.split()[1]
+        heading = "" if name in seen else f"## {name}\n\n"
+        seen.add(name)
+        body = "\n".join(line.rstrip() for line in outputs.get(command, "").splitlines())
+        sections.append(f"{heading}```sh notest\n{command}\n```\n\n```text\n{body}\n```\n")
+    PAGE.write_text("\n".join(sections), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

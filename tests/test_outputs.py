@@ -1,0 +1,72 @@
+"""The page with the commands' outputs shows what they print."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import re
+
+import pytest
+
+from tests.support.pages import DOCS
+from validation.cli.entry import app
+
+SPEC = importlib.util.spec_from_file_location("outputs", DOCS / "outputs.py")
+outputs = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(outputs)
+
+#: Words and numbers of a text, without the lines of tables.
+TOKEN = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?|[^\W\d]+|[^\w\s]")
+LINES = re.compile("[\u2500-\u257f\u2800-\u28ff]")
+
+
+def split(text):
+    return TOKEN.findall(LINES.sub(" ", text))
+
+
+def differ(shown, printed):
+    """The first place where two outputs differ in a word, or in a number by more than 5 % and 0.05; None if nowhere."""
+    one, other = split(shown), split(printed)
+    for place, (a, b) in enumerate(zip(one, other, strict=False)):
+        is_time = one[place + 1 : place + 2] in (["s"], ["ms"], ["min"], ["kB"], ["bytes"])
+        if (
+            a[-1].isdigit()
+            and b[-1].isdigit()
+            and (is_time or math.isclose(float(a), float(b), rel_tol=0.05, abs_tol=0.05))
+        ):
+            continue
+        if a != b:
+            return " ".join(one[max(0, place - 5) : place + 5]), " ".join(other[max(0, place - 5) : place + 5])
+    return None if len(one) == len(other) else (one[len(other) :], other[len(one) :])
+
+
+def test_a_planted_difference_is_found():
+    text = "misplaced force │ 0.6 % of 4.9 N\ntime 8.7 s"
+    assert differ(text, text.replace("8.7", "3.1")) is None
+    assert differ(text, text.replace("0.6", "0.7")) is not None
+    assert differ(text, text.replace("force", "load")) is not None
+    assert differ(text, text + " and more") is not None
+
+
+def test_every_command_is_shown_and_fits_eighty_columns():
+    page = outputs.read_page()
+    assert list(page) == [*outputs.QUICK, *outputs.SLOW]
+    shown = {command.split()[1] for command in page}
+    assert {name for name in app if not name.startswith("-")} - shown == {"demo"}  # it prints what validate prints
+    for command, text in page.items():
+        tables = [line for line in text.splitlines() if LINES.search(line)]
+        assert max(map(len, tables), default=0) <= 80, command
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("commands", [outputs.QUICK, outputs.SLOW], ids=["quick", "slow"])
+def test_the_page_shows_what_the_commands_print(commands, tmp_path):
+    page = outputs.read_page()
+    needed = ("softcover init", *commands) if commands is outputs.SLOW else commands
+    printed = outputs.run_commands(needed, tmp_path)
+    found = {
+        command: differ(page[command], printed[command])
+        for command in commands
+        if command not in outputs.OF_THIS_MACHINE
+    }
+    assert {command: places for command, places in found.items() if places} == {}
