@@ -10,7 +10,6 @@ from meshes.array import FloatArray
 from validation.calibration.contact import ContactMethod, Pose
 from validation.calibration.counts import CountCurve
 from validation.calibration.observations import Observations, Placement
-from validation.recordings import tables
 from validation.recordings.importing import save
 from validation.recordings.recording import Recording, Setup, make_array
 
@@ -165,10 +164,24 @@ def observe_presses(
 
 
 def write(recording: Recording, path: Path) -> Path:
-    """Write a recording as labelled CSV or as MCAP."""
+    """Write a recording as labelled CSV, by hand as a laboratory would, or as MCAP."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix == ".csv":
-        tables.write(recording, path)
-    else:
+    if path.suffix != ".csv":
         save(recording, path)
+        return path
+    recorded, setup = recording.arrays[0], recording.setup
+    notes = {
+        "rows": recorded.texels.rows,
+        "columns": recorded.texels.columns,
+        "pitch": recorded.texels.pitch[0],
+        "full_scale": recorded.full_scale,
+        "indenter": setup.indenter,
+        "load": setup.load,
+    }
+    degrees = np.interp(recording.times, recording.temperature_times, recording.temperatures[:, -1])
+    lines = [f"# {key} = {value}" for key, value in notes.items() if value is not None]
+    lines.append(",".join(["time", "temperature", *(f"texel_{n}" for n in range(recorded.counts.shape[1]))]))
+    for time, warm, counts in zip(recording.times, degrees, recorded.counts, strict=True):
+        lines.append(",".join([f"{time:.6f}", f"{warm:.3f}", *(str(count) for count in counts)]))
+    path.write_text("\n".join(lines) + "\n")
     return path

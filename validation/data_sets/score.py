@@ -15,6 +15,7 @@ from meshes.array import FloatArray
 from validation.calibration.contact import ContactMethod, make_fast_method, make_reference_method
 from validation.calibration.forward_fit import ForwardFit, borrow_poses, fit_forward, fit_placements
 from validation.calibration.identifiability import describe_fit
+from validation.calibration.observations import Observations
 from validation.calibration.parameters import Options
 from validation.campaign.pooling import Pooled, pool, skill
 from validation.data_sets.count_score import CountScore, average_scores, group_by_metric, score_counts
@@ -28,10 +29,12 @@ from validation.sensor_file import SensorDescription
 FAST = "fast model"
 #: Largest number of lines about recordings if none can be used [-].
 _MOST_LINES = 5
-#: Power of the load in the weight of a fitted image if every scored load exceeds every fitted one.  An uneven seat
-#: misplaces the smaller a share of a load the heavier it is, so the heaviest images show best what still heavier ones
-#: look like [-].
-_EXTRAPOLATION_POWER = 8.0
+#: Powers of the load in the weight of a fitted image that are tried if every scored load exceeds every fitted one, the
+#: second where the first cannot be compared.  An uneven seat misplaces the smaller a share of a load the heavier it is,
+#: so that the heaviest images show best what still heavier ones look like; without it all images count [-].
+_EXTRAPOLATION_POWERS = (1.0, 8.0)
+#: Tolerance for loads to count as equal [-].
+_SAME_LOAD = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +214,7 @@ class _SplitTable:
         self._shown = max(self._scored, key=lambda image: image.load)
         heavier = min(each.load for each in self._scored) > max(each.load for each in self._fitted)
         self._borrowed: list[str] = []
-        self._power = _EXTRAPOLATION_POWER if heavier else 1.0
+        self._power = None if heavier else 1.0
 
     def add_nulls(self) -> None:
         """Add a row for each null model, fitted to the same recordings as the models."""
@@ -246,7 +249,10 @@ class _SplitTable:
 
     def add_model(self, name: str, method: ContactMethod) -> None:
         """Add rows for the forward model with a contact method: without and with texel gains, and seating heights."""
-        options = Options(output_max=float(self._sensor.electronics.output_max), load_power=self._power)
+        options = Options(output_max=float(self._sensor.electronics.output_max))
+        if self._power is None:
+            self._power = choose_power(method, observe(self._fitted), options)
+        options = replace(options, load_power=self._power)
         self._add_fit(name, self._fit(method, replace(options, gains=False)))
         with_gains = self._fit(method, options)
         self._add_fit(name, with_gains)
@@ -341,6 +347,27 @@ class _SplitTable:
                 electronics=electronics,
             )
         )
+
+
+def choose_power(method: ContactMethod, fitted: Observations, options: Options) -> float:
+    """Choose the power of the load in the weights of images with which the heaviest fitted load is predicted best.
+
+    Args:
+        method: The contact method.
+        fitted: The fitted images; no scored image takes part.
+        options: What is fitted.
+    """
+    light = fitted.loads < fitted.loads.max() * (1 - _SAME_LOAD)
+    placed = {placement.name for placement in fitted.select(light).placements}
+    heavy = ~light & np.array([each.known or each.name in placed for each in fitted.placements])
+    if len(np.unique(fitted.loads[light])) < len(_EXTRAPOLATION_POWERS) or not heavy.any():
+        return _EXTRAPOLATION_POWERS[-1]
+    left_out = fitted.select(heavy)
+    errors = []
+    for power in _EXTRAPOLATION_POWERS:
+        found = fit_forward(method, fitted.select(light), replace(options, load_power=power))
+        errors.append(float(np.abs(found.predict(left_out) - left_out.counts)[left_out.measured].mean()))
+    return _EXTRAPOLATION_POWERS[int(np.argmin(errors))]
 
 
 def _check_sides(split: Split, fitted: Sequence[Image], placed: Sequence[Image], scored: Sequence[Image]) -> None:

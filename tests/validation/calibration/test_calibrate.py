@@ -7,6 +7,7 @@ import pytest
 
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
 from validation.calibration.calibrate import calibrate
+from validation.calibration.hold_out import score_hold_out
 from validation.json_values import json_text
 
 
@@ -43,6 +44,17 @@ def test_left_out_recordings_are_predicted(known):
     assert left_out.image_changed_percent < 0.1
     assert left_out.line_percent < 0.1
     assert np.abs(left_out.predicted - left_out.recorded).max() < 0.02 * left_out.recorded.max()
+
+
+def test_left_out_recordings_do_not_take_part_in_their_prediction(known):
+    fit = known[0].fit
+    plain = score_hold_out(fit, 4095.0)
+    counts = fit.observations.counts.copy()
+    counts[[group in plain.names for group in fit.observations.groups]] *= 0.5
+    other = score_hold_out(replace(fit, observations=replace(fit.observations, counts=counts)), 4095.0)
+    assert other.names == plain.names
+    np.testing.assert_array_equal(other.predicted, plain.predicted)
+    assert other.image_changed_percent > 10 * plain.image_changed_percent
 
 
 def test_poses_that_are_not_given_are_fitted():

@@ -1,0 +1,152 @@
+"""A made-up laboratory with known coefficients, gains and poses: the forward model is ahead of every null model.
+
+Counts scatter, so that two numbers per texel (a line) are worse known than one (a gain), and the texels have a dead
+force, so that no image is another one times the ratio of the loads.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fastmodel
+from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
+from validation.calibration.contact import Pose
+from validation.data_sets import score
+from validation.data_sets.data_set import build_data_set, read_tables
+from validation.sensor_file import load
+
+SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
+WARM, DEAD_WARM = 0.012, -0.0008
+HOME, MOVED = Pose(1e-3, -2e-3), Pose(2.6e-3, -0.9e-3)
+#: Temperature [degC], pose and loads [N] of each series.
+SERIES = {
+    "cold": (22.0, HOME, (3.0, 5.0, 7.0, 9.0, 12.0, 15.0, 18.0, 21.0)),
+    "warm": (34.0, HOME, (4.0, 8.0, 12.0, 16.0)),
+    "hot": (43.0, HOME, (6.0, 10.0, 14.0, 18.0)),
+    "moved": (22.0, MOVED, (6.0, 10.0, 14.0, 18.0)),
+}
+FILE = f"""
+name = "made up"
+indenter = "{STAMP_TEXT}"
+window = [4, 8]
+[[series]]
+name = "cold"
+files = "cold/*"
+placement = "home"
+[[series]]
+name = "warm"
+files = "warm/*"
+placement = "home"
+[[series]]
+name = "hot"
+files = "hot/*"
+placement = "home"
+[[series]]
+name = "moved"
+files = "moved/*"
+[[split]]
+name = "heavier"
+fit = {{ series = "cold", most = "9 N" }}
+score = {{ series = "cold", least = "12 N" }}
+[[split]]
+name = "third temperature"
+fit = ["cold", "warm"]
+score = "hot"
+[[split]]
+name = "moved stamp"
+fit = ["cold", "warm"]
+place = {{ series = "moved", least = "10 N", most = "10 N" }}
+score = [{{ series = "moved", most = "6 N" }}, {{ series = "moved", least = "14 N" }}]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("laboratory")
+    random = np.random.default_rng(11)
+    curve = dataclasses.replace(make_curve(draw_gains(random), warm=WARM, dead_warm=DEAD_WARM), dead_force=0.05)
+    for name, (degrees, pose, loads) in SERIES.items():
+        for number, newtons in enumerate(loads):
+            recording = press(
+                uniform_method(),
+                curve,
+                newtons,
+                pose,
+                temperature=degrees + random.normal(0, 0.3),
+                random=random,
+                scatter=0.005,
+                noise=60.0,
+                seconds=10.0,
+                rate=3.0,
+            )
+            write(recording, folder / name / f"{number}.{'csv' if number % 2 else 'mcap'}")
+    return folder
+
+
+def score_file(monkeypatch, folder, text):
+    """Score the splits of a data-set file by one forward model, of uniform pressure."""
+    monkeypatch.setattr(score, "list_methods", lambda *_: {score.FAST: uniform_method()})
+    (folder / "set.toml").write_text(text)
+    data_set = build_data_set(read_tables(folder / "set.toml"), source=folder / "set.toml", folder=folder)
+    return score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
+
+
+def test_the_model_is_ahead_of_every_null_model(monkeypatch, folder):
+    found = score_file(monkeypatch, folder, FILE)
+    assert found.problems == ()
+    for split in ("heavier", "third temperature", "moved stamp"):
+        row = found.row(split, score.FAST, texel_gains=True)
+        nulls = [each for each in found.rows if each.split == split and each.kind == "null"]
+        assert len(nulls) == 6
+        errors = {each.model: each.pooled["image_changed_percent"].mean for each in nulls}
+        assert row.pooled["image_changed_percent"].mean < min(errors.values()), (split, errors)
+    parameters = found.row("third temperature", score.FAST, texel_gains=True).parameters
+    middle = 1 + WARM * (26.0 - 30.0)  # mean temperature of the fitted recordings
+    assert parameters["gain_temperature_per_K"] == pytest.approx(WARM / middle, abs=2e-3)
+    moved = found.row("moved stamp", score.FAST, texel_gains=True).parameters
+    shift = np.array([moved["moved x_m"] - moved["home x_m"], moved["moved y_m"] - moved["home y_m"]])
+    assert shift == pytest.approx([MOVED.x - HOME.x, MOVED.y - HOME.y], abs=0.2e-3)
+
+
+def test_each_fault_costs_a_line_and_the_rest_is_scored(monkeypatch, folder):
+    foreign = (folder / "cold" / "1.csv").read_text().replace("# pitch = 0.005", "# pitch = 0.004")
+    (folder / "cold" / "foreign.csv").write_text(foreign)
+    (folder / "cold" / "damaged.mcap").write_bytes((folder / "cold" / "0.mcap").read_bytes()[:900])
+    (folder / "empty").mkdir()
+    text = (
+        FILE.split('[[split]]\nname = "third', maxsplit=1)[0]
+        + """
+[[series]]
+name = "odd"
+indenter = "bxo:size=1mm"
+files = "warm/*"
+[[series]]
+name = "empty"
+files = "empty/*"
+[[split]]
+name = "overlap"
+fit = "cold"
+score = { series = "cold", least = "12 N" }
+[[split]]
+name = "of the empty folder"
+fit = "cold"
+score = "empty"
+"""
+    )
+    try:
+        found = score_file(monkeypatch, folder, text)
+    finally:
+        (folder / "cold" / "foreign.csv").unlink()
+        (folder / "cold" / "damaged.mcap").unlink()
+    assert len(found.problems) == 7
+    told = "\n".join(found.problems)
+    assert "series 'odd': indenter: unknown indenter 'bxo'; did you mean 'box'?" in told
+    assert "series 'odd': no recordings" in told
+    assert "series 'empty': no recordings" in told
+    assert "foreign.csv: the pressed array" in told
+    assert "damaged.mcap" in told
+    assert "split 'overlap': cold 4.mcap, cold 5.csv, cold 6.mcap and others would be scored, and is fitted" in told
+    assert "split 'of the empty folder': no usable recording to score" in told
+    assert {row.split for row in found.rows} == {"heavier"}
+    assert found.row("heavier", score.FAST, texel_gains=True).pooled["image_changed_percent"].mean < 1
