@@ -17,6 +17,7 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
+    from fastmodel.curved.gaussian import SurfaceGaussian
     from fem_reference.curved_cover import TexelResponses
     from meshes.solids import SolidMesh
 
@@ -67,6 +68,13 @@ class CurvedDerivation:
         return np.diag(self.responses.matrix)
 
     @cached_property
+    def gaussian(self) -> SurfaceGaussian:
+        """Gaussian in surface coordinates, fitted to the responses to uniform loads."""
+        from fastmodel.curved.gaussian import fit_surface_gaussian
+
+        return fit_surface_gaussian(self.sensor.array, self.uniform)
+
+    @cached_property
     def parameters(self) -> Parameters:
         """Parameters of the fast model: texels, compliance and influence of the surface, and the electronics.
 
@@ -109,6 +117,7 @@ class CurvedDerivation:
             "above_m": self.responses.above,
             "texel_response": self.responses.matrix,
             "texel_response_uniform": self.uniform,
+            "gaussian": {"sigma_m": self.gaussian.sigma, "residual": self.gaussian.residual},
             "error_estimate": dict(self.responses.error_estimate),
             "meshes": [describe_mesh(grid.mesh) for grid in self.responses.grids],
             "notes": list(sensor.body.notes) if sensor.body else [],

@@ -27,7 +27,10 @@ def test_a_press_by_both_models_states_what_the_fast_one_misplaces(small_pad):
 
 
 def test_derived_parameters_hold_the_cover(small_pad):
-    parameters = derive_curved(small_pad).parameters
+    derivation = derive_curved(small_pad)
+    parameters = derivation.parameters
+    assert derivation.gaussian.sigma[0] == pytest.approx(derivation.gaussian.sigma[1], rel=1e-3)
+    assert derivation.gaussian.residual < 0.2
     assert parameters.curved.influence.shape[0] == parameters.array.count
     assert parameters.curved.thickness == pytest.approx(2e-3)
 

@@ -59,6 +59,9 @@ def _list_derivation(derivation: CurvedDerivation) -> Iterator[tuple[str, str]]:
     yield "", f"hash {derivation.mesh.digest[:12]}"
     yield "force on a texel", f"{_percent(shares)} of a point force on the top above it (least, median, largest)"
     yield "force on all others", f"{_percent(others)} of it"
+    gaussian = derivation.gaussian
+    sigma = ", ".join(f"{1e3 * each:.3g}" for each in gaussian.sigma)
+    yield "Gaussian", f"sigma {sigma} mm along the surface; it puts {100 * gaussian.residual:.1f} % of a load elsewhere"
     yield "error estimate", describe_errors(derivation.responses.error_estimate)
     yield "time", f"{derivation.seconds:.1f} s"
 

@@ -1,0 +1,241 @@
+"""Cost and accuracy of curved covers: `python benchmarks/curved_covers.py [PART ...]`.
+
+shells     texel forces of layers on a cylinder and on a sphere against closed forms
+pads       responses of a flat pad: hexahedra against the planar solution with free edges, and eight tetrahedral meshes
+radius     responses of cylinder segments of growing radius against the flat pad
+balance    force and moment on the base of each built-in cover against those of the indenter
+responses  time, memory and error estimates of the responses of all texels of each built-in cover
+scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
+
+Each part prints a table; `curved_covers.md` holds them.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import runpy
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fastmodel.curved.press import press_curved as press_fast
+from fem_reference.curved_cover import press_curved, texel_responses
+from fem_reference.linear_response.finite_cover import solid_influence
+from meshes import Box, Cover, Indenter, Layer, Material, Sphere, TexelArray
+from meshes.solids import SweptCover, fingertip, flat_pad, phalanx, sweep
+from meshes.solids.base_surface import cylinder_surface
+from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
+from meshes.spatial_pose import SpatialPose
+from validation.derivation.curved import derive_curved_cover
+
+#: Depth of the presses of `balance` [m].
+DEPTH = 0.2e-3
+#: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
+SHAPES: dict[str, tuple[Indenter, float, float]] = {
+    "ball 3 mm": (Sphere(radius=3e-3), 0.0, 0.25),
+    "ball 8 mm": (Sphere(radius=8e-3), 0.0, 0.5),
+    "box 4 x 3 mm": (Box(size=(4e-3, 3e-3, 6e-3)), 0.0, 0.3),
+    "box 12 x 12 mm": (Box(size=(12e-3, 12e-3, 6e-3)), 0.0, 1.0),
+    "edge of a box": (Box(size=(8e-3, 14e-3, 8e-3)), np.pi / 4, 0.15),
+}
+#: Places of the 40 presses: a point on the line of motion [mm], and the direction of motion.
+PLACES = {
+    "top": ((0, -7, 0), (0, 0, -1)),
+    "top, off the centre": ((1.5, -4.3, 0), (0, 0, -1)),
+    "top, near the end": ((0, -11.5, 0), (0, 0, -1)),
+    "side": ((0, -6, 2.5), (-1, 0, -0.3)),
+    "side, near the tip": ((0, -1.2, 3), (-1, 0, -0.6)),
+    "tip": ((0, 0, 2.5), (0, -1, -0.4)),
+    "tip, aside": ((1.2, 0, 2.2), (0.2, -1, -0.5)),
+    "oblique": ((0, -3, 1), (-0.5, -0.5, -1)),
+}
+
+
+def rubber(poisson_ratio: float = 0.49) -> Material:
+    """Return an almost incompressible rubber of 1 MPa."""
+    return Material(
+        name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=poisson_ratio
+    )
+
+
+def compare_shells() -> None:
+    """Compare the elements with the closed forms of layers on a cylinder and on a sphere."""
+    # The meshes and closed forms are those of the slow tests.
+    cases = runpy.run_path(str(Path(__file__).parents[1] / "tests" / "verification" / "test_curved_solid.py"))
+    print("| layer | thickness / radius | nu | largest error [% of the load] | CPU s |\n|---|---|---|---|---|")
+    for ratio in (0.1, 0.25, 0.5):
+        for poisson_ratio in (0.3, 0.49, 0.5):
+            for name, solve in (("cylinder", cases["solve_tube"]), ("sphere", cases["solve_sphere"])):
+                coarse = {"elements": 1.2e-3, "layers": 4} if name == "sphere" and ratio < 0.2 else {}
+                start = time.process_time()
+                found, expected, load = solve(ratio, poisson_ratio, **coarse)
+                error, spent = 100 * np.abs(found - expected).max() / load, time.process_time() - start
+                print(f"| {name} | {ratio} | {poisson_ratio} | {error:.3f} | {spent:.0f} |", flush=True)
+
+
+def compare_pads() -> None:
+    """Compare hexahedra with the planar solution, and with tetrahedra."""
+    print("| pad | mesh | difference [% of the peak texel] | estimate [%] | range over 8 meshes [%] |")
+    print("|---|---|---|---|---|")
+    for poisson_ratio in (0.3, 0.49, 0.5):
+        cover = flat_pad(size=(14e-3, 14e-3), rows=3)
+        response = texel_responses(cover.meshes(), cover.texels, rubber(poisson_ratio))
+        planar = Cover(layers=(Layer(thickness=2e-3, material=rubber(poisson_ratio)),), size=(14e-3, 14e-3))
+        known = solid_influence(planar, cover.texels)
+        expected = known.texel_influence(cover.texels, cover.texels.centres[:, :2])
+        error = 100 * np.abs(response.matrix - expected).max() / expected.max()
+        print(
+            f"| 14 mm, nu {poisson_ratio} | hexahedra against free edges | {error:.2g} | "
+            f"{100 * response.error_estimate['any_texel']:.2g} | - |",
+            flush=True,
+        )
+    for size in (0.8e-3, 0.55e-3):
+        print(_compare_tetrahedra(size), flush=True)
+
+
+def _compare_tetrahedra(size: float, meshes: int = 8) -> str:
+    import trimesh
+
+    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
+    box = trimesh.creation.box(extents=(10e-3, 10e-3, 2e-3))
+    box.apply_translation([0, 0, 1e-3])
+    surface = np.array(box.triangles)
+    base = surface[(surface[..., 2] == 0).all(axis=1)]
+    known = texel_responses(cover.meshes(), cover.texels, rubber())
+    found = []
+    for _ in range(meshes):
+        mesh = fill_with_tetrahedra(surface, base, size)
+        found.append(texel_responses(mesh, cover.texels, rubber()).matrix)
+    values, peak = np.array(found), known.matrix.max()
+    error = 100 * np.abs(values.mean(axis=0) - known.matrix).max() / peak
+    through = check_tetrahedra(mesh, base).through
+    return (
+        f"| 10 mm, nu 0.49 | tetrahedra of {1e3 * size:g} mm ({len(mesh.cells)}, {through:.2g} through) against "
+        f"hexahedra | {error:.2g} | {100 * known.error_estimate['any_texel']:.2g} | "
+        f"{100 * np.ptp(values, axis=0).max() / peak:.2g} |"
+    )
+
+
+def compare_radii() -> None:
+    """Compare cylinder segments of growing radius with the flat pad."""
+    print("| radius of the base [mm] | difference from the flat pad [% of the peak texel] |\n|---|---|")
+    flat = flat_pad(size=(10e-3, 10e-3), rows=3, pitch=2.5e-3)
+    expected = texel_responses(flat.mesh(), flat.texels, rubber()).matrix
+    for radius in (10e-3, 20e-3, 40e-3, 80e-3, 160e-3):
+        angle, y = flat.texels.centres[:, 0] / radius, flat.texels.centres[:, 1]
+        normals = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+        texels = TexelArray(
+            centres=radius * normals + y[:, None] * np.array([0, 1.0, 0]),
+            normals=normals,
+            texel_size=flat.texels.texel_size,
+            pitch=flat.texels.pitch,
+            rows=3,
+            columns=3,
+            active=flat.texels.active,
+        )
+        mesh = sweep(cylinder_surface(radius, 10e-3 / radius, 10e-3, 1e-3), 2e-3)
+        difference = np.abs(texel_responses(mesh, texels, rubber()).matrix - expected).max() / expected.max()
+        print(f"| {1e3 * radius:g} | {100 * difference:.2g} |", flush=True)
+
+
+def check_balance() -> None:
+    """Compare the force and moment of the indenter with the reactions of the base."""
+    print("| cover | place | load [N] | force [% of the load] | moment [% of load x 8 mm] |\n|---|---|---|---|---|")
+    down, aside = [0.0, 0, -1], [-1.0, -1, -1]
+    covers: dict[str, tuple[SweptCover, dict[str, tuple[list[float], list[float]]]]] = {
+        "flat pad": (flat_pad(), {"middle": ([0, 0], down), "edge": ([9, 0], down), "oblique": ([0, 0], [1, 0.5, -2])}),
+        "phalanx": (phalanx(), {"middle": ([0, 0], down), "edge": ([0, 9], down), "oblique": ([0, 0], [-1, 0.5, -1])}),
+        "fingertip": (fingertip(), {"middle": ([0, -7], down), "edge": ([0, -13], down), "oblique": ([0, -1], aside)}),
+    }
+    for name, (cover, places) in covers.items():
+        mesh = cover.mesh()
+        for place, (at, direction) in places.items():
+            start = np.array([*at, 0]) * 1e-3 - 30e-3 * np.array(direction)
+            pose = SpatialPose.facing(start, direction)
+            found = press_curved(mesh, cover.texels, rubber(), Sphere(radius=5e-3), pose, depth=DEPTH)
+            size = float(np.linalg.norm(found.force))
+            force = np.linalg.norm(found.base_force - found.force) / size
+            moment = np.linalg.norm(found.base_moment - found.moment) / (size * 8e-3)
+            print(f"| {name} | {place} | {found.load:.3g} | {100 * force:.1e} | {100 * moment:.1e} |", flush=True)
+
+
+def measure_responses() -> None:
+    """Measure time and memory of the responses of all texels."""
+    print("| cover | texels | hexahedra, finest | CPU s | s | GiB, so far | estimate, peak texel [%] | any texel [%] |")
+    print("|---|---|---|---|---|---|---|---|")
+    for cover, size in ((flat_pad(), 1.0), (phalanx(), 1.0), (fingertip(), 1.0), (fingertip(), 0.7)):
+        start, processor = time.perf_counter(), time.process_time()
+        response = texel_responses(cover.meshes(size), cover.texels, rubber())
+        spent = f"{time.process_time() - processor:.0f} | {time.perf_counter() - start:.0f}"
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        errors = response.error_estimate
+        print(
+            f"| {cover.texels.name} | {cover.texels.count} | {len(response.finest.mesh.cells)} | {spent} | "
+            f"{memory:.2f} | {100 * errors['peak_texel']:.2g} | {100 * errors['any_texel']:.2g} |",
+            flush=True,
+        )
+
+
+def list_presses() -> Iterator[tuple[str, str, Indenter, SpatialPose, list[float], float]]:
+    """Shape, place, indenter, pose, direction and load of the 40 presses."""
+    for shape, (indenter, tilt, load) in SHAPES.items():
+        turn = Rotation.from_euler("y", tilt).as_matrix()
+        for place, (at, direction) in PLACES.items():
+            pose = SpatialPose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
+            turned = SpatialPose(position=pose.position, rotation=pose.rotation @ turn)
+            yield shape, place, indenter, turned, list(direction), load
+
+
+def score_fast_model() -> None:
+    """Score the fast model on the 40 presses."""
+    cover = fingertip()
+    meshes = cover.meshes()
+    start = time.process_time()
+    fast = derive_curved_cover(cover.mesh(), cover.texels, rubber())
+    print(f"fast model on {len(fast.points)} points, derived in {time.process_time() - start:.0f} CPU s\n")
+    texel_responses(meshes, cover.texels, rubber())
+    print("| shape | place | depth [mm] | reference [CPU s] | [s] | its estimate [%] | fast [ms] | misplaced [%] |")
+    print("|---|---|---|---|---|---|---|---|")
+    scores, times = [], []
+    for shape, place, indenter, pose, direction, load in list_presses():
+        processor, wall = time.process_time(), time.perf_counter()
+        known = press_curved(meshes, cover.texels, rubber(), indenter, pose, load=load, direction=direction)
+        times.append((time.process_time() - processor, time.perf_counter() - wall))
+        processor = time.process_time()
+        found = press_fast(fast, indenter, pose, load=load, direction=direction)
+        quick = 1e3 * (time.process_time() - processor)
+        scores.append(100 * np.abs(found.texel_forces - known.texel_forces).sum() / (2 * load))
+        print(
+            f"| {shape} | {place} | {1e3 * known.depth:.2f} | {times[-1][0]:.1f} | {times[-1][1]:.1f} | "
+            f"{100 * known.error_estimate['texel_forces']:.1f} | {quick:.0f} | {scores[-1]:.2f} |",
+            flush=True,
+        )
+    processor, wall = np.max(times[1:], axis=0)
+    print(
+        f"\nmisplaced force: median {statistics.median(scores):.2f} %, at most {max(scores):.2f} %; reference after "
+        f"the first press: at most {processor:.1f} CPU s, {wall:.1f} s"
+    )
+
+
+PARTS = {
+    "shells": compare_shells,
+    "pads": compare_pads,
+    "radius": compare_radii,
+    "balance": check_balance,
+    "responses": measure_responses,
+    "scores": score_fast_model,
+}
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as store:
+        os.environ["SOFTCOVER_STORE"] = store
+        for each in sys.argv[1:] or PARTS:
+            print(f"\n## {each}\n")
+            PARTS[each]()

@@ -1,0 +1,62 @@
+"""The Gaussian in surface coordinates."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from fastmodel.curved.gaussian import fit_surface_gaussian, unroll
+from fastmodel.errors import ShapeError
+from meshes import TexelArray
+from meshes.solids.texels import cylinder_texels
+
+FLAT = TexelArray.grid(4, 5, (2e-3, 3e-3), texel_size=(1.8e-3, 2.5e-3))
+
+
+def respond(sigma):
+    """Response of the flat array to point loads by a Gaussian, texel by texel."""
+    out = np.empty((20, 20))
+    for row, load in enumerate(FLAT.centres):
+        for column, centre in enumerate(FLAT.centres):
+            out[row, column] = np.prod(
+                [
+                    np.diff(norm.cdf([centre[k] - load[k] - a / 2, centre[k] - load[k] + a / 2], scale=sigma[k]))[0]
+                    for k, a in enumerate(FLAT.texel_size)
+                ]
+            )
+    return out
+
+
+def test_a_gaussian_is_recovered():
+    found = fit_surface_gaussian(FLAT, respond((1.1e-3, 1.7e-3)))
+    assert found.sigma == pytest.approx((1.1e-3, 1.7e-3), rel=1e-5)
+    assert found.residual < 1e-6
+
+
+def test_force_elsewhere_is_residual():
+    moved = respond((1.1e-3, 1.7e-3)) + 0.01 * np.eye(20)
+    assert 1e-3 < fit_surface_gaussian(FLAT, moved).residual < 0.01
+
+
+def test_masked_texels_do_not_count():
+    active = np.ones(20, dtype=bool)
+    active[7] = False
+    response = respond((1.1e-3, 1.7e-3))
+    response[7], response[:, 7] = 5.0, 5.0
+    found = fit_surface_gaussian(dataclasses.replace(FLAT, active=active), response)
+    assert found.sigma == pytest.approx((1.1e-3, 1.7e-3), rel=1e-5)
+
+
+def test_a_cylinder_unrolls_to_arc_lengths():
+    array = cylinder_texels(6e-3, rows=1, columns=5, pitch=(2e-3, 2e-3), size=(1.8e-3, 1.8e-3), name="row")
+    along = unroll(array)[2, :, 0]
+    assert np.diff(along) == pytest.approx(6e-3 * np.diff(np.arctan2(*array.centres[:, [0, 2]].T)), rel=1e-9)
+    np.testing.assert_allclose(unroll(FLAT)[0, :, :], (FLAT.centres - FLAT.centres[0])[:, :2], atol=1e-12)
+
+
+def test_responses_of_another_array_are_refused():
+    with pytest.raises(ShapeError, match="20 texels"):
+        fit_surface_gaussian(FLAT, np.eye(3))
