@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 # Before NumPy loads: test processes share the cores already, and threads of theirs would spin while they wait for one.
@@ -17,6 +15,7 @@ import pytest
 
 from meshes import Cover, Layer, Material, TexelArray
 from meshes.catalogue import ARRAYS
+from tests.support.compute_once import compute_once
 
 if TYPE_CHECKING:
     from validation.derivation.derive import Derivation
@@ -68,21 +67,11 @@ def bonded() -> Callable[..., Cover]:
 
 @pytest.fixture(scope="session")
 def wts_derivation() -> Derivation:
-    """The catalogue's sensor under its assumed cover, derived once for all that only read it.
-
-    One test process computes the solutions; the others wait, and read them from the store that they share.
-    """
+    """The catalogue's sensor under its assumed cover, derived once for all that only read it."""
     from validation.derivation.derive import derive
     from validation.sensor_file import load
 
-    store = Path(os.environ["SOFTCOVER_STORE"])
-    store.mkdir(exist_ok=True)
-    with (store.parent / "deriving").open("w") as lock, contextlib.suppress(ImportError):
-        import fcntl
-
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        return derive(load("wts-0614-34"))
-    return derive(load("wts-0614-34"))
+    return compute_once("wts-derivation", lambda: derive(load("wts-0614-34")))
 
 
 @pytest.fixture(scope="session")

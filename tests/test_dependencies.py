@@ -70,6 +70,7 @@ def distributions_of(module):
     return {name.lower().replace("_", "-") for name in installed().get(module, [module])}
 
 
+@pytest.mark.slow
 def test_every_distribution_of_an_extra_is_imported():
     used = set().union(*map(distributions_of, imported_in(*PRODUCT, "tests", "examples", "docs")))
     for extra, names in declared().items():

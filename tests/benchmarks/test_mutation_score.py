@@ -54,6 +54,7 @@ def test_mutants_change_what_runs_and_neither_texts_nor_types(score, tmp_path):
     assert runs == {2: ("LIMIT", False), 3: ("middle", True), 5: ("middle", True), 7: ("middle", True)}
 
 
+@pytest.mark.slow
 def test_mutants_of_this_repository_parse(score):
     mutants = score.list_mutants(1)
     assert len(mutants) > 10_000

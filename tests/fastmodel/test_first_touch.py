@@ -56,7 +56,7 @@ for sensed in (parameters(bent_array()), parameters(TexelArray.grid(3, 3, 3.4e-3
 """
 
 
-@pytest.mark.parametrize("method", ["boxes", "cover", *(pytest.param(k, marks=SLOW) for k in ("area", "foundation"))])
+@pytest.mark.parametrize("method", ["boxes", *(pytest.param(k, marks=SLOW) for k in ("area", "cover", "foundation"))])
 def test_nothing_is_compiled_imported_or_prepared_after_binding(method):
     """A ball makes one contact and a block four, on a bent and a flat array; the hull of a mesh stands since bind."""
     command = [sys.executable, "-c", FIRST_TOUCHES, method]

@@ -171,6 +171,7 @@ def test_failed_write_leaves_the_old_file_whole_and_no_litter(tmp_path, monkeypa
     load(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_killed_save_leaves_a_whole_folder(tmp_path):
     """Kill the writer twenty times, each soon after its first or second save: always one of two states, no mixture.

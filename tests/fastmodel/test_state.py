@@ -87,7 +87,7 @@ SHEET = dataclasses.replace(
 CASES = [
     *((method, PARAMETERS) for method in METHODS[:2]),
     pytest.param("cover", FOIL, id="foil"),
-    pytest.param("cover", SHEET, id="sheet"),
+    pytest.param("cover", SHEET, id="sheet", marks=pytest.mark.slow),
     *(pytest.param(name, PARAMETERS, marks=pytest.mark.slow) for name in ("area", "foundation")),
 ]
 

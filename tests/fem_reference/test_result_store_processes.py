@@ -103,6 +103,7 @@ def test_killed_writers_tear_nothing_and_lose_nothing(folder, times):
     assert {path.suffix for path in folder.iterdir()} == {".entry"}
 
 
+@pytest.mark.slow
 def test_plain_writes_would_tear(folder, monkeypatch):
     """The defect that the test above must be able to see."""
 

@@ -127,6 +127,7 @@ def two_layers(bonded):
     return cover, press(cover, ARRAY, BALL, load=0.2, fields=True)
 
 
+@pytest.mark.slow
 def test_two_layers_have_stresses_of_their_own_and_the_same_traction(two_layers):
     fields = two_layers[1].fields
     interface = np.flatnonzero(np.abs(fields.position[:, 2] - 1.5e-3) < 1e-12)
@@ -150,6 +151,7 @@ def test_base_stress_under_two_layers_is_the_exact_superposition(two_layers):
     assert -found.fields.stress[near, 2, 2] == pytest.approx(np.array(exact), abs=0.01 * max(exact))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["linear-elastic", pytest.param("neo-hookean", marks=pytest.mark.slow)])
 def test_every_horizontal_plane_carries_the_load(model):
     """At small depth, where planes of the undeformed cover are nearly planes of the deformed cover."""

@@ -187,6 +187,7 @@ def test_a_wide_foil_on_foam_equals_the_axisymmetric_solution(base):
     assert np.abs(found.texel_influence(THREE, PLACES) - spread.texel_influence(THREE, PLACES)).max() < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.3, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_refinement_converges_and_the_estimate_covers_the_error(bonded, nu):
     cover = bonded(nu, size=(24e-3, 24e-3))  # its side is far from the one texel

@@ -52,6 +52,7 @@ def test_a_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     assert ratio == pytest.approx(np.log(3 - 4 * nu) * (1 - nu) / (1 - 2 * nu), rel=6e-3)
 
 
+@pytest.mark.slow
 def test_the_force_grows_with_friction():
     punch = Cylinder(radius=2e-3)
     forces = [pressed(punch, friction, depth=20e-6)[0] for friction in (0.0, 0.2, np.inf)]

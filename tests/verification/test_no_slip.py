@@ -146,6 +146,7 @@ def test_a_ball_without_slip_has_the_force_of_the_integral_equations_within_its_
     assert found.total_force == pytest.approx(exact.force, rel=min(found.error_estimate["total_force"], 5e-3))
 
 
+@pytest.mark.slow
 def test_few_steps_suffice_where_points_stick_where_they_touch():
     # Held at their position before the step, points make the contact 4 % too stiff with as few steps.
     ball, contact_radius = Sphere(radius=40e-3), 2 * THICKNESS
@@ -178,7 +179,7 @@ def test_elements_of_order_three_stiffen_alike_without_slip(size):
     assert sticks.error_estimate["total_force"] < 0.01
 
 
-@pytest.mark.parametrize("nu", [0.3, 0.49])
+@pytest.mark.parametrize("nu", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
 def test_a_sliding_base_carries_the_load_of_a_face_without_slip(nu):
     """The outer boundary must not press a sliding cover onto its base."""
     rubber = Material(

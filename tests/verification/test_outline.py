@@ -178,8 +178,7 @@ def test_long_waves_on_a_sliding_base(bonded, nu):
         assert closed_form.transfer(each, [1e-6, 1.0, 3.0]).compliance == pytest.approx(exact, rel=1e-4)
 
 
-@pytest.mark.parametrize("shape", [Sphere, RoundedTip])
-@pytest.mark.parametrize("radius", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize(("shape", "radius"), [(Sphere, 1.0), (RoundedTip, 3.0)])
 def test_wide_radii_approach_the_compression_of_a_bonded_layer(bonded, shape, radius):
     """F = pi R M depth^2 / h with the oedometric modulus M (Johnson 1985, sec. 5.8); the edge adds h / a at most."""
     cover, depth = bonded(0.3), 2e-4
@@ -193,7 +192,6 @@ def test_wide_radii_approach_the_compression_of_a_bonded_layer(bonded, shape, ra
 def test_contacts_wider_than_the_equation_resolves_are_refused(bonded):
     for press in (
         lambda: indent(bonded(0.49), Sphere(radius=1e3), depth=1e-3),
-        lambda: indent(bonded(0.49), Sphere(radius=1e3), load=1e8),
         lambda: indent(bonded(0.3), Cylinder(radius=1.0), load=1.0),
         lambda: closed_form.contact.punch(bonded(0.3), 1.0, 1e-4),
     ):

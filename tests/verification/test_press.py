@@ -132,6 +132,7 @@ def test_area_and_depth_of_spheres_are_exact_and_covered(bonded, wts, nu, share)
     assert found.error_estimate["total_force"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radius", "load"),
     [(33e-3, 2.0), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((2e-3, 20.0), (0.2, 0.5)))],
@@ -162,6 +163,7 @@ def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts, face)
         press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape", [pytest.param(Box(size=(8e-3, 2e-3, 5e-3)), marks=pytest.mark.slow), Sphere(radius=5e-3)]
 )

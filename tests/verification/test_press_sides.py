@@ -34,6 +34,7 @@ def pressed(cover, indenter, *, cells=40, load=1.0, **where):
     return solve_contact(surface, indenter, cells=cells, load=load, sides=sides(cover, indenter, **where))
 
 
+@pytest.mark.slow
 def test_plate_wider_than_a_pad_without_lateral_strain_squeezes_it_evenly(bonded):
     """Poisson ratio 0: the bonded base does not matter, the stress is even, depth = F h / E A exactly."""
     cover = pad(bonded, 0.0)
@@ -55,6 +56,7 @@ def test_the_flexibility_that_sides_add_is_positive(bonded):
         assert values[-1] > 0
 
 
+@pytest.mark.slow
 def test_sides_add_displacement_near_the_load_and_reciprocally(bonded):
     """A load near one side moves the top there, not near the opposite side; what it does is reciprocal."""
     edges = sides(pad(bonded), BALL, at=(1e-5, 0.0), half=3.2e-3)

@@ -29,6 +29,7 @@ def test_the_moment_of_a_tilted_punch_in_full_contact_is_that_on_a_half_space(wt
     assert found.contact_area == pytest.approx(np.pi * radius**2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_opposite_tilts_mirror_the_image(wts):
     cover = make_cover(0.45, "linear-elastic")
     one, other = (press(cover, wts, BOX, load=1.0, tilt=(0.0, sign * 0.03)) for sign in (1, -1))

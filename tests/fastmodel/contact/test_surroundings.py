@@ -15,6 +15,8 @@ from meshes import TexelArray
 from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters
 
+#: The default contact method, and the others in the slow tier.
+COVER_FIRST = [pytest.param(each, marks=() if each == "cover" else pytest.mark.slow) for each in METHODS]
 PARAMETERS = parameters()
 BOX, SPHERE, CAPSULE, PLANE = (
     getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("BOX", "SPHERE", "CAPSULE", "PLANE")
@@ -168,7 +170,7 @@ def build_flex(count=4, edge=8e-3):
       </worldbody></mujoco>""")
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", COVER_FIRST)
 def test_a_soft_body_is_laid_out_at_its_contact_points(method):
     spec = build_flex()
     sensor = fastmodel.attach(spec, "pad", PARAMETERS, contact=method, every=1)
@@ -281,7 +283,7 @@ def test_an_exclusion_that_ends_during_a_simulation_is_followed(method):
     assert image[:, 2:].max() == 0
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", COVER_FIRST)
 def test_facing_arrays_press_on_one_another(method):
     spec = make_spec()
     low = fastmodel.attach(spec, "world", PAD, name="low", contact=method, every=1)
@@ -350,10 +352,7 @@ def load_fields():
     mujoco.mj_loadPluginLibrary(str(library))
 
 
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(method, marks=pytest.mark.slow if method in ("area", "boxes") else ()) for method in METHODS],
-)
+@pytest.mark.parametrize("method", COVER_FIRST)
 def test_a_signed_distance_field_is_laid_out_at_its_contact_points(method):
     """A torus from MuJoCo's own plugin lies on the array: a ring of texels, and nothing in its hole."""
     load_fields()

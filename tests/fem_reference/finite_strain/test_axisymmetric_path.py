@@ -12,6 +12,7 @@ from meshes import Cylinder, Sphere
 from tests.support.rubber import make_cover
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [6, 9])
 def test_the_contact_edge_is_found_between_the_nodes_at_every_depth(elements):
     cover, radius = make_cover(0.49), 5e-3

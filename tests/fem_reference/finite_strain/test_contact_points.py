@@ -41,6 +41,7 @@ def test_rings_keep_force_radius_and_radial_friction():
     assert x * shear[1] == pytest.approx(y * shear[0])
 
 
+@pytest.mark.slow
 def test_the_pressure_under_a_ball_on_a_thick_cover_is_that_of_hertz():
     cover, radius = make_cover(0.3, "linear-elastic", thickness=20e-3), 4e-3
     hertz = closed_form.hertz(cover.layers[0], radius, 0.02)

@@ -33,6 +33,7 @@ def path_problem(nu=0.45, count=4, penalty=PENALTY):
     )
 
 
+@pytest.mark.slow
 def test_a_path_that_ends_returns_what_it_reached():
     """Nothing can be pressed through its own base."""
     with pytest.raises(PathConvergenceError, match="no convergence beyond") as ended:

@@ -39,6 +39,7 @@ def pressed():
     return press_paired(path(*depths), block(2), depths, elements_per_thickness=2)
 
 
+@pytest.mark.slow
 def test_both_paths_reach_their_targets_and_differ_more_at_larger_depth(pressed):
     rest, deep, pair = pressed
     for small, large, depth in zip(rest, deep, (0.1e-3, 0.3e-3), strict=True):

@@ -20,6 +20,7 @@ def frame(wall):
     return Prism(points=ring[0], holes=(ring[1],))
 
 
+@pytest.mark.slow
 def test_walls_too_thin_for_a_grid_are_refused_in_words(wts):
     cover = make_cover(0.45)
     with pytest.raises(ValueError, match="too thin beside 10 mm"):

@@ -20,7 +20,7 @@ POSE = PlanarPose(at=(1e-3, 0.0))
 COVER = make_cover(0.45, "linear-elastic")
 
 
-@pytest.mark.parametrize("control", ["load", "depth"])
+@pytest.mark.parametrize("control", [pytest.param("load", marks=pytest.mark.slow), "depth"])
 def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
     targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
     path = LoadingPath(cover=COVER, indenter=Cylinder(radius=2e-3), targets=targets, control=control)

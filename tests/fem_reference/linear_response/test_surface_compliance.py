@@ -62,10 +62,10 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
 @pytest.mark.parametrize(
     ("nu", "ratio"),
     [
-        *((0.0, 0.2), (0.0, 3.0), (0.499, 0.2), (0.499, 3.0), (0.499, 30.0)),
+        *((0.0, 0.2), (0.0, 3.0), (0.499, 0.2), (0.499, 3.0)),
         *(
             pytest.param(*case, marks=pytest.mark.slow)
-            for case in ((0.0, 30.0), (0.45, 0.2), (0.45, 3.0), (0.45, 30.0))
+            for case in ((0.0, 30.0), (0.499, 30.0), (0.45, 0.2), (0.45, 3.0), (0.45, 30.0))
         ),
     ],
 )

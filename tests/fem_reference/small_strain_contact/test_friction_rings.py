@@ -58,6 +58,7 @@ def test_friction_agrees_with_boundary_elements(cover, indenter):
     assert found.area == pytest.approx(np.pi * expected.contact_radius**2, rel=3e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "indenter", [Sphere(radius=5e-3), pytest.param(RoundedTip(radius=12e-3), marks=pytest.mark.slow)]
 )

@@ -57,6 +57,7 @@ def test_a_flat_face_does_not_feel_the_modulus_and_a_ball_not_its_yaw(bonded, wt
     assert propagate_inputs(bonded(0.45), wts, BLOCK, only(yaw=0.1)).misplaced_total > 1e-3
 
 
+@pytest.mark.slow
 def test_effects_are_proportional_to_small_uncertainties(bonded, wts):
     for name, small in (("modulus", 0.02), ("poisson_ratio", 0.002), ("thickness", 0.01)):
         one, two = (propagate_inputs(bonded(0.45), wts, BALL, only(**{name: k * small})) for k in (1, 2))

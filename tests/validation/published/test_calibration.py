@@ -56,6 +56,7 @@ def presses(cover, parameters, prepared):
     ]
 
 
+@pytest.mark.slow
 def test_fit_is_never_worse_than_shipped_on_its_presses(prepared, presses):
     rows = {row.name: row for row in prepared.rows}
     compared = 0
@@ -73,6 +74,7 @@ def test_fit_is_never_worse_than_shipped_on_its_presses(prepared, presses):
     assert compared >= 6  # the fits do something
 
 
+@pytest.mark.slow
 def test_every_model_has_its_rows(prepared):
     names = [row.name for row in prepared.rows]
     assert len(set(names)) == len(names)
@@ -81,6 +83,7 @@ def test_every_model_has_its_rows(prepared):
         assert (f"{model.name}, {AS_SHIPPED}" in names) == (model.shipped is not None)
 
 
+@pytest.mark.slow
 def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
     model = PUBLISHED["skinsim-2014"]
     made = {"stiffness": 900.0, "amplitude": 0.4, "sigma": 3e-3}
@@ -96,6 +99,7 @@ def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
     assert fitted.parameters == {name: pytest.approx(value, rel=0.05) for name, value in made.items()}
 
 
+@pytest.mark.slow
 def test_masked_texels_measure_nothing(presses):
     scene = presses[0].scene
     row = Row(model=PUBLISHED["tegin-2005"], variant=AS_SHIPPED, parameters={})
@@ -107,6 +111,7 @@ def test_masked_texels_measure_nothing(presses):
     assert masked.texels.sum() + masked.outside == pytest.approx(whole.texels.sum())
 
 
+@pytest.mark.slow
 def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepared):
     fitted = choose_calibration(wts, default_cases(wts))
     assert len(fitted) == 3
@@ -128,6 +133,7 @@ def test_arrays_off_a_grid_and_covers_with_sides_have_no_rows(bonded, cover, par
     assert prepare_models(cover, dataclasses.replace(parameters, array=array), SCORED) is None
 
 
+@pytest.mark.slow
 def test_campaign_scores_each_row_with_its_own_forces(cover, parameters, prepared):
     result = run_campaign(cover, parameters, SCORED, comparison=prepared)
     (case,) = result.cases
@@ -159,6 +165,7 @@ def test_campaign_without_published_models_has_none(cover, parameters):
     assert result.as_json()["comparison_models"] == []
 
 
+@pytest.mark.slow
 def test_models_need_two_presses_for_a_fit(cover, presses):
     assert [row.variant for row in make_rows(PUBLISHED["penalty"], cover, presses[:1])] == [AS_SHIPPED]
     assert make_rows(PUBLISHED["shimojo-1994"], cover, presses[:1]) == []

@@ -306,6 +306,7 @@ def _fill_disk(path):
     return mcap_reader.read(path), int(errors.split(" frames had come")[0].rsplit(" ", 1)[1])
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_a_recording_in_one_line_and_keeps_the_frames_before(tmp_path):
     recording, came = _fill_disk(tmp_path / "full.mcap")
     assert not recording.complete

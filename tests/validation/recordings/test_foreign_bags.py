@@ -83,7 +83,11 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024, reso
     assert int(limit) == resource.getrlimit(resource.RLIMIT_AS)[0]
 
 
-@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE], ids=["file", "message"])
+@pytest.mark.parametrize(
+    "mode",
+    [CompressionMode.FILE, pytest.param(CompressionMode.MESSAGE, marks=pytest.mark.slow)],
+    ids=["file", "message"],
+)
 def test_a_compressed_folder_is_read_and_one_that_unpacks_to_a_gigabyte_is_refused(tmp_path, mode):
     store = get_typestore(Stores.ROS2_JAZZY)
     kind = "std_msgs/msg/UInt8MultiArray"

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.support.compute_once import compute_once
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
 from validation.report import write_report
@@ -15,7 +16,7 @@ CASES = (
 
 @pytest.fixture(scope="session")
 def evaluation(wts_derivation):  # whose solutions are read from the store
-    return evaluate(load("wts-0614-34"), cases=CASES)
+    return compute_once("wts-evaluation", lambda: evaluate(load("wts-0614-34"), cases=CASES))
 
 
 @pytest.fixture(scope="session")
