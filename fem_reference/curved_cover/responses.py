@@ -39,6 +39,8 @@ _STEPS = 8
 #: Safety factor on the difference between two meshes, and smallest order of convergence that is assumed: adjoint
 #: solutions by quadratic elements converge faster than their displacements [-].
 _SAFETY, _ORDER = 3.0, 2.0
+#: Ratio of the element sizes of two meshes below which their difference counts as that of two equal meshes [-].
+_SAME_SIZE = 1.2
 #: Largest distance of a point from the top for `at`, over the size of the cover [-].
 _OFF_TOP = 1e-2
 
@@ -243,12 +245,14 @@ def estimate_errors(values: FloatArray, meshes: Sequence[SolidMesh]) -> FloatArr
 
     Returns:
         Errors of the values on the finest mesh, in their unit: grid convergence on three meshes; on two their
-        difference, as for second order and with a safety factor of 3, shape (...).
+        difference, as for second order (for meshes of about equal size: the difference) and with a safety factor of
+        3, shape (...).
     """
     sizes = [float(len(mesh.cells)) ** (-1 / 3) for mesh in meshes]
     flat = values.reshape(len(values), -1)
     if len(values) == 2:  # noqa: PLR2004
-        errors = _SAFETY * np.abs(flat[1] - flat[0]) / ((sizes[0] / sizes[1]) ** _ORDER - 1)
+        ratio = sizes[0] / sizes[1]
+        errors = _SAFETY * np.abs(flat[1] - flat[0]) / (ratio**_ORDER - 1 if ratio > _SAME_SIZE else 1.0)
     else:
         errors = np.array([grid_convergence(list(each), sizes, least=_ORDER) for each in flat.T])
     return np.asarray(errors.reshape(values.shape[1:]))

@@ -42,7 +42,13 @@ numpy.savez("mesh.npz", nodes=nodes, cells=cells)
 
 
 def fill_with_tetrahedra(
-    surface: FloatArray, base: FloatArray, element_size: float, *, keep: Path | None = None, name: str = "the surface"
+    surface: FloatArray,
+    base: FloatArray,
+    element_size: float,
+    *,
+    keep: Path | None = None,
+    name: str = "the surface",
+    crossings: bool = True,
 ) -> SolidMesh:
     """Mesh the inside of a closed surface.
 
@@ -54,6 +60,7 @@ def fill_with_tetrahedra(
         keep: File in which the mesh is kept.  If the file exists, its mesh is returned, after a check that it was made
             from the same surfaces with the same settings.
         name: Name of the surface in messages.
+        crossings: Whether a surface that intersects itself is refused; the mesher smooths small folds.
 
     Raises:
         ValueError: If a surface is open, inside out or intersects itself, the mesher fails, or the file holds another
@@ -61,7 +68,7 @@ def fill_with_tetrahedra(
         ModuleNotFoundError: If pytetwild is not installed.
     """
     surface, base = np.asarray(surface, dtype=float), np.asarray(base, dtype=float)
-    check_closed(surface, name)
+    check_closed(surface, name, crossings=crossings)
     size = float(np.ptp(surface, axis=(0, 1)).max())
     if not SIZES[0] <= size <= SIZES[1]:
         raise ValueError(

@@ -14,12 +14,13 @@ _FLAT = 1e-9
 _PAIRS = 2_000_000
 
 
-def check_closed(triangles: FloatArray, name: str) -> None:
+def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) -> None:
     """Check that triangles form a closed surface, oriented outwards, that does not intersect itself.
 
     Args:
         triangles: Corners of each triangle, counterclockwise as seen from outside, shape (n, 3, 3) [m].
         name: Name of the surface in messages.
+        crossings: Whether intersections are looked for.
 
     Raises:
         ValueError: With one line that says what is wrong.
@@ -44,9 +45,9 @@ def check_closed(triangles: FloatArray, name: str) -> None:
         raise ValueError(f"{name} encloses no volume; export a solid")
     if volume < 0:
         raise ValueError(f"{name} is inside out: its triangles face inwards; reverse its normals")
-    crossings = count_crossings(triangles)
-    if crossings:
-        raise ValueError(f"{name} intersects itself in {crossings} pairs of triangles; repair it")
+    crossed = count_crossings(triangles) if crossings else 0
+    if crossed:
+        raise ValueError(f"{name} intersects itself in {crossed} pairs of triangles; repair it")
 
 
 def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -66,6 +67,11 @@ def enclosed_volume(triangles: FloatArray) -> float:
 
 def count_crossings(triangles: FloatArray) -> int:
     """Count the pairs of triangles without a common corner of which an edge of one crosses the other."""
+    return len(find_crossings(triangles))
+
+
+def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
+    """Find the pairs of triangles without a common corner of which an edge of one crosses the other."""
     faces = merge_corners(triangles)[1]
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     block = max(1, _PAIRS // len(triangles))
@@ -79,7 +85,7 @@ def count_crossings(triangles: FloatArray) -> int:
         one, other = one[apart], other[apart]
         hit = _edges_cross(triangles[one], triangles[other])
         crossing |= {(int(min(pair)), int(max(pair))) for pair in zip(one[hit], other[hit], strict=True)}
-    return len(crossing)
+    return crossing
 
 
 def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -93,35 +99,36 @@ def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArra
         Nearest points, shape (k, 3) [m], and the indices of their triangles, shape (k,).
     """
     out, owner = np.empty_like(points), np.empty(len(points), dtype=np.int64)
-    block = max(1, _PAIRS // (20 * len(triangles)))
+    middle = triangles.mean(axis=1)
+    radius = np.linalg.norm(triangles - middle[:, None], axis=2).max(axis=1)
+    block = max(1, _PAIRS // (2 * len(triangles)))
     for start in range(0, len(points), block):
-        part = slice(start, min(start + block, len(points)))
-        candidates = _candidates(points[part], triangles)
-        square = ((candidates - points[part, None, None]) ** 2).sum(axis=-1)
-        best = np.argmin(square.reshape(len(square), -1), axis=1)
-        out[part] = candidates.reshape(len(square), -1, 3)[np.arange(len(square)), best]
-        owner[part] = best // 4
+        part = points[start : start + block]
+        # The distance to the nearest middle is an upper bound; triangles that are farther away cannot be nearest.
+        away = np.linalg.norm(part[:, None] - middle, axis=2)
+        point, triangle = np.nonzero(away - radius <= away.min(axis=1)[:, None])
+        candidate = _nearest_of_each(part[point], triangles[triangle])
+        square = ((candidate - part[point]) ** 2).sum(axis=1)
+        order = np.lexsort((triangle, square, point))
+        best = order[np.searchsorted(point[order], np.arange(len(part)))]
+        out[start : start + block], owner[start : start + block] = candidate[best], triangle[best]
     return out, owner
 
 
-def _candidates(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Return for each point and triangle the nearest points of its three sides and its plane, shape (k, n, 4, 3).
-
-    The point of the plane is replaced by that of a side where it lies outside the triangle.
-    """
-    start = triangles
+def _nearest_of_each(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Return the nearest point of one triangle to one point, for k pairs of both, shape (k, 3)."""
     along = np.roll(triangles, -1, axis=1) - triangles
     square = np.maximum((along**2).sum(axis=-1), 1e-300)
-    away = points[:, None, None] - start
+    away = points[:, None] - triangles
     share = np.clip((away * along).sum(axis=-1) / square, 0.0, 1.0)
-    sides = start + share[..., None] * along
+    sides = triangles + share[..., None] * along
+    best = np.argmin(((sides - points[:, None]) ** 2).sum(axis=-1), axis=1)
+    side = sides[np.arange(len(points)), best]
     normal = np.cross(along[:, 0], along[:, 1])
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    height = (away[:, :, 0] * normal).sum(axis=-1)
-    plane = points[:, None] - height[..., None] * normal
-    inside = (np.cross(along, plane[:, :, None] - start) * normal[:, None]).sum(axis=-1) >= 0
-    plane = np.where(inside.all(axis=-1)[..., None], plane, sides[:, :, 0])
-    return np.concatenate([sides, plane[:, :, None]], axis=2)
+    plane = points - (away[:, 0] * normal).sum(axis=-1)[:, None] * normal
+    inside = ((np.cross(along, plane[:, None] - triangles) * normal[:, None]).sum(axis=-1) >= 0).all(axis=-1)
+    return np.asarray(np.where(inside[:, None], plane, side))
 
 
 def _edges_cross(one: FloatArray, other: FloatArray) -> BoolArray:

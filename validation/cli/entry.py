@@ -19,6 +19,7 @@ _COMMANDS = {
     "demo": "validate:demo",
     "derive": "derive:derive",
     "press": "press:press",
+    "mesh": "mesh:mesh",
     "view": "view:view",
     "validate": "validate:validate",
     "validate-force": "validate_force:validate_force",

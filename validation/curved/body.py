@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import numpy as np
+
+from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, SweptCover
+from meshes.solids.shell import Shell
+from meshes.solids.triangles import enclosed_volume
+
+#: Volume of a regular tetrahedron over the cube of its edge [-].
+_REGULAR = 1 / (6 * np.sqrt(2))
+#: Largest number of tetrahedra that a mesh may be expected to have [-].
+_MOST_TETRAHEDRA = 150_000
 
 #: Receives a line of text before each step.
 Progress = Callable[[str], None]
@@ -22,6 +33,7 @@ class CoverBody:
         make: Function that makes meshes of a thickness [m], coarsest first, and reports its progress.
         changeable: Whether the body can be made with another thickness.
         notes: Sentences on what was repaired or assumed.
+        base: Triangles of the base, facing into the cover, shape (b, 3, 3) [m]; None for the base of the finest mesh.
     """
 
     source: str
@@ -29,6 +41,7 @@ class CoverBody:
     make: Callable[[float, Progress], tuple[SolidMesh, ...]]
     changeable: bool = True
     notes: tuple[str, ...] = ()
+    base: FloatArray | None = None
     _made: dict[float, tuple[SolidMesh, ...]] = field(default_factory=dict, repr=False)
 
     def meshes(self, progress: Progress | None = None) -> tuple[SolidMesh, ...]:
@@ -63,3 +76,44 @@ def make_swept_body(cover: SweptCover, source: str) -> CoverBody:
 def _sweep(cover: SweptCover, thickness: float, progress: Progress) -> tuple[SolidMesh, ...]:
     progress("hexahedra swept from the base")
     return replace(cover, thickness=thickness).meshes()
+
+
+def mesh_shell(
+    shell: Shell, source: str, sizes: tuple[float, ...], _: float, progress: Progress
+) -> tuple[SolidMesh, ...]:
+    """Fill a shell with tetrahedra of several sizes, coarsest first, or take the meshes from the store of results.
+
+    The mesher gives another mesh at every call, so that the store keeps the mesh for later runs.
+
+    Raises:
+        ValueError: If the mesher fails, or the elements would be too many.
+        ModuleNotFoundError: If pytetwild is not installed.
+    """
+    from fem_reference import result_store
+    from meshes.solids.tetrahedra import fill_with_tetrahedra
+
+    meshes = []
+    for size in sizes:
+        expected = enclosed_volume(shell.surface) / (_REGULAR * size**3)
+        if expected > _MOST_TETRAHEDRA:
+            raise ValueError(
+                f"cover.element_size: {1e3 * size:.3g} mm would make {expected:.0f} tetrahedra, more than "
+                f"{_MOST_TETRAHEDRA}; take larger elements"
+            )
+
+        def compute(size: float = size) -> dict[str, object]:
+            progress(f"tetrahedra of {1e3 * size:.3g} mm")
+            mesh = fill_with_tetrahedra(shell.surface, shell.base, size, name=source, crossings=not shell.is_folded)
+            arrays = {name: getattr(mesh, name) for name in ("nodes", "cells", "base", "top", "sides")}
+            return {**arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
+
+        found = result_store.fetch("cover-mesh", {"surface": shell.surface, "base": shell.base, "size": size}, compute)
+        meshes.append(
+            SolidMesh(
+                nodes=found["nodes"].astype(float),
+                **{name: found[name].astype(np.int64) for name in ("cells", "base", "top", "sides")},
+                source=f"tetrahedra in {source}",
+                settings=json.loads(str(found["settings"])),
+            )
+        )
+    return tuple(meshes)

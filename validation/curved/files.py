@@ -9,13 +9,16 @@ import numpy as np
 
 from meshes.npz import pack_npz
 from meshes.solids import write_mesh
+from validation.curved.press import describe_mesh
 from validation.json_values import json_text
 from validation.scene.cover_scene import show_curved, show_mesh
 from validation.scene.files import write_scene
 
 if TYPE_CHECKING:
+    from meshes.solids import SolidMesh
     from validation.curved.derive import CurvedDerivation
     from validation.curved.press import CurvedPress
+    from validation.sensor_file import SensorDescription
 
 #: Name of the file with the mesh that was solved.
 MESH_FILE = "mesh.npz"
@@ -44,6 +47,18 @@ def write_derivation(derivation: CurvedDerivation, folder: Path) -> tuple[str, .
     write_mesh(folder / MESH_FILE, grid.mesh)
     files = ("parameters.toml", "cover.npz", "derive.json", "responses.npz", MESH_FILE)
     return files + write_scene(show_mesh(grid.mesh, sensor.array, title=sensor.name), folder)
+
+
+def write_mesh_report(sensor: SensorDescription, meshes: tuple[SolidMesh, ...], folder: Path) -> tuple[str, ...]:
+    """Write the finest mesh as `mesh.npz`, the quality of all as `mesh.json`, and pictures where possible.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    described = {"sensor": sensor.name, "meshes": [describe_mesh(mesh) for mesh in meshes]}
+    (folder / "mesh.json").write_text(json_text(described), encoding="utf-8")
+    write_mesh(folder / MESH_FILE, meshes[-1])
+    return (MESH_FILE, "mesh.json", *write_scene(show_mesh(meshes[-1], sensor.array, title=sensor.name), folder))
 
 
 def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:

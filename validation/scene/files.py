@@ -11,7 +11,9 @@ _LOG = logging.getLogger(__name__)
 
 
 def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
-    """Write `cover.png` and `cover.gltf`; without pyvista or a renderer, warn in one line and write nothing.
+    """Write `cover.png`, `cover.gltf` and, for ParaView, `cover.vtu`.
+
+    Without pyvista nothing is written, without a renderer no picture; one line of warning says so.
 
     Args:
         scene: What is drawn; None for nothing.
@@ -28,8 +30,9 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
     if scene is None:
         return ()
     try:
-        from validation.scene.draw import write_gltf, write_picture
+        from validation.scene.draw import make_grid, write_gltf, write_picture
 
+        make_grid(scene).save(folder / "cover.vtu")
         write_picture(scene, folder / "cover.png")
         write_gltf(scene, folder / "cover.gltf")
     except ImportError:
@@ -37,5 +40,5 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
         return ()
     except RenderingError as error:
         _LOG.warning("no cover.png: %s", error)
-        return ()
-    return ("cover.png", "cover.gltf")
+        return ("cover.vtu",)
+    return ("cover.png", "cover.gltf", "cover.vtu")

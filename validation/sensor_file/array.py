@@ -74,6 +74,7 @@ def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelA
     if (table.rows is None) != (table.columns is None):
         raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
     centres, normals = _read_positions(path)
+    centres = centres * (table.unit or 1.0)
     rows, columns = table.rows or 1, table.columns or len(centres)
     if rows * columns != len(centres):
         raise InputError(

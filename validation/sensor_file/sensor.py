@@ -20,6 +20,13 @@ from meshes.catalogue import ARRAYS, ASSUMED_COVER
 from meshes.solids import fingertip, flat_pad, phalanx
 from validation.curved.body import CoverBody, make_swept_body
 from validation.errors import InputError, nearest
+from validation.sensor_file.curved_cover import (
+    CurvedCoverTable,
+    CurvedSensorTables,
+    build_body,
+    is_curved,
+    project_texels,
+)
 from validation.sensor_file.tables import ElectronicsTable, SensorTables
 
 #: Largest accepted size of a sensor file [bytes]; the gains of ten thousand texels take a fifth of it.
@@ -169,15 +176,9 @@ def has_curved_cover(sensor: str) -> bool:
     if sensor in BUILT_IN or not path.is_file():
         return False
     try:
-        cover = read_tables(path).get("cover")
+        return is_curved(read_tables(path))
     except (InputError, OSError):
         return False  # reported when the file is read
-    return is_curved_table(cover)
-
-
-def is_curved_table(cover: object) -> bool:
-    """Return whether a table `[cover]` describes the body of a cover by files."""
-    return isinstance(cover, Mapping) and any(name in cover for name in ("surface", "mesh", "unit"))
 
 
 def read_template() -> str:
@@ -220,18 +221,16 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
     from validation.sensor_file.array import build_array
     from validation.sensor_file.faults import list_faults
 
+    kind = CurvedSensorTables if is_curved(data) else SensorTables
     try:
-        tables = TypeAdapter(SensorTables).validate_python(dict(data))
+        tables = TypeAdapter(kind).validate_python(dict(data))
     except ValidationError as error:
-        raise InputError(*(f"{source}: {line}" for line in list_faults(error))) from None
+        raise InputError(*(f"{source}: {line}" for line in list_faults(error, kind))) from None
     if faults := [f"{source}: {fault}" for fault in _electronics_faults(tables.electronics)]:
         raise InputError(*faults)
     name = tables.name or source.stem
     array = build_array(tables.array, name=name, source=source)
-    # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
-    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)  # type: ignore[arg-type]
-    cover = Cover(layers=layers, base=tables.cover.base, size=tables.cover.size)
-    _refuse_uncovered(array, cover, source)
+    array, cover, body = _build_cover(tables, array, source)
     low_pass, gains = tables.filter, tables.electronics.gains
     if gains is not None and len(gains) != array.count:
         raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {len(gains)}")
@@ -245,7 +244,27 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
         friction=tables.contact.friction,
         source=str(source),
         assumed_electronics=tuple(_list_assumed(tables.electronics)),
+        body=body,
     )
+
+
+def _build_cover(tables: SensorTables, array: TexelArray, source: Path) -> tuple[TexelArray, Cover, CoverBody | None]:
+    """Make the layers of a flat cover, or the body of a curved one and the texels on its base."""
+    table = tables.cover
+    if isinstance(table, CurvedCoverTable):
+        try:
+            body = build_body(table, source.parent)
+            texels = project_texels(array, body) if tables.array.project else array
+        except InputError as error:
+            raise InputError(*(f"{source}: {fault}" for fault in error.faults)) from None
+        return texels, Cover(layers=(Layer(thickness=body.thickness, material=table.material),)), body
+    if tables.array.project:
+        raise InputError(f"{source}: array.project: is for curved covers; leave it out")
+    # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
+    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in table.layer)  # type: ignore[arg-type]
+    cover = Cover(layers=layers, base=table.base, size=table.size)
+    _refuse_uncovered(array, cover, source)
+    return array, cover, None
 
 
 def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:

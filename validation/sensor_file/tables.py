@@ -106,6 +106,11 @@ def _bounded(lowest: float, highest: float, note: str = "") -> AfterValidator:
     return AfterValidator(check)
 
 
+def read_unit(value: object) -> float:
+    """Read a unit of length such as `mm` [m]."""
+    return read_quantity(f"1 {value}", "length")
+
+
 def _refuse_free_edges(value: object) -> object:
     raise ValueError(f"a cover with a size has free side edges, one without is wide; remove the key, not {value!r}")
 
@@ -142,7 +147,7 @@ def _lengths(value: object) -> tuple[float, float]:
     return numbers
 
 
-def _material(value: object, read_table: Callable[[object], Any]) -> Material:
+def read_material(value: object, read_table: Callable[[object], Any]) -> Material:
     """Read a material: its name in the catalogue, or a table of a material model and its parameters.
 
     Args:
@@ -177,6 +182,8 @@ class ArrayTable:
     columns: TexelCount | None
     pitch: Lengths | None
     positions: str | None = None
+    unit: Annotated[float, BeforeValidator(read_unit)] | None = None
+    project: Annotated[bool, Strict()] = False
     texel_size: Lengths | None = None
     mask: list[str] | list[list[Annotated[int, _bounded(0, 1)]]] | None = None
     name: str | None = None
@@ -248,7 +255,7 @@ class LayerTable:
     """Table `[[cover.layer]]`: one layer of the cover."""
 
     thickness: Length
-    material: Annotated[MaterialTable, WrapValidator(_material)]
+    material: Annotated[MaterialTable, WrapValidator(read_material)]
 
 
 @dataclass(config=_CONFIG, kw_only=True)

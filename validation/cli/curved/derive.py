@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,7 +62,7 @@ def _list_derivation(derivation: CurvedDerivation) -> Iterator[tuple[str, str]]:
     gaussian = derivation.gaussian
     sigma = ", ".join(f"{1e3 * each:.3g}" for each in gaussian.sigma)
     yield "Gaussian", f"sigma {sigma} mm along the surface; it puts {100 * gaussian.residual:.1f} % of a load elsewhere"
-    yield "error estimate", describe_errors(derivation.responses.error_estimate)
+    yield "error estimate", describe_known_errors(derivation.responses.error_estimate)
     yield "time", f"{derivation.seconds:.1f} s"
 
 
@@ -84,6 +84,12 @@ def judge_error(error: float, what: str) -> str:
         f"The estimated error of {what} is {100 * error:.2g} %, above {100 * GOOD_ERROR:g} %: take it as their "
         "uncertainty."
     )
+
+
+def describe_known_errors(estimates: Mapping[str, float]) -> str:
+    """Describe estimated errors, or say that there are none."""
+    known = {name: value for name, value in estimates.items() if not np.isnan(value)}
+    return describe_errors(known) or "none: there is one mesh only"
 
 
 def describe_body(sensor: SensorDescription) -> str:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.cli.curved.derive import describe_body, format_vector, judge_error
+from validation.cli.curved.derive import describe_body, describe_known_errors, format_vector, judge_error
 from validation.cli.failures import DONE
 from validation.cli.meaning import print_meaning
 from validation.cli.options import collect
-from validation.cli.output import describe_errors, print_json, print_rows, print_table, say
+from validation.cli.output import print_json, print_rows, print_table, say
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -225,7 +225,7 @@ def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
     yield "force on the base", f"({format_vector(found.base_force, 4)}) N"
     yield "not measured", f"({format_vector(found.unmeasured, 4)}) N: beside the texels and shear along them"
     yield "depth", f"{1e3 * found.depth:.4f} mm; contact area {1e6 * found.contact_area:.3f} mm²"
-    yield "error estimate", describe_errors(found.error_estimate)
+    yield "error estimate", describe_known_errors(found.error_estimate)
     if press.fast is not None and press.fast.misplaced is not None:
         yield (
             "fast model",

@@ -1,0 +1,330 @@
+"""Closed surface of a cover from its outer surface and its base or thickness, and the part of it that is bonded."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.solids.simplify import collapse_short_edges
+from meshes.solids.triangles import enclosed_volume, find_crossings, merge_corners, nearest_points
+
+#: Most rounds in which the offset surface is smoothed where it folds [-].
+_ROUNDS = 40
+#: Largest share of the area at which the offset may fold nevertheless [-].
+_MOST_FOLDED = 0.005
+#: Smallest accepted distance of an offset over the wanted one [-].
+_THINNEST = 0.5
+#: Edges below this length are collapsed before the offset, over the thickness [-].
+_SHORT = 0.2
+#: Number of rounds after which one more ring of neighbours is smoothed [-].
+_WIDEN, _MOST_RINGS = 3, 10
+#: Factor on the length of smoothed offsets: shorter offsets fold less [-].
+_KEPT = 0.995
+#: Smallest cosine between a triangle and its offset: below it the offset folds [-].
+_FOLDED = 0.2
+#: Distance from the base up to which a triangle of a closed surface belongs to it, over the size [-].
+_ON_BASE = 0.01
+#: Smallest cosine between the normals of such a triangle and of the base, or against it [-].
+_ALIGNED = 0.5
+#: Sum of solid angles over that of a whole sphere from which a point counts as inside [-].
+_INSIDE = 0.5
+#: Mean component of the normals away from the middle of a surface, over its size, below which they point inwards [-].
+_INWARDS = -0.02
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shell:
+    """Closed surface of a cover.
+
+    Attributes:
+        surface: Triangles of the whole surface, counterclockwise as seen from outside, shape (n, 3, 3) [m].
+        base: Triangles of the bonded part, facing into the cover, shape (b, 3, 3) [m].
+        notes: Sentences on what was changed or assumed.
+        nominal: Thickness of an offset [m]; None if the shell has none.
+        is_folded: Whether the surface crosses itself at small folds of an offset.
+    """
+
+    surface: FloatArray
+    base: FloatArray
+    notes: tuple[str, ...] = ()
+    nominal: float | None = None
+    is_folded: bool = False
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the offset, or volume over half of the whole area, which counts the sides too [m]."""
+        if self.nominal is not None:
+            return self.nominal
+        return 2 * enclosed_volume(self.surface) / measure_triangles(self.surface)
+
+
+def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool) -> Shell:
+    """Make a shell between a surface and its offset along the normals.
+
+    Where the surface bends more sharply than the thickness allows, the offset would fold; there its distance is
+    smoothed over the neighbours, and a note states the smallest distance.
+
+    Args:
+        triangles: The outer surface if `inward`, else the base, facing outwards, shape (n, 3, 3) [m].
+        thickness: Distance [m].
+        name: Name of the surface in messages.
+        inward: Whether the offset lies below the surface.
+
+    Raises:
+        ValueError: If the triangles face different ways or inwards, or the offset folds nevertheless.
+    """
+    points, faces = merge_corners(triangles)
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    border = list_border(faces, name)
+    _check_outward(points, faces, name)
+    points, faces = collapse_short_edges(points, faces, _SHORT * thickness)
+    border = list_border(faces, name)
+    normals = point_normals(points, faces)
+    step = (-thickness if inward else thickness) * normals
+    near = _list_neighbours(faces, len(points))
+    areas = np.linalg.norm(_cross(points[faces]), axis=1)
+    best, least = step, np.inf
+    for number in range(_ROUNDS):
+        folded = _find_folds(points, points + step, faces, border, inward=inward)
+        share = float(areas[folded].sum() / areas.sum())
+        if share < least:
+            best, least = step, share
+        if not share:
+            break
+        spots = set(faces[folded].ravel().tolist())
+        step = _smooth(step, near, spots, rings=min(1 + number // _WIDEN, _MOST_RINGS))
+    moved = points + best
+    distance = float(np.linalg.norm(nearest_points(moved, points[faces])[0] - moved, axis=1).min())
+    if least > _MOST_FOLDED or distance < _THINNEST * thickness:
+        raise ValueError(
+            f"{name} bends more sharply than a thickness of {1e3 * thickness:.3g} mm allows; take a smaller thickness, "
+            "or give the surface of the base"
+        )
+    outer, inner = (points, moved) if inward else (moved, points)
+    notes = _describe_offset(distance, thickness)
+    if least:
+        notes += (f"the offset surface folds at {100 * least:.2g} % of its area, where the mesher smooths it",)
+    return Shell(
+        surface=_close(outer, inner, faces, border),
+        base=inner[faces],
+        notes=notes,
+        nominal=thickness,
+        is_folded=bool(least),
+    )
+
+
+def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) -> Shell:
+    """Make a shell from an outer surface and a base, or find the base on the closed surface of a body.
+
+    Args:
+        outer: Outer surface; or, if it is closed and the base lies on it, the surface of the whole body, shape
+            (n, 3, 3) [m].
+        base: Surface of the base, facing either way if it is open, shape (b, 3, 3) [m].
+        distance: Largest distance of the bonded part of a body's surface from the base; 1 % of the size if None [m].
+
+    Raises:
+        ValueError: If a surface is closed and the other one open, or the base is not found on the surface.
+    """
+    outer_points, outer_faces = merge_corners(outer)
+    base_points, base_faces = merge_corners(base)
+    border = list_border(outer_faces, "the outer surface")
+    edge = list_border(base_faces, "the base")
+    if not len(border):
+        chosen = select_base(outer, base, distance=distance, is_closed=not len(edge))
+        if chosen.any():
+            return Shell(surface=outer, base=outer[chosen][:, ::-1], notes=())
+        if not len(edge) and _are_inside(base_points, outer):
+            faces = base_faces if enclosed_volume(base) > 0 else base_faces[:, ::-1]
+            into = base_points[faces]
+            return Shell(surface=np.concatenate([outer, into[:, ::-1]]), base=into)
+        raise ValueError("the base neither lies on the closed outer surface nor inside it; check frame and unit")
+    if not len(edge):
+        raise ValueError("the outer surface is open and the base is closed; close the outer surface, or cut the base")
+    owner = nearest_points(base_points[base_faces].mean(axis=1), outer)[1]
+    agreement = np.einsum("fc,fc->f", _cross(base_points[base_faces]), _unit(_cross(outer))[owner]).sum()
+    if agreement < 0:
+        base_faces = base_faces[:, ::-1]
+    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
+    into = base_points[base_faces]
+    return Shell(surface=np.concatenate([outer_points[outer_faces], into[:, ::-1], strip]), base=into)
+
+
+def select_base(
+    surface: FloatArray, base: FloatArray, *, distance: float | None = None, is_closed: bool = False
+) -> BoolArray:
+    """Find the triangles of a body's surface that lie on its base.
+
+    Args:
+        surface: Triangles of the closed surface, facing outwards, shape (n, 3, 3) [m].
+        base: Triangles of the base, shape (b, 3, 3) [m].
+        distance: Largest distance from the base; 1 % of the size if None [m].
+        is_closed: Whether the base is the closed surface of a core, so that bonded triangles face it.
+
+    Returns:
+        Whether each triangle belongs to the base, shape (n,).
+    """
+    limit = _ON_BASE * float(np.ptp(surface, axis=(0, 1)).max()) if distance is None else distance
+    middle = surface.mean(axis=1)
+    near, owner = nearest_points(middle, base)
+    cosine = np.einsum("fc,fc->f", _unit(_cross(surface)), _unit(_cross(base))[owner])
+    cosine = -np.sign(enclosed_volume(base)) * cosine if is_closed else np.abs(cosine)
+    return np.asarray((np.linalg.norm(near - middle, axis=1) <= limit) & (cosine > _ALIGNED))
+
+
+def list_border(faces: IntArray, name: str) -> IntArray:
+    """List the directed edges that belong to one triangle only, shape (k, 2).
+
+    Raises:
+        ValueError: If more than two triangles share an edge, or two share it and face different ways.
+    """
+    edges = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    _, place, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    if (count > 2).any():  # noqa: PLR2004
+        raise ValueError(f"{name} has {int((count > 2).sum())} edges with more than two triangles; repair it")  # noqa: PLR2004
+    sign = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    wrong = int((np.abs(np.bincount(place.ravel(), sign)) > 1).sum())
+    if wrong:
+        raise ValueError(
+            f"{name} has {wrong} edges whose triangles face different ways; recompute its normals outwards"
+        )
+    return np.asarray(edges[count[place.ravel()] == 1])
+
+
+def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Compute unit normals at points, averaged over their triangles by angle, shape (p, 3) [-]."""
+    corner = points[faces]
+    normal = _unit(_cross(corner))
+    out = np.zeros_like(points)
+    for k in range(3):
+        one, other = _unit(corner[:, (k + 1) % 3] - corner[:, k]), _unit(corner[:, (k + 2) % 3] - corner[:, k])
+        angle = np.arccos(np.clip(np.einsum("fc,fc->f", one, other), -1, 1))
+        np.add.at(out, faces[:, k], angle[:, None] * normal)
+    return _unit(out)
+
+
+def measure_triangles(triangles: FloatArray) -> float:
+    """Compute the area of triangles [m2]."""
+    return float(np.linalg.norm(_cross(triangles), axis=1).sum() / 2)
+
+
+def _check_outward(points: FloatArray, faces: IntArray, name: str) -> None:
+    area = _cross(points[faces])
+    away = points[faces].mean(axis=1) - points.mean(axis=0)
+    mean = np.einsum("fc,fc->", area, away) / np.linalg.norm(area, axis=1).sum()
+    if mean < _INWARDS * float(np.ptp(points, axis=0).max()):
+        raise ValueError(f"{name} is inside out: its triangles face inwards; reverse its normals")
+
+
+def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: IntArray, *, inward: bool) -> BoolArray:
+    """Return whether the offset of each triangle is turned over or crosses another triangle, shape (f,)."""
+    before, after = _unit(_cross(points[faces])), _unit(_cross(moved[faces]))
+    # A sliver's own normal may be far from that of the surface; its offset must only not be turned further.
+    surface = _unit(point_normals(points, faces)[faces].sum(axis=1))
+    limit = np.minimum(_FOLDED, np.einsum("fc,fc->f", before, surface) - _FOLDED)
+    out = np.einsum("fc,fc->f", surface, after) < limit
+    if not out.any():  # crossings take longer
+        outer, inner = (points, moved) if inward else (moved, points)
+        count = len(faces)
+        for pair in find_crossings(_close(outer, inner, faces, border)):
+            out[[each % count for each in pair if each < 2 * count]] = True
+    return np.asarray(out)
+
+
+def _close(outer: FloatArray, inner: FloatArray, faces: IntArray, border: IntArray) -> FloatArray:
+    """Join two surfaces with the same triangles by a strip along their border; outer first, then inner, then strip."""
+    first, second = border.T
+    strip = np.concatenate(
+        [
+            np.stack([outer[second], outer[first], inner[first]], axis=1),
+            np.stack([outer[second], inner[first], inner[second]], axis=1),
+        ]
+    )
+    return np.concatenate([outer[faces], inner[faces[:, ::-1]], strip])
+
+
+def _smooth(step: FloatArray, near: list[list[int]], spots: set[int], *, rings: int) -> FloatArray:
+    """Average the offsets around some points; the lengths stay near those of the neighbours."""
+    for _ in range(rings):
+        spots = spots | {other for spot in spots for other in near[spot]}
+    out = step.copy()
+    for _ in range(rings):
+        mean = {spot: out[[spot, *near[spot]]] for spot in spots}
+        for spot, values in mean.items():
+            length = np.linalg.norm(values, axis=1).mean()
+            total = values.sum(axis=0)
+            out[spot] = _KEPT * length * total / max(float(np.linalg.norm(total)), 1e-300)
+    return out
+
+
+def _describe_offset(distance: float, thickness: float) -> tuple[str, ...]:
+    if distance > 0.98 * thickness:
+        return ()
+    text = f"the surface bends more sharply than {1e3 * thickness:.3g} mm at some points: there the cover is thinner, "
+    return (f"{text}at least {1e3 * distance:.3g} mm",)
+
+
+def _list_neighbours(faces: IntArray, count: int) -> list[list[int]]:
+    near: dict[int, set[int]] = defaultdict(set)
+    for a, b, c in faces.tolist():
+        near[a] |= {b, c}
+        near[b] |= {a, c}
+        near[c] |= {a, b}
+    return [sorted(near[point]) for point in range(count)]
+
+
+def _zip(outer: FloatArray, border: IntArray, base: FloatArray, edge: IntArray) -> FloatArray:
+    """Join the border of an outer surface and that of a base, which faces out of the body, by a strip of triangles."""
+    one, other = outer[_order(border, "the outer surface")], base[_order(edge, "the base")][::-1]
+    start = int(np.argmin(np.linalg.norm(other - one[0], axis=1)))
+    one, other = np.concatenate([one, one[:1]]), np.roll(other, -start, axis=0)
+    other = np.concatenate([other, other[:1]])
+    i, j, out = 0, 0, []
+    while i < len(one) - 1 or j < len(other) - 1:
+        on_outer = j == len(other) - 1 or (
+            i < len(one) - 1 and np.linalg.norm(one[i + 1] - other[j]) <= np.linalg.norm(one[i] - other[j + 1])
+        )
+        if on_outer:
+            out.append([one[i + 1], one[i], other[j]])
+            i += 1
+        else:
+            out.append([one[i], other[j], other[j + 1]])
+            j += 1
+    return np.array(out)
+
+
+def _order(border: IntArray, name: str) -> IntArray:
+    """Order the points of a border that is one loop."""
+    following = dict(border.tolist())
+    loop = [int(border[0, 0])]
+    while following[loop[-1]] != loop[0] and len(loop) <= len(border):
+        loop.append(following[loop[-1]])
+    if len(loop) != len(border):
+        raise ValueError(f"{name} has several borders; close its holes, or give a closed surface")
+    return np.array(loop)
+
+
+def _are_inside(points: FloatArray, surface: FloatArray) -> bool:
+    """Return whether points lie inside a closed surface, by the solid angles of its triangles."""
+    for point in points[:: max(1, len(points) // 20)]:
+        corner = surface - point
+        length = np.linalg.norm(corner, axis=2)
+        a, b, c = corner.transpose(1, 0, 2)
+        volume = np.einsum("fc,fc->f", a, np.cross(b, c))
+        scale = length.prod(axis=1)
+        for k in range(3):
+            scale += np.einsum("fc,fc->f", corner[:, k], corner[:, (k + 1) % 3]) * length[:, (k + 2) % 3]
+        if np.abs(2 * np.arctan2(volume, scale).sum()) / (4 * np.pi) < _INSIDE:
+            return False
+    return True
+
+
+def _cross(triangles: FloatArray) -> FloatArray:
+    """Return normal vectors with twice the area as length, shape (n, 3) [m2]."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))

@@ -1,0 +1,64 @@
+"""Surfaces and tetrahedra from files of other programs."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from meshes.solids.triangles import enclosed_volume
+from meshes.surfaces.surface_files import orient_tetrahedra, read_tetrahedra, read_triangles
+
+CUBE = trimesh.creation.box((10, 20, 30))
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "ply"])
+def test_a_body_is_read_in_its_unit(tmp_path, kind):
+    path = tmp_path / f"cube.{kind}"
+    path.write_bytes(trimesh.exchange.export.export_mesh(CUBE, None, file_type=kind) if kind != "obj" else b"")
+    if kind == "obj":
+        path.write_text(trimesh.exchange.obj.export_obj(CUBE))
+    assert enclosed_volume(read_triangles(path, 1e-3)) == pytest.approx(6e-6, rel=1e-6)
+
+
+def test_a_grid_skips_missing_points(tmp_path):
+    x, y = np.meshgrid(np.arange(5.0) + 1, np.arange(4.0) + 1)
+    grid = np.stack([x, y, 0 * x], axis=-1)
+    grid[0, 0] = 0
+    np.save(tmp_path / "grid.npy", grid)
+    triangles = read_triangles(tmp_path / "grid.npy", 1.0)
+    assert len(triangles) == 2 * (4 * 3 - 1)
+
+
+def test_tetrahedra_are_oriented_and_their_boundary_is_taken(tmp_path):
+    text = "# tet\n\nv 0 0 0 0\nv 1 0 0 0\nv 0 1 0 0\nv 0 0 1 0\nt 0 2 1 3\n"
+    path = tmp_path / "one.tet"
+    path.write_text(text)
+    nodes, cells = read_tetrahedra(path, 1e-3)
+    corner = nodes[orient_tetrahedra(nodes, cells)][0]
+    assert np.linalg.det(corner[1:] - corner[0]) == pytest.approx(1e-9)
+    assert enclosed_volume(read_triangles(path, 1e-3)) == pytest.approx(1e-9 / 6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.stl", b"solid nothing"),
+        ("a.stl", b"\x00" * 90),
+        ("a.obj", b"v 0 0 0\nf 1 2 9\n"),
+        ("a.ply", b"ply\nformat"),
+        ("a.npy", b"no numpy"),
+        ("a.tet", b"v 0 0 0 0\nt 0 1 2 3\n"),
+        ("a.tet", b"\xff\xfe"),
+        ("a.tet", b"v 0 0 nan 0\nv 0 0 1\nv 0 1 0\nv 1 0 0\nt 0 1 2 3\n"),
+        ("a.step", b""),
+    ],
+)
+def test_damaged_files_are_refused_in_one_line(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=r"^a\.") as caught:
+        read_triangles(tmp_path / name, 1.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"none\.stl: .*give the path"):
+        read_triangles(tmp_path / "none.stl", 1.0)

@@ -1,0 +1,137 @@
+"""Sensor files whose cover is given by surfaces or by a mesh."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from meshes.npz import pack_npz, unpack_npz
+from meshes.solids import fingertip, write_mesh
+from validation.errors import InputError
+from validation.sensor_file import load
+from validation.sensor_file.sensor import has_curved_cover
+
+COVER = 'surface = "outer.stl"\nthickness = "2 mm"\nunit = "mm"\nmaterial = "dragon-skin-30"\n'
+
+
+def write_sensor(folder, cover=COVER, array='positions = "texels.csv"\nunit = "mm"\nproject = true\n', texel="0,0,10"):
+    (folder / "texels.csv").write_text(f"x,y,z\n{texel}\n3,0,9.5\n")
+    path = folder / "sensor.toml"
+    path.write_text(f"[array]\n{array}[cover]\n{cover}")
+    return path
+
+
+def write_ball(folder, name="outer.stl", radius=10.0, change=None):
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=radius)
+    if change:
+        change(ball)
+    ball.export(folder / name)
+
+
+def refuse(path):
+    with pytest.raises(InputError) as caught:
+        load(path)
+    (line,) = caught.value.faults
+    return line
+
+
+def test_texels_are_projected_onto_the_base(tmp_path):
+    write_ball(tmp_path)
+    path = write_sensor(tmp_path)
+    assert has_curved_cover(str(path))
+    sensor = load(path)
+    np.testing.assert_allclose(np.linalg.norm(sensor.array.centres, axis=1), 8e-3, rtol=0.03)
+    np.testing.assert_allclose(sensor.array.normals[0], [0, 0, 1], atol=0.05)
+    assert sensor.cover.thickness == pytest.approx(2e-3)
+    assert sensor.body.source == "outer.stl and 2 mm below it"
+
+
+def test_a_surface_over_a_base(tmp_path):
+    write_ball(tmp_path)
+    write_ball(tmp_path, "base.stl", radius=8.0)
+    sensor = load(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
+    assert sensor.body.source == "outer.stl over base.stl"
+    with pytest.raises(InputError, match="--thickness: the thickness follows from"):
+        load(tmp_path / "sensor.toml", thickness="3mm")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda ball: ball.update_faces(np.arange(len(ball.faces)) > 0), None),  # an open surface is closed by its base
+        (lambda ball: ball.invert(), "outer.stl is inside out: its triangles face inwards"),
+        (lambda ball: ball.apply_scale(1e-3), "would be 0.02 mm long.*millimetres taken for metres"),
+        (lambda ball: ball.apply_scale(1e3), "would be 2e\\+04 mm long.*millimetres taken for metres"),
+        (lambda ball: ball.faces.__setitem__(0, ball.faces[0, ::-1]), "face different ways"),
+    ],
+)
+def test_bad_surfaces_end_in_one_line(tmp_path, change, said):
+    write_ball(tmp_path, change=change)
+    path = write_sensor(tmp_path)
+    if said is None:
+        load(path)
+    else:
+        line = refuse(path)
+        assert line.startswith(f"{path}: cover")
+        assert __import__("re").search(said, line)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["outer.stl", "sensor.toml", "texels.csv"]
+
+
+def test_a_surface_that_crosses_itself_is_refused(tmp_path):
+    write_ball(tmp_path)
+    write_ball(tmp_path, "base.stl", radius=8.0, change=lambda ball: ball.apply_translation([4, 0, 0]))
+    line = refuse(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
+    assert "neither lies on" in line or "intersects itself" in line
+
+
+def test_a_body_with_open_edges_is_refused(tmp_path):
+    write_ball(tmp_path, change=lambda ball: ball.update_faces(np.arange(len(ball.faces)) > 0))
+    write_ball(tmp_path, "base.stl", radius=8.0)
+    line = refuse(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
+    assert "the outer surface is open" in line
+
+
+@pytest.mark.parametrize(
+    ("cover", "said"),
+    [
+        (COVER.replace('unit = "mm"\n', ""), "cover.unit: is missing"),
+        (COVER.replace('thickness = "2 mm"\n', ""), "cover.thickness: give surface and base"),
+        (COVER.replace("outer.stl", "outer.step"), "cover.surface: 'outer.step' has an unknown ending"),
+        (COVER.replace('unit = "mm"', 'unit = "kg"'), "cover.unit: 'kg' in '1 kg' is not a unit of length"),
+        (COVER.replace("surface", "shape"), "cover.shape: unknown key"),
+        (COVER.replace('"outer.stl"', '"none.stl"'), "none.stl: No such file"),
+        (COVER + 'mesh = "mesh.npz"\n', "cover.mesh: replaces surface and thickness"),
+    ],
+)
+def test_faults_of_the_table_are_named(tmp_path, cover, said):
+    write_ball(tmp_path)
+    with pytest.raises(InputError) as caught:
+        load(write_sensor(tmp_path, cover))
+    assert said in "\n".join(caught.value.faults)
+
+
+def test_texels_far_from_the_base_are_named(tmp_path):
+    write_ball(tmp_path)
+    assert "texel 0 by " in refuse(write_sensor(tmp_path, texel="0,0,30"))
+    line = refuse(write_sensor(tmp_path, array='positions = "texels.csv"\nproject = true\n'))  # metres, not millimetres
+    assert "2 of 2 texels are far from the base" in line
+
+
+def test_a_mesh_file_is_taken_and_a_changed_one_is_named(tmp_path):
+    tip = fingertip()
+    write_mesh(tmp_path / "mesh.npz", tip.mesh(3e-3, layers=2))
+    path = write_sensor(tmp_path, 'mesh = "mesh.npz"\nmaterial = "dragon-skin-30"\n', texel="0,-5,6")
+    sensor = load(path)
+    assert sensor.body.meshes()[0].digest == tip.mesh(3e-3, layers=2).digest
+    arrays = unpack_npz((tmp_path / "mesh.npz").read_bytes(), most=2**30)
+    arrays = dict(arrays) | {"nodes": arrays["nodes"] * 1.001}
+    assert json.loads(str(arrays["about"]))["digest"] == sensor.body.meshes()[0].digest
+    (tmp_path / "mesh.npz").write_bytes(pack_npz(arrays))
+    assert "mesh.npz was changed after it was written" in refuse(path)
+
+
+def test_flat_covers_are_not_projected(tmp_path):
+    path = write_sensor(tmp_path, '[[cover.layer]]\nthickness = "2 mm"\nmaterial = "dragon-skin-30"\n')
+    assert not has_curved_cover(str(path))
+    assert "array.project: is for curved covers" in refuse(path)

@@ -1,0 +1,68 @@
+"""The command `softcover mesh`, which meshes a curved cover and reports the quality of the meshes."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from validation.cli.options import Json, SensorFile, Thickness
+from validation.cli.output import print_json, print_rows, say
+from validation.cli.progress import Progress
+from validation.errors import InputError
+
+if TYPE_CHECKING:
+    from meshes.solids import SolidMesh
+    from validation.sensor_file import SensorDescription
+
+_Out = Annotated[Path | None, Parameter(help="Folder for the finest mesh, its quality and pictures.")]
+
+
+def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, json: Json = False) -> None:
+    """Mesh a curved cover, check the meshes and the texels, and report their quality.
+
+    The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
+    `[cover] mesh = "mesh.npz"`; if the file is changed, it is refused.
+
+    Examples of use:
+
+        softcover mesh fingertip
+        softcover mesh sensor.toml --out meshed
+    """
+    from validation.cli.sensors import read_description
+    from validation.curved.files import write_mesh_report
+    from validation.curved.press import describe_mesh, make_meshes
+    from validation.output_folder import new_folder
+
+    description = read_description(sensor, thickness=thickness, curved=True)
+    if description.body is None:
+        raise InputError(f"{description.source}: has a flat cover, which needs no mesh file")
+    files: tuple[str, ...] = ()
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(new_folder(out)) if out else None
+        with Progress() as progress:
+            meshes = make_meshes(description, progress)
+        if folder:
+            files = write_mesh_report(description, meshes, folder)
+    if json:
+        print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
+    else:
+        print_rows(_list_quality(description, meshes), title=f"Meshes of {description.name}")
+    if files:
+        say(f"wrote {', '.join(files)} to {out}")
+
+
+def _list_quality(sensor: SensorDescription, meshes: tuple[SolidMesh, ...]) -> Iterator[tuple[str, str]]:
+    from meshes.solids import check_quality
+
+    if sensor.body is not None:
+        yield "cover", f"{sensor.body.source}; thickness {1e3 * sensor.body.thickness:.3g} mm"
+        for note in sensor.body.notes:
+            yield "note", note
+    for number, mesh_of_size in enumerate(meshes, start=1):
+        for index, line in enumerate(check_quality(mesh_of_size).lines()):
+            yield "" if index else f"mesh {number}", line
+        yield "", f"hash {mesh_of_size.digest}"

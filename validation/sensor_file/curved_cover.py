@@ -1,0 +1,237 @@
+"""Making of the body of a curved cover from the table `[cover]` of a sensor file that names surfaces or a mesh."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, WrapValidator
+from pydantic.dataclasses import dataclass
+
+from meshes import TexelArray
+from meshes.array_types import FloatArray
+from meshes.solids import SolidMesh, check_quality, read_mesh
+from meshes.solids.quality import SIZES
+from meshes.solids.shell import Shell, join, select_base, thicken
+from meshes.solids.tetrahedra import classify_boundary, list_boundary
+from meshes.solids.triangles import check_closed, nearest_points
+from meshes.surfaces.surface_files import (
+    SURFACES,
+    TETRAHEDRA,
+    orient_tetrahedra,
+    read_tetrahedra,
+    read_triangles,
+)
+from validation.curved.body import CoverBody, mesh_shell
+from validation.errors import InputError
+from validation.sensor_file.tables import Length, MaterialTable, SensorTables, read_material, read_unit
+
+#: Element sizes of two meshes of tetrahedra over the thickness, and over the element size that a file states [-].
+_SIZES, _COARSER = (0.6, 0.45), 1.33
+#: Distance over the mean thickness up to which texels are projected onto the base [-].
+_FARTHEST = 2.5
+#: Tolerance with which the bonded facets of given tetrahedra are found again, over the size [-].
+_SAME = 1e-6
+
+
+@dataclass(config=ConfigDict(extra="forbid"), kw_only=True)
+class CurvedCoverTable:
+    """Table `[cover]` of a cover whose shape is in files."""
+
+    material: Annotated[MaterialTable, WrapValidator(read_material)]
+    surface: str | None = None
+    base: str | None = None
+    mesh: str | None = None
+    thickness: Length | None = None
+    unit: Annotated[float, BeforeValidator(read_unit)] | None = None
+    element_size: Length | None = None
+    base_distance: Length | None = None
+
+
+@dataclass(config=ConfigDict(extra="forbid"), kw_only=True)
+class CurvedSensorTables(SensorTables):
+    """All tables of a sensor file with a curved cover."""
+
+    cover: CurvedCoverTable  # type: ignore[assignment]
+
+
+def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
+    """Make the body of a curved cover.
+
+    Args:
+        table: The table `[cover]`.
+        folder: Folder of the sensor file; the paths in the table are relative to it.
+
+    Raises:
+        InputError: With one line per fault: keys that do not go together, a missing unit, files that cannot be read, or
+            surfaces of which no body can be made.
+    """
+    faults = list(_list_faults(table))
+    if faults:
+        raise InputError(*(f"cover.{fault}" for fault in faults))
+    try:
+        if table.mesh is not None:
+            return _take_mesh(table, folder)
+        shell, source = _build_shell(table, folder)
+        check_closed(shell.surface, f"the body of {source}", crossings=not shell.is_folded)
+    except ValueError as error:
+        raise InputError(*(f"cover: {line}" for line in str(error).splitlines())) from None
+    thickness = shell.thickness
+    if table.element_size is None:
+        sizes = tuple(factor * thickness for factor in _SIZES)
+    else:
+        sizes = (_COARSER * table.element_size, table.element_size)
+    return CoverBody(
+        source=source,
+        thickness=thickness,
+        make=partial(mesh_shell, shell, source, sizes),
+        changeable=False,
+        notes=shell.notes,
+        base=shell.base,
+    )
+
+
+def project_texels(texels: TexelArray, body: CoverBody) -> TexelArray:
+    """Move texels to the nearest points of the base, and take their normals from it.
+
+    Raises:
+        InputError: If a texel is far from the base.
+    """
+    from meshes.solids.shell import point_normals
+    from meshes.solids.triangles import merge_corners
+
+    base = body.base if body.base is not None else body.meshes()[-1].nodes[body.meshes()[-1].base[:, :3]]
+    points, faces = merge_corners(base)
+    corners = points[faces]
+    near, owner = nearest_points(texels.centres, corners)
+    distance = np.linalg.norm(near - texels.centres, axis=1)
+    worst = int(np.argmax(distance))
+    if distance[worst] > _FARTHEST * body.thickness:
+        raise InputError(
+            f"array.positions: {int((distance > _FARTHEST * body.thickness).sum())} of {texels.count} texels are far "
+            f"from the base: texel {worst} by {1e3 * distance[worst]:.4g} mm; check array.unit and the frame"
+        )
+    share = _barycentric(near, corners[owner])
+    normals = np.einsum("nk,nkc->nc", share, point_normals(points, faces)[faces[owner]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return dataclasses.replace(texels, centres=near, normals=normals)
+
+
+def _list_faults(table: CurvedCoverTable) -> list[str]:
+    """List keys that are missing or do not go together."""
+    faults = []
+    files = {name: value for name in ("surface", "base", "mesh") if (value := getattr(table, name)) is not None}
+    own = table.mesh is not None and table.mesh.lower().endswith(".npz")
+    if table.mesh is not None:
+        if table.surface is not None or table.thickness is not None:
+            faults.append("mesh: replaces surface and thickness; leave them out")
+        if not own and table.base is None:
+            faults.append(
+                'base: is missing; write for example base = "core.stl", the surface to which the mesh is bonded'
+            )
+    elif table.surface is None and table.base is None:
+        faults.append('surface: is missing; write for example surface = "outer.stl" with thickness or base')
+    elif (table.thickness is None) == (table.surface is None or table.base is None):
+        faults.append('thickness: give surface and base, or one of them and thickness = "2 mm"')
+    if table.unit is None and not own:
+        faults.append('unit: is missing, and the files do not state it; write for example unit = "mm"')
+    for name, value in files.items():
+        kinds = (".npz", *TETRAHEDRA) if name == "mesh" else SURFACES
+        if not value.lower().endswith(kinds):
+            faults.append(f"{name}: {value[:80]!r} has an unknown ending; accepted: {', '.join(kinds)}")
+    return faults
+
+
+def _check_size(triangles: FloatArray, name: str) -> None:
+    size = float(np.ptp(triangles, axis=(0, 1)).max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise ValueError(
+            f"unit: {name} would be {1e3 * size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm "
+            "(were millimetres taken for metres?)"
+        )
+
+
+def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
+    """Make the closed surface of the body, and say in words from what."""
+    assert table.unit is not None  # noqa: S101 -- checked before
+    if table.thickness is not None:
+        name, inward = (table.surface, True) if table.surface is not None else (table.base, False)
+        triangles = read_triangles(folder / str(name), table.unit)
+        _check_size(triangles, str(name))
+        words = f"{name} and {1e3 * table.thickness:g} mm {'below' if inward else 'above'} it"
+        return thicken(triangles, table.thickness, str(name), inward=inward), words
+    outer, base = (read_triangles(folder / str(name), table.unit) for name in (table.surface, table.base))
+    _check_size(outer, str(table.surface))
+    _check_size(base, str(table.base))
+    return join(outer, base, distance=table.base_distance), f"{table.surface} over {table.base}"
+
+
+def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
+    """Take tetrahedra or a mesh of softcover as they are, after repair of what can be repaired."""
+    path, notes = folder / str(table.mesh), []
+    if path.suffix.lower() == ".npz":
+        mesh = read_mesh(path)
+    else:
+        assert table.unit is not None  # noqa: S101 -- checked before
+        nodes, cells = read_tetrahedra(path, table.unit)
+        oriented = orient_tetrahedra(nodes, cells)
+        turned = int((oriented != cells).any(axis=1).sum())
+        corner = nodes[oriented]
+        flat = np.linalg.det(corner[:, 1:] - corner[:, :1]) <= 0
+        if turned or flat.any():
+            notes.append(f"{turned} tetrahedra of {path.name} were turned, {int(flat.sum())} without volume left out")
+        oriented = oriented[~flat]
+        boundary = nodes[list_boundary(oriented)]
+        given = read_triangles(folder / str(table.base), table.unit)
+        from meshes.solids.shell import list_border
+        from meshes.solids.triangles import merge_corners
+
+        is_closed = not len(list_border(merge_corners(given)[1], str(table.base)))
+        chosen = select_base(boundary, given, distance=table.base_distance, is_closed=is_closed)
+        if not chosen.any():
+            raise ValueError(
+                f"no part of {path.name} lies on {table.base}; check frame and unit, or give base_distance"
+            )
+        mesh = classify_boundary(
+            nodes,
+            oriented,
+            boundary[chosen],
+            tolerance=_SAME * float(np.ptp(nodes, axis=0).max()),
+            settings={"file": path.name},
+            source=f"tetrahedra of {path.name}",
+        )
+    quality = check_quality(mesh)
+    return CoverBody(
+        source=f"{path.name}, {quality.elements} {quality.kind}",
+        thickness=quality.thickness,
+        make=partial(_keep, mesh),
+        changeable=False,
+        notes=tuple(notes),
+    )
+
+
+def _keep(mesh: SolidMesh, *_: Any) -> tuple[SolidMesh, ...]:  # noqa: ANN401 -- nothing to choose
+    return (mesh,)
+
+
+def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return the weights of the corners of triangles at points in them, shape (n, 3) [-]."""
+    whole = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    square = np.maximum(np.einsum("nc,nc->n", whole, whole), 1e-300)
+    out = []
+    for k in range(3):
+        one, other = corners[:, (k + 1) % 3] - points, corners[:, (k + 2) % 3] - points
+        out.append(np.einsum("nc,nc->n", np.cross(one, other), whole) / square)
+    return np.asarray(np.maximum(np.stack(out, axis=1), 0.0) + 1e-12)
+
+
+def is_curved(data: Mapping[str, Any]) -> bool:
+    """Return whether the tables of a sensor file describe a cover whose shape is in files."""
+    cover = data.get("cover")
+    if not isinstance(cover, Mapping):
+        return False
+    return any(name in cover for name in ("surface", "mesh", "unit")) or "." in str(cover.get("base", ""))
