@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.curved.contact import CurvedContact
 from fastmodel.errors import FastModelError, UnknownNameError, check_type
 from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
@@ -55,8 +56,8 @@ def attach(
         name: Name of the sensor, and prefix of the names of its geoms.
         position: Origin of the array's frame in the frame of the body or site, shape (3,) [m].
         quaternion: Orientation of the array's frame in the frame of the body or site, scalar first, shape (4,) [-].
-        contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default `cover` if the parameters
-            hold the cover's cells, otherwise `boxes`.
+        contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default `curved` if the parameters
+            hold a curved cover, `cover` if they hold the cells of a flat one, otherwise `boxes`.
         every: Number of physics steps between two samples of the contact forces [-].  By default 1 for the method
             `boxes`, otherwise the largest number that frame rate and filter allow.
         replaces: Geoms of the same body that the array takes the place of, by name or as the geoms themselves.
@@ -67,7 +68,7 @@ def attach(
     Raises:
         ArgumentTypeError: If an argument has a wrong type.
         UnknownNameError: If the body or site, the contact method, or a geom to replace does not exist.
-        OverlapError: If texels overlap.
+        OverlapError: If texels overlap, unless the cover is curved.
         FastModelError: If the body, site or geom belongs to another spec, another sensor has this name, `every` is not
             a positive whole number, or position and quaternion are not a pose.
     """
@@ -77,7 +78,8 @@ def attach(
     _, method = choose_method(contact, parameters)
     _check_every(every)
     _check_name(spec, name)
-    refuse_overlaps(parameters.array)
+    if not isinstance(method, CurvedContact):  # the influence of a curved cover shares overlaps among the texels
+        refuse_overlaps(parameters.array)
     carrier, origin = _find_carrier(spec, body)
     replaced = _find_replaced(spec, carrier, replaces)
     method.attach(carrier, parameters.array, origin.transform(Pose.of(position, quaternion)), name)

@@ -100,7 +100,7 @@ def phalanx(
 def fingertip(
     *, radius: float = 6e-3, length: float = 14.4e-3, thickness: float = 2e-3, pitch: float = 2.35e-3
 ) -> SweptCover:
-    """Make the front half of a fingertip: half a cylinder about y that ends in a quarter sphere; 68 texels by default.
+    """Make the front half of a fingertip: half a cylinder about y that ends in a quarter sphere; 66 texels by default.
 
     Args:
         radius: Radius of the base [m].

@@ -167,3 +167,11 @@ def test_the_method_needs_a_curved_cover(parameters):
     flat = dataclasses.replace(parameters, curved=None)
     with pytest.raises(ParametersError, match="needs a curved cover"):
         fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, method="curved")
+
+
+def test_texels_of_a_curved_cover_may_share_corners(parameters):
+    wide = dataclasses.replace(parameters.array, texel_size=(6e-3, 6e-3), pitch=(6e-3, 6e-3))
+    spec = mujoco.MjSpec()
+    fastmodel.attach(spec, "world", dataclasses.replace(parameters, array=wide))
+    with pytest.raises(fastmodel.OverlapError):
+        fastmodel.attach(mujoco.MjSpec(), "world", dataclasses.replace(parameters, array=wide), contact="boxes")
