@@ -82,9 +82,14 @@ def solve_pressure(
             )
         columns, target, first = _build_constraints(cover, loads, owner, gap)
         forces, motion, found = _exchange(cover, gap, columns, target, touching)
-        travel = travel + motion[first]
         touching = forces > 0
-        if found and np.abs(motion[first]).max() <= _SETTLED * cover.thickness:
+        # The travel is what all motions of a body together do along the first: others may almost contain it.
+        along = columns[touching][:, first]
+        change = (along * (columns[touching] @ motion)[:, None]).sum(axis=0) / np.maximum(
+            (along**2).sum(axis=0), np.finfo(float).tiny
+        )
+        travel = travel + change
+        if found and np.abs(change).max() <= _SETTLED * cover.thickness:
             break
     points = np.bincount(owner[touching], minlength=len(bodies))
     return CurvedPressure(forces=forces, travel=travel, points=points, settled=found)

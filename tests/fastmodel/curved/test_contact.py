@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fastmodel
+import meshes
 from fastmodel import WTS_0614_34, Parameters, Tabulated
 from fastmodel.curved.contact import CurvedContact
 from fastmodel.curved.cover import CurvedCover
@@ -19,6 +20,7 @@ from meshes import Sphere, TexelArray
 from meshes.spatial_pose import SpatialPose
 
 LOAD = 0.5
+UP = SpatialPose.facing([0, 0, 0.1], [0, 0, -1])
 QUATERNION = np.array([0.9, 0.1, 0.3, 0.2]) / np.linalg.norm([0.9, 0.1, 0.3, 0.2])
 PLACE = np.array([0.1, 0, 0.2])
 
@@ -175,3 +177,22 @@ def test_texels_of_a_curved_cover_may_share_corners(parameters):
     fastmodel.attach(spec, "world", dataclasses.replace(parameters, array=wide))
     with pytest.raises(fastmodel.OverlapError):
         fastmodel.attach(mujoco.MjSpec(), "world", dataclasses.replace(parameters, array=wide), contact="boxes")
+
+
+def test_a_free_plate_rests_with_its_weight(parameters):
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    sensor = fastmodel.attach(spec, "world", parameters)
+    plate = spec.worldbody.add_body(pos=[0, 0, 12.1e-3])
+    plate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 2e-3], mass=0.04)
+    plate.add_freejoint()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sensor.bind(model)
+    for _ in range(30):  # before it tips over the dome
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    known = press_curved(COVER, meshes.Box(size=(10e-3, 10e-3, 4e-3)), UP, load=sensor.carried())
+    assert 0.1 < sensor.carried() < 1.0
+    np.testing.assert_allclose(sensor.contact_forces().sum(), known.forces.sum(), rtol=1e-2)

@@ -1,0 +1,37 @@
+"""The fast model of the fingertip against the reference on finer meshes, from several sides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fastmodel.curved.press import press_curved as press_fast
+from fem_reference.curved_cover import press_curved
+from meshes import Box, Material, Sphere
+from meshes.solids import fingertip
+from meshes.spatial_pose import SpatialPose
+from validation.derivation.curved import derive_curved_cover
+
+RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+COVER = fingertip()
+PRESSES = [
+    (Sphere(radius=4e-3), [0, -6.3, 0], [0, 0, -1], 0.3),
+    (Sphere(radius=6e-3), [0, -3, 2], [-1, 0.1, -0.5], 0.4),
+    (Sphere(radius=5e-3), [0.4, 0, 2], [0.1, -1, -0.4], 0.3),
+    (Box(size=(5e-3, 4e-3, 5e-3)), [0, -9, 1], [-0.4, 0, -1], 0.4),
+    (Box(size=(12e-3, 12e-3, 5e-3)), [0, -4, 0], [0, -0.3, -1], 1.0),
+]
+
+
+@pytest.mark.slow
+def test_the_fast_model_misplaces_little_of_the_load():
+    fast = derive_curved_cover(COVER.mesh(), COVER.texels, RUBBER)
+    finest = COVER.meshes()[-1]
+    misplaced = []
+    for shape, at, direction, load in PRESSES:
+        pose = SpatialPose.facing(1e-3 * np.array(at) - 25e-3 * np.array(direction), direction)
+        known = press_curved(finest, COVER.texels, RUBBER, shape, pose, load=load)
+        found = press_fast(fast, shape, pose, load=load)
+        misplaced.append(np.abs(found.texel_forces - known.texel_forces).sum() / (2 * load))
+    assert np.median(misplaced) < 0.05
+    assert max(misplaced) < 0.12
