@@ -34,6 +34,7 @@ _EXTRAS = {
     "rosbags": "device",
     "gymnasium": "gym",
     "pyvista": "view",
+    "pytetwild": "curved",
 }
 
 

@@ -42,3 +42,8 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
         _LOG.warning("no cover.png: %s", error)
         return ("cover.vtu",)
     return ("cover.png", "cover.gltf", "cover.vtu")
+
+
+def lacks_picture(files: tuple[str, ...]) -> bool:
+    """Return whether a picture is missing among written files because this machine cannot draw."""
+    return "cover.vtu" in files and "cover.png" not in files

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from validation.cli.failures import DONE
 from validation.cli.meaning import explain_derivation, print_meaning
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, describe_errors, print_json, print_rows, print_table, say
@@ -30,7 +31,7 @@ def derive(
     layer: Layers = None,
     out: _Out = None,
     json: Json = False,
-) -> None:
+) -> int:
     """Compute the point spread function of a sensor's cover, and fit the fast model's parameters to it.
 
     Prints sigma and ksize of the Gaussian kernel and the share of the load that the kernel puts on wrong texels; sigma
@@ -57,8 +58,7 @@ def derive(
     if description.body is not None:
         from validation.cli.curved.derive import derive_curved_cover
 
-        derive_curved_cover(description, out, json=json)
-        return
+        return derive_curved_cover(description, out, json=json)
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
@@ -77,6 +77,7 @@ def derive(
         print_meaning(explain_derivation(derivation))
     if out:
         say(f"wrote {', '.join(files)} to {out}")
+    return DONE
 
 
 def _draw_response(derivation: Derivation) -> None:

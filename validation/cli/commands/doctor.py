@@ -23,7 +23,8 @@ _PARTS = {
     "device": "the real sensor and its files",
     "gym": "reinforcement-learning wrapper",
     "torch": "signal chain on arrays of PyTorch",
-    "view": "press --out: fields.vtu",
+    "view": "pictures in three dimensions with --out, fields.vtu",
+    "curved": "tetrahedra in curved covers from CAD",
 }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.options import Json, SensorFile, Thickness
-from validation.cli.output import print_json, print_rows, say
+from validation.cli.output import print_json, print_rows
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _Out = Annotated[Path | None, Parameter(help="Folder for the finest mesh, its quality and pictures.")]
 
 
-def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, json: Json = False) -> None:
+def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, json: Json = False) -> int:
     """Mesh a curved cover, check the meshes and the texels, and report their quality.
 
     The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
@@ -32,6 +32,7 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
         softcover mesh fingertip
         softcover mesh sensor.toml --out meshed
     """
+    from validation.cli.curved.derive import say_written
     from validation.cli.sensors import read_description
     from validation.curved.files import write_mesh_report
     from validation.curved.press import describe_mesh, make_meshes
@@ -51,8 +52,7 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
         print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
     else:
         print_rows(_list_quality(description, meshes), title=f"Meshes of {description.name}")
-    if files:
-        say(f"wrote {', '.join(files)} to {out}")
+    return say_written(files, out)
 
 
 def _list_quality(sensor: SensorDescription, meshes: tuple[SolidMesh, ...]) -> Iterator[tuple[str, str]]:

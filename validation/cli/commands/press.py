@@ -268,6 +268,8 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     from validation.output_folder import new_folder
     from validation.press.fields_file import write_indentation
     from validation.press.picture import write_picture
+    from validation.scene.cover_scene import show_indentation
+    from validation.scene.files import write_scene
 
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
@@ -288,6 +290,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
         if folder and comparison.fem:
             (folder / "press.json").write_text(json_text(comparison.as_json()), encoding="utf-8")
             files = ("press.json", *write_indentation(comparison.fem, folder), *write_picture(comparison, folder))
+            files += write_scene(show_indentation(comparison.fem, comparison.sensor.array), folder)
     _show(comparison, json=json)
     if files:
         say(f"wrote {', '.join(files)} to {out}")

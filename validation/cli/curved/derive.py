@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.cli.failures import DONE
+from validation.cli.failures import DONE, OUTSIDE_FAILED
 from validation.cli.meaning import GOOD_ERROR, print_meaning
 from validation.cli.output import describe_cover, describe_errors, print_json, print_rows, say
 from validation.cli.progress import Progress
@@ -39,9 +39,16 @@ def derive_curved_cover(sensor: SensorDescription, out: Path | None, *, json: bo
     else:
         print_rows(_list_derivation(derivation), title=f"Texel responses of {sensor.name}")
         print_meaning(_explain_derivation(derivation))
+    return say_written(files, out)
+
+
+def say_written(files: tuple[str, ...], out: Path | None) -> int:
+    """Name the written files, and return the exit status, which says whether this machine could draw pictures."""
+    from validation.scene.files import lacks_picture
+
     if files:
         say(f"wrote {', '.join(files)} to {out}")
-    return DONE
+    return OUTSIDE_FAILED if lacks_picture(files) else DONE
 
 
 def _list_derivation(derivation: CurvedDerivation) -> Iterator[tuple[str, str]]:

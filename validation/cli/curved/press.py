@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.cli.curved.derive import describe_body, describe_known_errors, format_vector, judge_error
+from validation.cli.curved.derive import describe_body, describe_known_errors, format_vector, judge_error, say_written
 from validation.cli.failures import DONE
 from validation.cli.meaning import print_meaning
 from validation.cli.options import collect
@@ -90,9 +90,7 @@ def press_curved_cover(
         say(f"softcover: warning: {sentence}")
     if "fast" in models and press.fast is None:
         say("softcover: note: the meshes of this cover are too fine for the fast model; --model fem leaves it out")
-    if files:
-        say(f"wrote {', '.join(files)} to {out}")
-    return DONE
+    return say_written(files, out)
 
 
 def press_by_fast_model(
