@@ -362,7 +362,9 @@ def _find_factor(scene: CoverScene) -> float:
 def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:
     """Find the values of the first and the last colour."""
     values = getattr(scene, name)
-    high = float(np.quantile(values[np.abs(values) > 0], _HIGHEST)) if values.any() else 1.0
+    # Displacements are finite everywhere.
+    share = 1.0 if getattr(scene, f"{name}_label").startswith("displacement") else _HIGHEST
+    high = float(np.quantile(values[np.abs(values) > 0], share)) if values.any() else 1.0
     high = max(high, np.finfo(float).tiny)
     return (_DECADES * high if name == "inside" and scene.logarithmic else 0.0), high
 
