@@ -31,7 +31,12 @@ _At = Annotated[
 ]
 _Yaw = Annotated[str | None, Parameter(help="Yaw of the tool; fitted when neither it nor --at is given.")]
 _Moved = Annotated[bool, Parameter(help="The tool was put down anew for each recording: fit a pose to each.")]
-_Method = Annotated[str, Parameter(help="Contact method: default, cover, area, boxes, foundation or reference.")]
+_Method = Annotated[
+    str,
+    Parameter(
+        help="Contact method: default (finite elements where they apply), cover, area, boxes, foundation or reference."
+    ),
+]
 _Threshold = Annotated[
     float | None, Parameter(help="Counts that the firmware subtracts; as the labels say when not given.")
 ]
@@ -99,7 +104,7 @@ def calibrate(
         return
     from validation.calibration.write_sensor import write_sensor
 
-    found = _fit(images, _choose_method(description, method), heights=heights)
+    found = _fit(images, _choose_method(description, method, images), heights=heights)
     if out is not None:
         say(f"wrote {write_sensor(found, sensor, out, polynomial=polynomial)}")
     if picture is not None:
@@ -160,14 +165,20 @@ def _read_images(data_set: object, description: SensorDescription) -> list[Image
     return images
 
 
-def _choose_method(description: SensorDescription, method: str) -> ContactMethod:
-    """Return the contact method of a name; the default is `cover`, or `area` for a sensor whose spread is given."""
+def _choose_method(description: SensorDescription, method: str, images: list[Image]) -> ContactMethod:
+    """Return the contact method of a name.
+
+    The default is finite elements; for fitted tilts, a cover of finite size or a given spread, where they are slow or
+    do not apply, it is the method `cover`, or `area` for a given spread.
+    """
     from fastmodel import METHODS
     from validation.calibration.contact import REFERENCE, make_fast_method, make_reference_method
     from validation.cli.sensors import find_parameters
 
     check_choice("--method", "contact method", method, ("default", *METHODS, REFERENCE))
-    if method == REFERENCE:
+    level = all(image.file.placement.tilt is not None for image in images)
+    solvable = description.spread is None and description.cover.size is None and level
+    if method == REFERENCE or (method == "default" and solvable):
         return make_reference_method(description.cover, description.array)
     with Progress() as progress:
         parameters = find_parameters(description, progress)

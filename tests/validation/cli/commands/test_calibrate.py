@@ -1,16 +1,17 @@
-"""`softcover calibrate` on recordings of a made-up WTS array, made by the contact method that it fits with."""
+"""`softcover calibrate` on recordings of a made-up WTS array, with texel forces by finite elements."""
 
 import json
 
 import numpy as np
 import pytest
 
-import fastmodel
 from meshes import Box
 from tests.support.laboratory import draw_gains, make_curve, press, write
-from validation.calibration.contact import Pose, make_fast_method
+from validation.calibration.contact import Pose, make_reference_method
+from validation.sensor_file import load
 
-WTS = fastmodel.load("wts-0614-34")
+WTS = load("wts-0614-34")
+METHOD = make_reference_method(WTS.cover, WTS.array)
 TOOL = "box:size=10mmx10mmx5mm"
 POSE = Pose(1e-3, -2e-3)
 
@@ -22,10 +23,8 @@ def recordings(tmp_path_factory):
     random = np.random.default_rng(2)
     curve = make_curve(draw_gains(random, count=WTS.array.count))
     paths = []
-    for number, load in enumerate((2.0, 4.0, 6.0, 8.0, 10.0)):
-        recording = press(
-            make_fast_method(WTS), curve, load, POSE, indenter=Box(size=(10e-3, 10e-3, 5e-3)), random=random
-        )
+    for number, newtons in enumerate((2.0, 4.0, 6.0, 8.0, 10.0)):
+        recording = press(METHOD, curve, newtons, POSE, indenter=Box(size=(10e-3, 10e-3, 5e-3)), random=random)
         paths.append(write(recording, folder / f"{number}.{'csv' if number % 2 else 'mcap'}"))
     return paths, curve.gains
 
