@@ -54,8 +54,8 @@ SLOW = (
 )
 #: Commands whose output is that of this machine and not compared.
 OF_THIS_MACHINE = ("softcover doctor",)
-#: Lines of progress, which depend on the speed of the machine.
-_PROGRESS = re.compile(r"^\[ *[\d.]+ s\].*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?", flags=re.MULTILINE)
+#: Lines of progress, which depend on the speed of the machine and on what is in the store.
+_PROGRESS = re.compile(r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^the result store .*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?", flags=re.MULTILINE)
 #: Keys of stored results, which depend on the version of the code.
 _KEY = re.compile(r"\b[0-9a-f]{12}\b")
 
