@@ -17,6 +17,9 @@ import tempfile
 import time
 from pathlib import Path
 
+import fastmodel
+from meshes import Box
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "outputs.md"
 HEAD = """# What each command prints
@@ -42,7 +45,7 @@ QUICK = (
     "softcover record wts --seconds 1 --out touch.mcap",
     "softcover replay touch.mcap",
     "softcover import touch.mcap --load 500g --out labelled.mcap",
-    "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv",
+    "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv --sensor wts-0614-34",
     "softcover store list",
     "softcover doctor",
 )
@@ -55,7 +58,10 @@ SLOW = (
 #: Commands whose output is that of this machine and not compared.
 OF_THIS_MACHINE = ("softcover doctor",)
 #: Lines of progress, which depend on the speed of the machine and on what is in the store.
-_PROGRESS = re.compile(r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^the result store .*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?", flags=re.MULTILINE)
+_PROGRESS = re.compile(
+    r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^the result store .*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?",
+    flags=re.MULTILINE,
+)
 #: Keys of stored results, which depend on the version of the code.
 _KEY = re.compile(r"\b[0-9a-f]{12}\b")
 
@@ -85,13 +91,14 @@ def run_commands(commands: tuple[str, ...], folder: Path) -> dict[str, str]:
 
 
 def write_recordings(folder: Path) -> None:
-    """Write recordings of an array of 4 x 4 texels of 1500 counts per newton under four known weights."""
-    labels = "# rows = 4\n# columns = 4\n# pitch = 0.004\n# full_scale = 4095\n# indenter = box:size=8mmx8mmx5mm\n"
+    """Write recordings of the built-in sensor's fast model with 1500 counts per newton under four known weights."""
+    sensor = fastmodel.load("wts-0614-34")
+    labels = "# rows = 14\n# columns = 6\n# pitch = 0.0034\n# full_scale = 4095\n# indenter = box:size=10mmx10mmx5mm\n"
     for newton in (1, 2, 3, 4):
-        counts = [375 * newton if row in {1, 2} and column in {1, 2} else 0 for row in range(4) for column in range(4)]
-        lines = ["time," + ",".join(f"texel_{texel}" for texel in range(16))]
+        counts = 1500 * fastmodel.indent(sensor, Box(size=(10e-3, 10e-3, 5e-3)), load=newton).texel_forces
+        lines = ["time," + ",".join(f"texel_{texel}" for texel in range(len(counts)))]
         for frame in range(500):
-            ripple = [count and count + (frame * (texel + 3)) % 5 - 2 for texel, count in enumerate(counts)]
+            ripple = [round(count + (frame * (texel + 3)) % 5 - 2) for texel, count in enumerate(counts.tolist())]
             lines.append(f"{0.02 * frame:.2f}," + ",".join(map(str, ripple)))
         (folder / f"{newton}N.csv").write_text(f"{labels}# load = {newton}\n" + "\n".join(lines) + "\n")
 

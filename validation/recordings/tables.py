@@ -54,6 +54,8 @@ _PITCHES = (1e-6, 1.0)
 _MOST_KEYS = 64
 #: Label that states how much counts were rounded, and largest change by rounding as a share of the largest count [-].
 _ROUNDED, _MOST_ROUNDED = "counts rounded", 0.01
+#: Label that states the pitch that was assumed, because the file states none.
+PITCH_ASSUMED = "pitch assumed"
 #: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 
@@ -105,6 +107,7 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
     pitch = _read_number(path, table.notes, "pitch", DEFAULT_PITCH)
     if not _PITCHES[0] <= pitch <= _PITCHES[1]:
         raise RecordingError(f"{path}: # pitch = {pitch:g}: expected {_PITCHES[0]:g}..{_PITCHES[1]:g} m")
+    assumed = {} if "pitch" in table.notes else {PITCH_ASSUMED: f"{1e3 * DEFAULT_PITCH:g} mm"}
     digest = hash_contents(path)
     return Recording(
         path=path,
@@ -127,7 +130,7 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
             note=table.notes.get("note", ""),
             source=path.name,
             source_sha256=digest,
-            other={key: value for key, value in table.notes.items() if key not in _KEYS} | rounded,
+            other={key: value for key, value in table.notes.items() if key not in _KEYS} | rounded | assumed,
         ),
         forces=forces,
         force_times=times[: len(forces)],
@@ -342,7 +345,7 @@ def _find_shape(
         rows = texels // columns
     if not 1 <= texels <= MOST_TEXELS or rows < 1 or rows * columns != texels:
         raise RecordingError(
-            f"{path}: {texels} texels are not {rows} rows x {columns} columns; "
+            f"{path}: {texels} texels are not {rows or 'an unknown number of'} rows x {columns or 'unknown'} columns; "
             f"name both, or write `# rows = 14` and `# columns = 6` before the first line"
         )
     return rows, columns

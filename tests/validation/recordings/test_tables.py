@@ -100,6 +100,7 @@ def test_any_text_is_read_or_refused(tmp_path_factory, text):
 
 
 TARED = """# rows = 1
+# pitch = 0.0034
 # mass = 500
 # operator name = A. B.
 # a comment without a value
@@ -108,6 +109,17 @@ time,a,b,c
 0,-12.25,100.5,0
 1,-300,4095,7
 """
+
+
+def test_a_pitch_that_no_file_states_is_told(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text(CSV)
+    assert tables.read(tmp_path / "a.csv").setup.other == {"pitch assumed": "3.4 mm"}
+    with pytest.raises(SystemExit) as end:
+        main(["import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")])
+    assert end.value.code == 0
+    assert "states no pitch; assumed: 3.4 mm" in capsys.readouterr().err
+    (tmp_path / "b.csv").write_text(f"# pitch = 0.004\n{CSV}")
+    assert tables.read(tmp_path / "b.csv").setup.other == {}
 
 
 def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path, capsys):

@@ -22,7 +22,7 @@ from validation.cli.options import (
     choose_array,
     read_setup,
 )
-from validation.cli.output import describe_vector, print_json, say
+from validation.cli.output import describe_vector, note, print_json, say
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -117,6 +117,18 @@ def import_recording(
         print_json({**_list_facts(recording), "out": str(target)})
     else:
         say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
+    tell_assumed_pitch(recording)
+
+
+def tell_assumed_pitch(recording: Recording) -> None:
+    """Note the pitch that was assumed, if the file states none: loads on texels and positions depend on it."""
+    from validation.recordings.tables import PITCH_ASSUMED
+
+    if pitch := recording.setup.other.get(PITCH_ASSUMED):
+        note(
+            f"{recording.path} states no pitch; assumed: {pitch}. If that is wrong, so are loads on texels: "
+            "write for example `# pitch = 0.004` [m] before its first line"
+        )
 
 
 def _list_facts(recording: Recording) -> dict[str, Any]:
