@@ -25,7 +25,7 @@ def find_centre(found):
         ("linear-elastic", BALL),
         ("linear-elastic", BOX),
         pytest.param("neo-hookean", BALL, marks=SLOW),
-        pytest.param("neo-hookean", BOX, marks=SLOW),
+        pytest.param("neo-hookean", BOX, marks=pytest.mark.bench),
         pytest.param("neo-hookean", ROLLER, marks=SLOW),
     ],
 )
@@ -49,8 +49,10 @@ def test_contact_forces_add_up_around_the_axis_of_a_ball(wts, model):
 
 
 @SLOW
-@pytest.mark.parametrize("friction", [0.3, np.inf])
-@pytest.mark.parametrize("shape", [BALL, BOX])
+@pytest.mark.parametrize(
+    ("shape", "friction"),
+    [(BALL, 0.3), (BALL, np.inf), (BOX, np.inf), pytest.param(BOX, 0.3, marks=pytest.mark.bench)],
+)
 def test_friction_points_along_the_sliding_cover_and_stays_in_the_cone(wts, friction, shape):
     found = press(make_cover(0.3, "linear-elastic"), wts, shape, load=0.5, at=(1e-3, 0.0), yaw=0.3, friction=friction)
     normal = found.contact[:, 2]

@@ -107,6 +107,9 @@ def test_normal_stress_on_the_base_gives_the_texel_forces(model, shape, options,
     found = press(make_cover(0.45, model), ARRAY, shape, at=at, fields=True, **options)
     forces = integrate_base(found.fields, ARRAY, at)
     assert forces == pytest.approx(found.texel_forces, abs=tolerance * found.texel_forces.max())
+    if friction := options.get("friction"):
+        size, normal = np.hypot(*found.shear.T), found.contact[:, 2]
+        assert (size <= friction * normal * (1 + 1e-2) + 1e-9).all()
 
 
 @pytest.mark.slow

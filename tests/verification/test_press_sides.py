@@ -141,7 +141,7 @@ def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded, nu):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", [(0.0, 0.0), (3.2e-3, 0.0)])
+@pytest.mark.parametrize("at", [pytest.param((0.0, 0.0), marks=pytest.mark.bench), (3.2e-3, 0.0)])
 def test_finite_strain_meets_small_strain_at_small_load(bonded, at):
     """Two discretisations: compliance with side edges on cells, and elements with a contact search of their own."""
     array = TexelArray.grid(2, 2, 3.4e-3)

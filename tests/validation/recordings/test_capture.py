@@ -249,10 +249,10 @@ def test_a_killed_recorder_leaves_a_file_that_can_be_completed(tmp_path):
 def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path):
     """All but the last 0.5 s is there, except where a busy machine let the sensor itself or its recorder wait.
 
-    Sensors and recorders share the machine with other tests, so one of eighty may wait longer, none by 2 s.
+    Sensors and recorders share the machine with other tests, so one of forty may wait longer, none by 2 s.
     """
     random = Random(5)  # noqa: S311 -- reproducible, no secret
-    delays = [random.uniform(0.25, 1.0) for _ in range(80)]
+    delays = [random.uniform(0.25, 1.0) for _ in range(40)]
     missing = []
 
     def kill_some(number):
