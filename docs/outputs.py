@@ -54,6 +54,7 @@ SLOW = (
     "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --at=0.7mm,-1.1mm",
     "softcover validate wts-0614-34 --quick --out report",
     "softcover validate-force gelsight-mini",
+    "softcover mesh flat-pad",
 )
 #: Commands whose output is that of this machine and not compared.
 OF_THIS_MACHINE = ("softcover doctor",)

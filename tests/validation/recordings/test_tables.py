@@ -171,7 +171,7 @@ def test_a_heat_map_of_negative_counts_is_drawn():
             "# rows = 1\n# full_scale = 65535\n# gain = 1\n" + "".join(f"# k{n} = 1\n" for n in range(99)),
             "64 keys",
         ),
-        ("# mass = 500", "# mass = 500\n# mass = 600", "line 3: `# mass = ` stands twice"),
+        ("# mass = 500", "# mass = 500\n# mass = 600", "line 4: `# mass = ` stands twice"),
         ("# rows = 1", "# rows = 1\n# rows = 2", "line 2: `# rows = ` stands twice"),
     ],
 )
