@@ -18,7 +18,7 @@ from meshes.solids import SolidMesh, check_quality, read_mesh
 from meshes.solids.quality import SIZES
 from meshes.solids.shell import Shell, join, select_base, thicken
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.solids.triangles import check_closed, nearest_points
+from meshes.solids.triangles import check_closed, enclosed_volume, nearest_points
 from meshes.surfaces.surface_files import (
     SURFACES,
     TETRAHEDRA,
@@ -186,6 +186,7 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
             notes.append(f"{turned} tetrahedra of {path.name} were turned, {int(flat.sum())} without volume left out")
         oriented = oriented[~flat]
         boundary = nodes[list_boundary(oriented)]
+        _refuse_overlap(nodes[oriented], boundary, path.name)
         given = read_triangles(folder / str(table.base), table.unit)
         from meshes.solids.shell import list_border
         from meshes.solids.triangles import merge_corners
@@ -212,6 +213,17 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
         changeable=False,
         notes=tuple(notes),
     )
+
+
+def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> None:
+    """Refuse tetrahedra, shape (e, 4, 3), whose volumes do not sum to that inside their boundary: they overlap."""
+    total = float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum() / 6)
+    inside = enclosed_volume(boundary)
+    if abs(total - inside) > _SAME * total:
+        raise ValueError(
+            f"{name} has tetrahedra that overlap: their volumes sum to {100 * total / inside:.6g} % of that inside "
+            "their boundary; mesh again, for example from its boundary, by surface instead of mesh"
+        )
 
 
 def _keep(mesh: SolidMesh, *_: Any) -> tuple[SolidMesh, ...]:  # noqa: ANN401 -- nothing to choose

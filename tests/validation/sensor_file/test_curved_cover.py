@@ -135,3 +135,48 @@ def test_flat_covers_are_not_projected(tmp_path):
     path = write_sensor(tmp_path, '[[cover.layer]]\nthickness = "2 mm"\nmaterial = "dragon-skin-30"\n')
     assert not has_curved_cover(str(path))
     assert "array.project: is for curved covers" in refuse(path)
+
+
+def write_tetrahedra(path, change=None):
+    """A cube of 10 mm in 24 tetrahedra around a node in its middle."""
+    cube = trimesh.creation.box((10, 10, 10)).subdivide()
+    nodes = np.concatenate([cube.vertices, [[0.0, 0.0, 0.0]]])
+    cells = np.column_stack([cube.faces, np.full(len(cube.faces), len(cube.vertices))])
+    if change:
+        change(nodes, cells)
+    lines = [f"v {x} {y} {z} 0" for x, y, z in nodes] + [f"t {a} {b} {c} {d}" for a, b, c, d in cells]
+    path.write_text("\n".join(lines))
+
+
+def write_base(folder):
+    sheet = trimesh.creation.box((10, 10, 10)).subdivide()
+    sheet.update_faces(sheet.triangles_center[:, 2] < -4.9)
+    sheet.export(folder / "base.stl")
+
+
+TET = 'mesh = "cube.tet"\nbase = "base.stl"\nunit = "mm"\nmaterial = "dragon-skin-30"\n'
+
+
+def turn_some(nodes, cells):
+    cells[::5] = cells[::5][:, [0, 2, 1, 3]]
+
+
+def tangle(nodes, cells):
+    nodes[-1] = [0, 0, 9]
+
+
+def test_turned_tetrahedra_are_repaired(tmp_path):
+    write_base(tmp_path)
+    write_tetrahedra(tmp_path / "cube.tet", turn_some)
+    body = load(write_sensor(tmp_path, TET, texel="0,0,-5")).body
+    assert "tetrahedra of cube.tet were turned" in body.notes[0]
+    mesh = body.meshes()[0]
+    assert len(mesh.base) * 6 == 48
+    corner = mesh.nodes[mesh.cells]
+    assert np.linalg.det(corner[:, 1:] - corner[:, :1]).sum() / 6 == pytest.approx(1e-6)
+
+
+def test_overlapping_tetrahedra_are_refused(tmp_path):
+    write_base(tmp_path)
+    write_tetrahedra(tmp_path / "cube.tet", tangle)
+    assert "cube.tet has tetrahedra that overlap" in refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
