@@ -214,7 +214,7 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     assert indent(bare, sphere, load=1.0, method=Foundation(modulus=1e9)).total_force == pytest.approx(1, rel=1e-3)
     bent = Parameters(array=bent_array(), spread=bare.spread, electronics=bare.electronics)
     assert indent(bent, sphere, load=1.0).method == "boxes"
-    with pytest.raises(UnknownNameError, match="valid names: area, boxes, cover, default, foundation"):
+    with pytest.raises(UnknownNameError, match="valid names: area, boxes, cover, curved, default, foundation"):
         indent(PARAMETERS, sphere, load=1.0, method="covers")
     with pytest.raises(ShapeError, match="pitch"):
         dataclasses.replace(PARAMETERS, cells=cells(TexelArray.grid(2, 2, 3e-3)))

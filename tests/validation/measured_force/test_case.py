@@ -73,7 +73,7 @@ def test_built_in_measurements_are_read(name):
         ('"0.4 mm"', '"0.2 mm"', "takes points at two depths"),
         ('"0.4 mm"', '"2 mm"', "point.depth: 2 mm pierces the cover; accepted: less than its 2 mm"),
         ("sphere:radius=5mm", "box:size=5mmx5mmx5mm", "indenter: takes a body of revolution"),
-        ("sphere:radius=5mm", "ball:radius=5mm", "indenter: unknown indenter 'ball'"),
+        ("sphere:radius=5mm", "bowl:radius=5mm", "indenter: unknown indenter 'bowl'"),
         ('name = "pad"', 'name = "pad"\nuncertainty = { zero = "0.3 mm" }', "uncertainty.zero: must be less than"),
         ('name = "pad"', 'name = "pad"\nuncertainty = { zero = "0.3" }', "uncertainty.zero: '0.3' has no unit"),
         ('name = "pad"', 'name = "pad"\nuncertainty = { depth = "1 mm" }', "uncertainty.depth: unknown key"),
