@@ -116,4 +116,6 @@ def mesh_shell(
                 settings=json.loads(str(found["settings"])),
             )
         )
-    return tuple(meshes)
+    # On strongly curved surfaces the envelope sets the size of the elements, and the order of their numbers is chance.
+    by_count = {len(mesh.cells): mesh for mesh in meshes}
+    return tuple(by_count[count] for count in sorted(by_count))
