@@ -56,8 +56,13 @@ SLOW = (
     "softcover validate-force gelsight-mini",
     "softcover mesh flat-pad",
 )
-#: Commands whose output is that of this machine and not compared.
-OF_THIS_MACHINE = ("softcover doctor",)
+#: Commands whose output depends on the machine, on a live line or on what is in the store, and is not compared.
+OF_THIS_MACHINE = (
+    "softcover doctor",
+    "softcover doctor --port wts",
+    "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv --sensor wts-0614-34",
+    "softcover store list",
+)
 #: Lines of progress, which depend on the speed of the machine and on what is in the store.
 _PROGRESS = re.compile(
     r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^the result store .*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?",
