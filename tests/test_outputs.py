@@ -59,7 +59,10 @@ def test_every_command_is_shown_and_fits_eighty_columns():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("commands", [outputs.QUICK, outputs.SLOW], ids=["quick", "slow"])
+@pytest.mark.parametrize(
+    "commands",
+    [pytest.param(outputs.QUICK, id="quick"), pytest.param(outputs.SLOW, id="slow", marks=pytest.mark.bench)],
+)
 def test_the_page_shows_what_the_commands_print(commands, tmp_path):
     page = outputs.read_page()
     needed = ("softcover init", *commands) if commands is outputs.SLOW else commands
