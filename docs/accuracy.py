@@ -15,7 +15,7 @@ RECORDINGS = "recordings, light weights to heavy"
 
 def main(report: Path) -> None:
     """Print one row per model: what it was compared with, and three scores."""
-    scores = json.loads((report / "scores.json").read_text())
+    scores = json.loads((report / "report.json").read_text())
     print("| compared with | model | misplaced force | image changed |\n|---|---|---|---|")
     cases = len(scores["campaign"]["cases"])
     for model, pooled in scores["campaign"]["pooled"].items():

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from validation.campaign.metric_text import METRICS
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, SKILL_METRICS, CampaignResult, RowScores
+from validation.report.page_table import Cell, PageTable, head, interval
 
 #: Metrics of the table.
 _METRICS = (*SKILL_METRICS, "centre_of_pressure_m")
@@ -36,9 +38,17 @@ def comparison_contents(campaign: CampaignResult) -> dict[str, Any] | None:
         return None
     rows = [_own_row(name, campaign.pooled[name]) for name in MODELS]
     rows += [_published_row(scores) for scores in campaign.published]
+    table = PageTable(
+        name="comparison-table",
+        caption="Published models, our own and the null models in the same cases under the same loads: means and 95 % "
+        "intervals",
+        headings=("model", "parameters and fit", *(head(METRICS[name]) for name in _METRICS)),
+        rows=[_make_cells(row) for row in rows],
+        texts=(1,),
+    )
     presses = next((scores.row.cases for scores in campaign.published if scores.row.cases), ())
     return {
-        "metrics": _METRICS,
+        "table": table,
         "rows": rows,
         "presses": [f"{case.shape}, {case.load:.3g} N at {case.pose}" for case in presses],
         "as_good": [(_NAMES[metric], _name_as_good(campaign, metric)) for metric in SKILL_METRICS],
@@ -48,6 +58,25 @@ def comparison_contents(campaign: CampaignResult) -> dict[str, Any] | None:
             if scores.row.model.in_time
         },
     }
+
+
+def _make_cells(row: Mapping[str, Any]) -> list[Cell]:
+    details = "; ".join(
+        text
+        for text in (
+            row["contact"],
+            row["rule"],
+            row["certainty"] and f"sure of it: {row['certainty']}",
+            row["total"] and f"sum: {row['total']}",
+        )
+        if text
+    )
+    name = f"{row['title']}, {row['variant']}" if row["variant"] else row["title"]
+    return [
+        Cell(text=name, small=details),
+        Cell(text=row["parameters"] or "\u2013", small=f"fitted: {row['fitted']}"),
+        *(interval(row["pooled"][metric], METRICS[metric]) for metric in _METRICS),
+    ]
 
 
 def _own_row(name: str, pooled: Mapping[str, Pooled]) -> dict[str, Any]:

@@ -12,12 +12,14 @@ from fastmodel.signal.electronics import describe_calibration
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.metric_text import METRICS
 from validation.campaign.pooling import Pooled
-from validation.campaign.results import MODELS, CaseResult
+from validation.campaign.results import MODELS, CampaignResult, CaseResult
 from validation.data_sets.score import RecordingScores
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.comparison import comparison_contents
+from validation.report.evidence import evidence_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
+from validation.report.page_table import Cell, PageTable, head, interval, number
 from validation.report.recordings import best_null, recordings_contents
 from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
 
@@ -47,12 +49,17 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         "gaussian": derivation.fit.gaussian,
         "campaign": campaign,
         "calibration": describe_calibration(derivation.parameters.electronics),
-        "models": MODELS,
         "metrics": METRICS,
         "comparison": comparison_contents(campaign),
         "tiles": _tiles(evaluation),
+        "verdict": evaluation.verdict,
+        "plan": evaluation.plan,
+        "validity": derivation.parameters.validity,
+        "evidence": evidence_contents(evaluation),
+        "pooled": _tabulate_models(campaign),
+        "case_table": _tabulate_cases(campaign),
         "psf_images": _psf_images(derivation),
-        "estimates": sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != derivation.fit.estimator),
+        "estimates": _tabulate_estimates(derivation),
         "recordings": None
         if evaluation.recordings is None
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
@@ -61,6 +68,20 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
         # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
         "figures": json_text(figures, indent=None).replace("</", "<\\/"),
     }
+
+
+def _tabulate_estimates(derivation: Derivation) -> PageTable:
+    used = derivation.fit.estimator
+    pairs = sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != used)
+    return PageTable(
+        name="estimates",
+        caption="Sigma by estimator: the value depends on how it is estimated",
+        headings=("estimator", "sigma x [pitches]", "sigma y [pitches]"),
+        rows=[
+            [Cell(text=name, small="used" if name == used else ""), *(number(value, 1, 4) for value in pair)]
+            for name, pair in pairs
+        ],
+    )
 
 
 def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
@@ -129,32 +150,82 @@ def _psf_images(derivation: Derivation) -> dict[str, Any]:
         ("kernel \u2212 uniform", kernel - uniform, apart),
     )
     return {
-        "images": [(caption, tactile_image(array, values, scale)) for caption, values, scale in images],
+        "images": [(caption, tactile_image(array, values, scale, name=caption)) for caption, values, scale in images],
         "bars": colour_bar(force) + colour_bar(apart),
     }
 
 
 def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
     array, case, reference = evaluation.sensor.array, result.case, result.reference
-    fast, bare = result.predictions["fast"], result.predictions["no-spread"]
+    fast = result.predictions["fast"]
     difference = fast.texel_forces - reference.texel_forces
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.texel_forces.max())))
     apart = Scale(peak=float(np.abs(difference).max()), difference=True)
     outline = _contact_outline(reference.contact)
     images = [
-        ("reference", tactile_image(array, reference.texel_forces, force, outline=outline)),
-        ("fast", tactile_image(array, fast.texel_forces, force)),
-        ("fast \u2212 reference", tactile_image(array, difference, apart)),
+        (caption, tactile_image(array, values, scale, outline=line, name=f"{case.name}, {caption}, forces"))
+        for caption, values, scale, line in (
+            ("reference", reference.texel_forces, force, outline),
+            ("fast", fast.texel_forces, force, None),
+            ("fast \u2212 reference", difference, apart, None),
+        )
     ]
     return {
         "case": case,
-        "reference": reference,
         "images": images,
         "bars": colour_bar(force) + colour_bar(apart),
-        "score": fast.score.as_json(),
-        "bare": bare.score.as_json(),
-        "lit": fast.score.pixels_lit_line,
+        "misplaced": METRICS["misplaced_force"].text(fast.score.misplaced_force),
     }
+
+
+def _tabulate_models(campaign: CampaignResult) -> PageTable:
+    rows = [
+        [
+            Cell(text=name, small=meaning),
+            *(interval(campaign.pooled[name][metric], METRICS[metric]) for metric in METRICS),
+        ]
+        for name, meaning in MODELS.items()
+    ]
+    return PageTable(
+        name="pooled",
+        caption=f"Our models and the null models against finite elements: means and 95 % intervals over "
+        f"{len(campaign.cases)} cases",
+        headings=("model", *map(head, METRICS.values())),
+        rows=rows,
+    )
+
+
+def _tabulate_cases(campaign: CampaignResult) -> PageTable:
+    rows = []
+    for result in campaign.cases:
+        fast, reference = result.predictions["fast"].score, result.reference
+        scores = [Cell(text=METRICS[name].text(getattr(fast, name)), value=getattr(fast, name)) for name in METRICS]
+        scores = [each if each.value == each.value else Cell(text=each.text) for each in scores]
+        rows.append(
+            [
+                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.pose}"),
+                number(result.case.load),
+                *scores,
+                number(result.predictions["no-spread"].score.misplaced_force, 100),
+                Cell(text=str(fast.pixels_lit_line), value=fast.pixels_lit_line),
+                number(reference.depth, 1e3),
+                number(reference.error_estimate["peak_texel"], 100, 2),
+            ]
+        )
+    return PageTable(
+        name="case-table",
+        caption="Fast model against the reference, case by case",
+        headings=(
+            "case",
+            "load [N]",
+            *map(head, METRICS.values()),
+            "no spread, misplaced [%]",
+            "texels lit after the WTS line",
+            "depth of the reference [mm]",
+            "peak error of the reference [%]",
+        ),
+        rows=rows,
+    )
 
 
 def _contact_outline(contact: FloatArray) -> FloatArray:

@@ -14,8 +14,8 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
-#: Colour of text and of the curve of the closed-form solution.
-_INK = "#24303f"
+#: Colour of the curve of the closed-form solution: that of the text, which the page's script fills in.
+_INK = "ink"
 
 
 def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
@@ -106,14 +106,14 @@ def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
 
 
 def _layout(x: str, y: str) -> dict[str, Any]:
-    axis = {"gridcolor": "#e4e7ec", "zerolinecolor": "#c3c9d2", "automargin": True}
+    axis = {"automargin": True}
     return {
-        "font": {"family": "system-ui, sans-serif", "size": 12, "color": _INK},
+        "font": {"family": "system-ui, sans-serif", "size": 12},
         "xaxis": axis | {"title": {"text": x}},
         "yaxis": axis | {"title": {"text": y}},
         "margin": {"l": 60, "r": 10, "t": 60, "b": 50},
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        "plot_bgcolor": "white",
+        "plot_bgcolor": "rgba(0,0,0,0)",
         "paper_bgcolor": "rgba(0,0,0,0)",
         "height": 360,
     }

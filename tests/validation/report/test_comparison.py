@@ -10,7 +10,7 @@ from validation.campaign.metric_text import METRICS
 from validation.campaign.results import MODELS
 from validation.report.comparison import comparison_contents
 
-#: Metrics in the order of the table's columns, which begin after three columns of text.
+#: Metrics in the order of the table's columns, which begin after two columns of text.
 SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")
 
 
@@ -46,16 +46,16 @@ def test_every_row_shows_the_means_of_its_own_model(folder, evaluation):
     own = [(name, "", campaign.pooled[name]) for name in MODELS]
     published = [(each.row.model.title, each.row.variant, each.pooled) for each in campaign.published]
     assert len(rows) == len(own) + len(published)
-    assert len({row[1] for row in rows}) == len(rows)  # no two rows have one name
+    assert len({row[0] for row in rows}) == len(rows)  # no two rows have one name
     for row, (title, variant, pooled) in zip(rows, own + published, strict=True):
-        assert title in row[1]
-        assert variant in row[1]
-        for cell, name in zip(row[3:7], SHOWN, strict=True):
+        assert row[0].strip().startswith(title)
+        assert variant in row[0]
+        for cell, name in zip(row[2:6], SHOWN, strict=True):
             assert cell.strip().startswith(METRICS[name].text(pooled[name].mean))
 
 
 def test_numbers_in_the_file_are_those_of_the_table(folder, evaluation):
-    written = json.loads((folder / "scores.json").read_text())["campaign"]
+    written = json.loads((folder / "report.json").read_text())["campaign"]
     by_name = {row["name"]: row for row in written["comparison_models"]}
     assert len(by_name) == len(evaluation.campaign.published)
     for scores in evaluation.campaign.published:

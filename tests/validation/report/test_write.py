@@ -34,7 +34,7 @@ def test_folder_is_complete_and_needs_no_network(folder):
 
 
 def test_numbers_beside_the_page_are_those_of_the_evaluation(folder, evaluation):
-    scores = json.loads((folder / "scores.json").read_text())
+    scores = json.loads((folder / "report.json").read_text())
     mean = evaluation.campaign.pooled["fast"]["misplaced_force"].mean
     assert scores["campaign"]["pooled"]["fast"]["misplaced_force"]["mean"] == mean
     assert f"{100 * mean:.1f}" in (folder / "index.html").read_text()

@@ -26,7 +26,7 @@ def test_demo_writes_report_scores_and_parameters(softcover, tmp_path):
     assert json.loads(out)["campaign"]["skill"]["zeros"]["mean"] > 0.4
     assert "softcover-report/index.html" in err
     names = {path.name for path in (tmp_path / "softcover-report").iterdir()}
-    assert names >= {"index.html", "scores.json", "parameters.toml", "cover.npz", "plotly.min.js"}
+    assert names >= {"index.html", "report.json", "parameters.toml", "cover.npz", "plotly.min.js"}
 
 
 BALL = "[[case]]\nname = 'ball'\nindenter = 'sphere:radius=5mm'\nload = '100 g'\n"
@@ -48,7 +48,7 @@ def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path)
     assert "left out: mine.toml: case[1].name: 'ball' is the name of case[0] already" in err
     assert "left out: mine.toml: case[2].indenter: " in err
     assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, 1 of 3 cases; ")
-    scores = json.loads((tmp_path / "softcover-report" / "scores.json").read_text())
+    scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert [case["name"] for case in scores["campaign"]["cases"]] == ["ball"]
 
 
@@ -70,7 +70,7 @@ def test_a_stopped_run_reports_the_finished_cases_and_continues(tmp_path, stop):
     assert run.returncode == 130, err
     assert "run the same command again" in err
     assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, ")
-    scores = json.loads((tmp_path / "softcover-report" / "scores.json").read_text())
+    scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert scores["campaign"]["interrupted"]
     assert 0 < len(scores["campaign"]["cases"]) < 4
     assert {each["reason"] for each in scores["campaign"]["skipped"]} == {"interrupted"}
