@@ -321,8 +321,12 @@ def test_a_full_disk_loses_at_most_half_a_second(tmp_path):
     assert came - len(recording.times) < 271 / 2
 
 
+@pytest.mark.slow
 def test_header_stamps_follow_the_device_while_the_host_is_late(tmp_path, monkeypatch):
-    """Bytes that arrive up to 150 ms late: header and publish time follow the device, log time is the arrival."""
+    """Bytes that arrive up to 150 ms late: header and publish time follow the device, log time is the arrival.
+
+    If the first bytes are the latest ones, the stamps stand still for 150 ms, 3 % of this recording.
+    """
     from validation.weiss.link import Chunk, Link
 
     random, receive = Random(1), Link.read  # noqa: S311 -- reproducible, no secret
@@ -333,7 +337,7 @@ def test_header_stamps_follow_the_device_while_the_host_is_late(tmp_path, monkey
 
     with _running(source=show_pattern("zero")) as port, Sensor(port.name, timeout=_LONG) as sensor:
         monkeypatch.setattr(Link, "read", delay)
-        done = capture.record(sensor, tmp_path / "a.mcap", seconds=1.5)
+        done = capture.record(sensor, tmp_path / "a.mcap", seconds=5)
     recording = mcap_reader.read(tmp_path / "a.mcap")
     errors = recording.times - (recording.ticks - recording.ticks[0]) * 1e-3
     assert np.quantile(np.abs(errors - np.median(errors)), 0.95) < 2e-3
