@@ -1,11 +1,15 @@
 """Campaign files: what is read, and one line for each fault."""
 
+import dataclasses
 import math
+import re
+from pathlib import Path
 
 import pytest
 
 from meshes.bounded_file import parse_toml
-from validation.campaign.campaign_file import default_cases, parse_campaign, read_campaign
+from validation.campaign import campaign_file, case_tables
+from validation.campaign.campaign_file import Inputs, default_cases, parse_campaign, read_campaign
 from validation.campaign.case import Case, name_positions
 from validation.errors import InputError
 
@@ -175,3 +179,11 @@ def test_named_positions_are_those_of_the_array(wts):
     cases = default_cases(wts)
     assert {case.at for case in cases} == set(named.values())
     assert all(isinstance(case, Case) for case in cases)
+
+
+def test_the_documentation_names_every_key_position_and_metric(wts):
+    text = (Path(__file__).parents[3] / "docs" / "validation.md").read_text()
+    shown = set(re.findall(r"[a-z_0-9]+", text.split("## How the verdict is made")[0]))
+    keys = {*campaign_file._KEYS, *campaign_file._REQUIRED_KEYS, *case_tables._KEYS, *case_tables.METRIC_NAMES}
+    assert keys | {field.name for field in dataclasses.fields(Inputs)} <= shown
+    assert all(f"`{name}`" in text for name in name_positions(wts))
