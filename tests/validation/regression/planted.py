@@ -25,7 +25,7 @@ from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.running import RunningSensor
 from fastmodel.signal.chain import SignalChain
 from fem_reference.indentation import press
-from validation.campaign import case
+from validation.campaign import case_tables
 from validation.regression import fixed_images
 
 
@@ -262,37 +262,41 @@ NEIGHBOURS = {
 }  # fmt: skip
 
 
+def change_results(monkeypatch, change_one):
+    """Pass every result of the finite elements through a function."""
+    healthy = press.press_path
+    monkeypatch.setattr(
+        press, "press_path", lambda *args, **options: [change_one(each) for each in healthy(*args, **options)]
+    )
+
+
 def change_reference(**factors):
     """Multiply results of the finite elements by factors."""
 
     def plant(monkeypatch, parameters):
-        healthy = press.press
-
-        def changed(*args, **options):
-            found = healthy(*args, **options)
-            return replace(found, **{name: factor * getattr(found, name) for name, factor in factors.items()})
-
-        monkeypatch.setattr(press, "press", changed)
+        change_results(
+            monkeypatch,
+            lambda found: replace(found, **{name: factor * getattr(found, name) for name, factor in factors.items()}),
+        )
         return parameters
 
     return plant
 
 
 def halve_estimates(monkeypatch, parameters):
-    healthy = press.press
-
-    def changed(*args, **options):
-        found = healthy(*args, **options)
-        return replace(found, error_estimate={name: 0.5 * value for name, value in found.error_estimate.items()})
-
-    monkeypatch.setattr(press, "press", changed)
+    change_results(
+        monkeypatch,
+        lambda found: replace(
+            found, error_estimate={name: 0.5 * value for name, value in found.error_estimate.items()}
+        ),
+    )
     return parameters
 
 
 #: Plants that only sensors under a known cover show, with all titles that must be red.
 REFERENCE = {
     "load +3 %, as read": (
-        scale_result(case, "read_load", 1.03),
+        scale_result(case_tables, "read_load", 1.03),
         {"reference: load", "reference: largest texel force"},
     ),
     "reference: texel forces +1 %": (change_reference(texel_forces=1.01), {"reference: largest texel force"}),
