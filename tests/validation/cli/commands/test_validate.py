@@ -55,8 +55,11 @@ def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path)
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_run_reports_the_finished_cases_and_continues(tmp_path, stop):
-    """The first run is stopped when the first case is done; the second finishes the rest."""
-    cases = "".join(BALL.replace("ball", f"ball {n}").replace("100", f"{100 + n}") for n in range(4))
+    """The first run is stopped when the first case is done; the second finishes the rest.
+
+    Each signal has loads of its own, so that no case is in the store already.
+    """
+    cases = "".join(BALL.replace("ball", f"ball {n}").replace("100", f"{100 + 10 * stop + n}") for n in range(4))
     (tmp_path / "mine.toml").write_text(cases)
     command = [sys.executable, "-c", "from validation.cli import main; main()", "validate", "wts-0614-34"]
     command += ["--campaign", "mine.toml"]
