@@ -77,6 +77,7 @@ def run_commands(commands: tuple[str, ...], folder: Path) -> dict[str, str]:
     programs = Path(sys.executable).parent
     environment = {**os.environ, "COLUMNS": "80", "LINES": "60", "PATH": f"{programs}:{os.environ['PATH']}"}
     environment["PYTHONPATH"] = f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"
+    environment.pop("SOFTCOVER_RECORDINGS", None)
     environment["SOFTCOVER_STORE"] = str(folder / "store")
     write_recordings(folder)
     found, emulator = {}, None

@@ -96,19 +96,30 @@ def test_materials_init_and_doctor(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "extra"),
+    ("words", "extras"),
     [
-        (["press", "wts-0614-34", *TOUCH], "fem"),
-        (["derive", "wts-0614-34"], "fem"),
+        (["derive", "wts-0614-34", "--thickness", "1mm"], "fem"),
         (["press", "wts-0614-34", *TOUCH, "--model", "fast", "--thickness", "1mm"], "fem"),
-        (["demo"], "fem"),
+        (["demo"], "fem,report"),
+        (["validate", "wts-0614-34"], "fem,report"),
         (["record", "/dev/null"], "device"),
         (["replay", "touch.mcap"], "device"),
     ],
 )
-def test_a_missing_extra_is_one_line_with_the_command_that_installs_it(run, tmp_path, words, extra):
+def test_a_missing_extra_is_one_line_with_the_command_that_installs_it(run, tmp_path, words, extras):
     (tmp_path / "touch.mcap").write_bytes(b"\x89MCAP0\r\n")
     lines = run("softcover", *words, status=3).stderr.splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("softcover: ")
-    assert lines[0].endswith(f" is not installed; run: python -m pip install 'softcover[{extra}]'")
+    assert lines[0].endswith(f" not installed; run: python -m pip install 'softcover[{extras}]'")
+
+
+def test_the_way_out_that_the_line_on_a_missing_extra_names_works(run):
+    line = run("softcover", "press", "wts-0614-34", *TOUCH, status=3).stderr
+    assert line.endswith("'softcover[fem]'; or compute the fast model alone: --model fast\n")
+    assert "4.9" in run("softcover", "press", "wts-0614-34", *TOUCH, "--model", "fast").stdout
+    assert "softcover export wts-0614-34 --out FOLDER" in run("softcover", "derive", "wts-0614-34", status=3).stderr
+    run("softcover", "export", "wts-0614-34", "--out", "stored")
+    line = run("softcover", "press", "stored", *TOUCH, status=2).stderr
+    assert line.endswith("or use it as it is: --model fast\n")
+    assert "4.9" in run("softcover", "press", "stored", *TOUCH, "--model", "fast").stdout

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import re
 
 import pytest
 
-from tests.support.pages import DOCS
+from tests.support.pages import load_script
 from validation.cli.entry import app
 
-SPEC = importlib.util.spec_from_file_location("outputs", DOCS / "outputs.py")
-outputs = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(outputs)
+outputs = load_script("outputs")
 
 #: Words and numbers of a text, without the lines of tables.
 TOKEN = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?|[^\W\d]+|[^\w\s]")

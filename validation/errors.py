@@ -18,18 +18,6 @@ class InputError(ValueError):
         self.faults = faults
 
 
-class MissingExtraError(ImportError):
-    """Reports that an optional package is needed and not installed.
-
-    Attributes:
-        extra: Name of the optional dependency group (`softcover[...]`) that installs the package.
-    """
-
-    def __init__(self, extra: str, module: str) -> None:
-        super().__init__(f"{module} is not installed; run: python -m pip install 'softcover[{extra}]'")
-        self.extra = extra
-
-
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the hint of an error message on an unknown name.
 

@@ -6,6 +6,7 @@ holds a block that runs but is not shown, `<!-- file: NAME -->` before a block w
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import subprocess
@@ -63,3 +64,11 @@ def run_page(path, folder):
     return subprocess.run(  # noqa: S603 -- our own document
         [sys.executable, program], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
+
+
+def load_script(name):
+    """Import a script of the documentation, `docs/NAME.py`, as a module."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.errors import InputError, MissingExtraError, nearest
+from validation.errors import InputError, nearest
 
 NAMES = ["sphere", "cylinder", "box"]
 
@@ -12,10 +12,6 @@ def test_every_fault_is_a_line_of_the_message():
     error = InputError("one", "two")
     assert error.faults == ("one", "two")
     assert str(error) == "one\ntwo"
-
-
-def test_a_missing_extra_names_the_command_that_installs_it():
-    assert "python -m pip install 'softcover[fem]'" in str(MissingExtraError("fem", "skfem"))
 
 
 def test_a_misspelt_name_gets_a_hint():

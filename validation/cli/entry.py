@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError
 
 import validation
-from validation.cli.failures import DONE, INTERRUPTED, explain
+from validation.cli.failures import DONE, INTERRUPTED, PIPE_CLOSED, explain
 from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
 
@@ -63,7 +64,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Raises:
         SystemExit: Always, with the exit status.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        status = _run(list(sys.argv[1:] if arguments is None else arguments))
+    except BrokenPipeError:
+        _drop_output()
+        status = PIPE_CLOSED
+    raise SystemExit(status)
+
+
+def _run(words: Sequence[str]) -> int:
+    """Run one command, print what went wrong, and return the exit status.
+
+    Raises:
+        BrokenPipeError: If the program that reads the output has ended.
+    """
     try:
         _refuse_unusable(words)
         if not words or words[0] not in _COMMANDS:
@@ -71,6 +85,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for name in _COMMANDS:
                 app[name]
         result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
     except Exception as raised:
         error = _clarify(raised, words)
         explanation = explain(error)
@@ -80,13 +97,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
             see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
             say(f"softcover: {line.removesuffix('.')}{see}" if see else f"softcover: {line}")
         forget_notes()
-        raise SystemExit(explanation.status) from None
+        return explanation.status
     except KeyboardInterrupt:
         sys.stderr.write("softcover: interrupted\n")
         forget_notes()
-        raise SystemExit(INTERRUPTED) from None
+        return INTERRUPTED
     say_notes()
-    raise SystemExit(result if isinstance(result, int) else DONE)
+    return result if isinstance(result, int) else DONE
+
+
+def _drop_output() -> None:
+    """Send what is still to be written to nowhere: a program such as `head` has closed the other end of the pipe."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # not a file, as in tests
+            stream.flush()
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(nowhere, stream.fileno())
+    forget_notes()
 
 
 def _refuse_unusable(words: Sequence[str]) -> None:

@@ -8,34 +8,20 @@ from dataclasses import dataclass
 from cyclopts import CycloptsError
 
 from fem_reference.errors import ConvergenceError
-from validation.errors import InputError, MissingExtraError
+from validation.errors import InputError
+from validation.extras import EXTRAS, MissingExtraError
 
 #: Exit statuses of commands; `docs/json.md` explains them.
 DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
 #: Exit status after Ctrl-C: 128 plus 2, the number of the signal, by the convention of shells.
 INTERRUPTED = 130
+#: Exit status when the reader of the output has gone, as in `softcover materials | head`: 128 plus 13, by the same
+#: convention.
+PIPE_CLOSED = 141
 
 #: Errors of the operating system that the text of a path causes, whatever the state of the machine: a name that is too
 #: long, a file where a folder is needed or the other way round, links in a circle.
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
-
-#: Extra of the package (`pip install 'softcover[EXTRA]'`) that installs each optional module.
-_EXTRAS = {
-    "skfem": "fem",
-    "pymetis": "fem",
-    "trimesh": "fem",
-    "manifold3d": "fem",
-    "jinja2": "report",
-    "plotly": "report",
-    "matplotlib": "report",
-    "serial": "device",
-    "mcap": "device",
-    "mcap_ros2": "device",
-    "rosbags": "device",
-    "gymnasium": "gym",
-    "pyvista": "view",
-    "pytetwild": "curved",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,5 +78,5 @@ def _find_missing_extra(error: BaseException | None) -> MissingExtraError | None
     """
     while error is not None and not isinstance(error, MissingExtraError):
         module = str(getattr(error, "name", "")).split(".")[0]
-        error = MissingExtraError(_EXTRAS[module], module) if module in _EXTRAS else error.__cause__
+        error = MissingExtraError(module) if module in EXTRAS else error.__cause__
     return error

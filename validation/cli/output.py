@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.text import Text
 
     from meshes import Cover
@@ -81,6 +82,17 @@ def describe_vector(force: Sequence[float] | FloatArray) -> str:
     return f"net force ({x:.2f}, {y:.2f}, {z:.2f}) N"
 
 
+def make_console() -> Console:
+    """Return a console of rich for standard output that raises `BrokenPipeError` instead of ending the process."""
+    from rich.console import Console
+
+    class Output(Console):
+        def on_broken_pipe(self) -> None:
+            raise  # noqa: PLE0704 -- rich calls this where it has caught the error
+
+    return Output(highlight=False)
+
+
 def print_rows(rows: Iterable[tuple[str, str]], *, title: str | None = None) -> None:
     """Print a table of two columns, name and value; a row with an empty name continues the row above."""
     print_table(None, rows, title=title, left=2)
@@ -106,7 +118,6 @@ def print_table(
         lines: Whether vertical lines separate the columns; without them a wide table fits a narrow terminal.
     """
     from rich import box
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -124,7 +135,7 @@ def print_table(
     for row in rows:
         # Strings are converted to `Text`, because rich would parse plain strings in a table for markup.
         table.add_row(*(Text(escape(cell)) if isinstance(cell, str) else cell for cell in row))
-    Console(highlight=False).print(table)
+    make_console().print(table)
 
 
 #: Names of the quantities of error estimates for people, where they differ from those in JSON.

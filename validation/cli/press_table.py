@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from validation.campaign.metric_text import METRICS
 from validation.cli.meaning import explain_comparison, print_meaning
-from validation.cli.output import describe_cover, describe_errors, escape, print_rows
+from validation.cli.output import describe_cover, describe_errors, escape, make_console, print_rows
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -15,13 +15,11 @@ if TYPE_CHECKING:
 
 def print_comparison(comparison: Comparison) -> None:
     """Print the images of texel forces of the chosen models, their results and their scores."""
-    from rich.console import Console
-
     from validation.cli.heat_map import draw_force_images
     from validation.press.picture import list_images
     from validation.sensor_file import SensorDescription
 
-    console = Console(highlight=False)
+    console = make_console()
     case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
     console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}"), markup=False)
     if isinstance(sensor, SensorDescription):

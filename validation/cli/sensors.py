@@ -9,6 +9,7 @@ import fastmodel
 from fastmodel import Parameters
 from validation.cli.output import note, say
 from validation.errors import InputError
+from validation.extras import require
 from validation.sensor_file import BUILT_IN, CURVED, SensorDescription, load
 from validation.text.friction import describe_friction
 
@@ -20,6 +21,7 @@ def read_description(
     thickness: str | None = None,
     layers: Sequence[str] | None = None,
     curved: bool = False,
+    instead: str = "",
 ) -> SensorDescription:
     """Read the description of a sensor, for a command that needs the sensor's cover.
 
@@ -29,6 +31,7 @@ def read_description(
         thickness: Thickness with its unit that replaces the cover's thickness.
         layers: Changes of single layers, values of the option `--layer`.
         curved: Whether the command can treat curved covers.
+        instead: What the user can do with a folder of parameters, for the error message; empty if nothing.
 
     Raises:
         InputError: If the sensor cannot be read, or `sensor` is a folder with parameters of the fast model, which do
@@ -38,7 +41,7 @@ def read_description(
     if _holds_parameters(sensor):
         raise InputError(
             f"{sensor}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
-            f"name the sensor file or the built-in sensor that it was derived from"
+            f"name the sensor file or the built-in sensor that it was derived from{instead and f', or {instead}'}"
         )
     found = load(sensor, material=material, thickness=thickness, layers=layers or ())
     return _tell_assumed(found if curved else _refuse_curved(found))
@@ -132,6 +135,7 @@ def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[
         return sensor
     if sensor is BUILT_IN.get(sensor.name):
         return fastmodel.load(sensor.name)
+    require("skfem")
     from validation.derivation.derive import derive
 
     return derive(sensor, progress=progress).parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from importlib import resources
 from pathlib import Path
 
@@ -54,6 +55,17 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
         where = " nor ".join(str(each.folder) for each in found)
         raise RecordingError("\n".join((*chosen.problems, f"{source.name}: no recordings of it in {where}")))
     return chosen
+
+
+def describe_unused_recordings() -> str | None:
+    """Say in a sentence that the folder of the environment variable is not used; None if the variable is not set."""
+    folder = os.environ.get(ENVIRONMENT_VARIABLE)
+    if not folder:
+        return None
+    return (
+        f"{ENVIRONMENT_VARIABLE} is set and not used: recordings belong to one sensor; to score against them, "
+        f"add --recordings {shlex.quote(folder)}"
+    )
 
 
 def _find_file(data_set: str | Path | None, folder: Path | None) -> Path:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from meshes.array import MOST_TEXELS
-from validation.errors import MissingExtraError
+from validation.extras import MissingExtraError
 from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
     CountArray,
@@ -137,7 +137,7 @@ def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> N
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise MissingExtraError("device", "rosbags") from error
+        raise MissingExtraError("rosbags") from error
     if not path.exists():
         raise RecordingError(f"{path}: no such file; expected a ROS bag")
     size = measure_bag(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from validation.recordings.recording import ClockArray, Recording, RecordingErro
 
 #: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
+#: Optional module that reads files of each kind; the others need none.
+_MODULES = {".mcap": "mcap", ".bag": "rosbags", ".db3": "rosbags"}
 #: Smallest first time of a file of forces from which its times count as times since 1970 [s]; smaller times count from
 #: the first frame.  Since 1970, the value is a date in 1973, before any recording; as a duration, it is three years.
 _EPOCH_TIMES = 1e8
@@ -50,6 +53,11 @@ def open_recording(
             return bags.read(path, topic=topic, rows=rows, columns=columns)
         case _:
             raise RecordingError(f"{path}: not a recording; {ACCEPTED}")
+
+
+def list_modules(paths: Iterable[str | Path]) -> tuple[str, ...]:
+    """List the optional modules that read recordings, by the ends of their names; each once."""
+    return tuple(dict.fromkeys(_MODULES[end] for path in paths if (end := Path(path).suffix.lower()) in _MODULES))
 
 
 def relabel(recording: Recording, setup: Setup) -> Recording:

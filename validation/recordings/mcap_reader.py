@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 import numpy as np
 
 from meshes import atomic_file
-from validation.errors import MissingExtraError
+from validation.extras import MissingExtraError
 from validation.recordings import ros_messages
 from validation.recordings.labels import decode_labels
 from validation.recordings.mcap_writer import (
@@ -297,7 +297,7 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
         from mcap.records import Chunk
         from mcap.stream_reader import StreamReader
     except ImportError as error:
-        raise MissingExtraError("device", "mcap") from error
+        raise MissingExtraError("mcap") from error
     size, complete = _measure(path)
     with open_recorded(path) as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
         # `StreamReader` is declared to need a complete file object, but it only reads from it.

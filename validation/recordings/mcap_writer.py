@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, cast
 import numpy as np
 import numpy.typing as npt
 
-from validation.errors import MissingExtraError
+from validation.extras import MissingExtraError
 from validation.recordings import ros_messages
 from validation.recordings.labels import Labels, encode_labels
 from validation.recordings.recording import RecordedArray, Setup
@@ -361,6 +361,6 @@ def _open_writer(output: _File) -> Writer:
     try:
         from mcap.writer import Writer
     except ImportError as error:
-        raise MissingExtraError("device", "mcap") from error
+        raise MissingExtraError("mcap") from error
     # `Writer` is declared to need a complete file object, but it only calls `write`, `tell` and `flush`.
     return Writer(cast("IO[bytes]", output), enable_data_crcs=True)

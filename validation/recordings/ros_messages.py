@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from validation.errors import MissingExtraError
+from validation.extras import MissingExtraError
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -210,7 +210,7 @@ def _load_types() -> Typestore:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError as error:
-        raise MissingExtraError("device", "rosbags") from error
+        raise MissingExtraError("rosbags") from error
     types = get_typestore(Stores.ROS2_JAZZY)
     types.register(get_types_from_msg(_FRAME_DEFINITION, FRAME))
     return types

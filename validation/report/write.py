@@ -6,25 +6,14 @@ from importlib import resources
 from pathlib import Path
 
 from validation.campaign.evaluation import Evaluation
-from validation.errors import MissingExtraError
+from validation.extras import require
 from validation.json_values import json_text
 from validation.report.contents import contents
 
+#: Optional modules that a report needs.
+MODULES = ("jinja2", "plotly")
 #: Files of the report's page that are copied unchanged.
 _ASSETS = ("report.css", "report.js")
-
-
-def require() -> None:
-    """Check that the packages for a report are installed; to be called before long computations.
-
-    Raises:
-        MissingExtraError: If a package is missing.
-    """
-    from importlib.util import find_spec
-
-    for module in ("jinja2", "plotly"):
-        if find_spec(module) is None:
-            raise MissingExtraError("report", module)
 
 
 def write_report(evaluation: Evaluation, folder: Path) -> None:
@@ -38,7 +27,7 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         MissingExtraError: If jinja2 or plotly is not installed.
         OSError: If the folder cannot be written.
     """
-    require()
+    require(*MODULES)
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     assets = resources.files("validation.report").joinpath("assets")

@@ -28,6 +28,7 @@ from meshes.surfaces.surface_files import (
 )
 from validation.curved.body import CoverBody, mesh_shell
 from validation.errors import InputError
+from validation.extras import require
 from validation.sensor_file.tables import Length, MaterialTable, SensorTables, read_material, read_unit
 
 #: Element sizes of two meshes of tetrahedra over the thickness, and over the element size that a file states [-].
@@ -76,6 +77,7 @@ def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
     try:
         if table.mesh is not None:
             return _take_mesh(table, folder)
+        require("trimesh", useful=("skfem", "pytetwild"))
         shell, source = _build_shell(table, folder)
         check_closed(shell.surface, f"the body of {source}", crossings=not shell.is_folded)
     except ValueError as error:

@@ -40,7 +40,7 @@ _UNIT = re.compile(rf"(?:1 ?/ ?)?{_NAME}(?:(?: ?[*/\u00b7] ?| ){_NAME}){{0,4}}")
 _SEPARATOR = re.compile(r"[x\u00d7,](?=\s*[-+.0-9])")
 
 
-def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
+def read_quantity(value: object, kind: Kind, *, place: str = "", example: str = "") -> float:
     """Parse one quantity, a number with a unit.
 
     A force may be given as the weight of a mass, `500 g`.
@@ -49,6 +49,7 @@ def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
         value: The text; a plain number is refused because it has no unit.
         kind: Kind of quantity that is expected.
         place: Option or key that holds the text; error messages begin with it.
+        example: Accepted text for error messages, where another one than that of the kind is of use.
 
     Returns:
         The number in SI units, angles in radians.
@@ -57,7 +58,7 @@ def read_quantity(value: object, kind: Kind, *, place: str = "") -> float:
         InputError: If the text has no number, no unit, an unknown unit or a unit of another kind of quantity.
     """
     where = f"{place}: " if place else ""
-    example = f"write for example '{_EXAMPLES[kind][1]}'"
+    example = f"write for example '{example or _EXAMPLES[kind][1]}'"
     if isinstance(value, str) and len(value) > LONGEST:
         raise InputError(f"{where}{value[:LONGEST]!r}... is longer than the {LONGEST} characters accepted; {example}")
     match = _NUMBER.match(value.strip()) if isinstance(value, str) else None

@@ -122,25 +122,6 @@ def test_out_folder_of_somebody_else_is_left_alone(softcover, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("module", "extra"),
-    [
-        ("skfem", "fem"),
-        pytest.param("jinja2", "report", marks=pytest.mark.slow),
-        pytest.param("plotly", "report", marks=pytest.mark.slow),
-    ],
-)
-def test_missing_extra_gives_the_command_that_installs_it(tmp_path, module, extra):
-    code = f"import sys; sys.modules[{module!r}] = None\nfrom validation.cli import main\nmain(['demo'])"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603 -- ours
-    assert done.returncode == 3
-    assert done.stderr.splitlines() == [
-        f"softcover: {module} is not installed; run: python -m pip install 'softcover[{extra}]'"
-    ]
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
     "words",
     [
         ["store", "list"],
@@ -161,6 +142,16 @@ def test_the_keys_of_json_output_are_documented(softcover, words):
     assert status == 0
     documented = set(re.findall(r"`(\w+)`", DOCUMENTED_KEYS.read_text()))
     assert set(json.loads(out)) <= documented
+
+
+@pytest.mark.parametrize("words", [["materials"], ["datasheet", "wts-0614-34"], ["doctor", "--json"]], ids=" ".join)
+def test_a_reader_that_ends_early_is_told_nothing(words):
+    """The pipe is closed before the command writes, as by `head` after its last line."""
+    code = f"from validation.cli import main\nmain({words!r})"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # noqa: S603 -- ours
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait() == 141
 
 
 def test_ctrl_c_is_status_130(softcover, monkeypatch):

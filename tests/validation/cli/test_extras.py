@@ -1,28 +1,127 @@
-"""Every optional package has a line that says how to install it."""
+"""A command that lacks optional packages says in one line how to install all of them, before any work."""
 
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
+from tests.support.pages import load_script
 from validation.cli.failures import OUTSIDE_FAILED, explain
+from validation.extras import EXTRAS, MissingExtraError, require
 
 PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
 #: Modules of the distributions in an extra whose names differ, and distributions that the product does without.
 MODULES = {"scikit-fem": "skfem", "pyserial": "serial", "mcap-ros2-support": "mcap_ros2"}
 WITHOUT = {"pypardiso", "array-api-compat"}
 OPTIONAL = [
-    (extra, name)
-    for extra in ("fem", "report", "device", "gym", "view")
+    (extra, MODULES.get(name, name))
+    for extra in ("fem", "curved", "report", "device", "gym", "view")
     for line in PROJECT["project"]["optional-dependencies"][extra]
     if (name := line.split(">")[0]) not in WITHOUT
 ]
+BALL = ("--indenter", "sphere:radius=5mm", "--load", "500g")
+DATA_SET = """name = 'mine'
+[[series]]
+name = 'one'
+indenter = 'sphere:radius=5mm'
+load = '1 N'
+files = ['*.mcap']
+use = ['fit']
+"""
+FAST = "; or compute the fast model alone: --model fast"
 
 
-@pytest.mark.parametrize(("extra", "name"), OPTIONAL)
-def test_a_missing_package_is_told_with_its_extra(extra, name):
-    module = MODULES.get(name, name)
+@pytest.fixture
+def without_extras(monkeypatch, without_reference):
+    """Hide the modules of all extras, as in a base installation, and fail the test if finite elements are asked."""
+    for module in EXTRAS:
+        monkeypatch.setitem(sys.modules, module, None)
+
+
+def test_every_optional_package_has_its_extra():
+    assert {(extra, module) for module, extra in EXTRAS.items()} == set(OPTIONAL)
+
+
+@pytest.mark.parametrize(("extra", "module"), OPTIONAL)
+def test_a_missing_package_is_told_with_its_extra(extra, module):
     found = explain(ModuleNotFoundError(f"No module named {module!r}", name=f"{module}.part"))
     assert found is not None
     assert found.status == OUTSIDE_FAILED
     assert f"softcover[{extra}]" in found.lines[0]
+
+
+def test_all_missing_modules_and_their_extras_are_named_once(without_extras):
+    with pytest.raises(MissingExtraError) as raised:
+        require("skfem", "jinja2", "numpy", "plotly", useful=["matplotlib"])
+    assert raised.value.extras == ("fem", "report")
+    assert str(raised.value) == (
+        "skfem, jinja2, plotly, matplotlib are not installed; run: python -m pip install 'softcover[fem,report]'"
+    )
+
+
+def test_nothing_is_told_where_only_useful_modules_are_missing(without_extras):
+    require("numpy", useful=["matplotlib"])
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["demo"], "fem,report"),
+        (["validate", "wts-0614-34"], "fem,report"),
+        (["validate", "wts-0614-34", "--recordings", "data.toml"], "fem,report,device"),
+        (["press", "wts-0614-34", *BALL], "fem"),
+        (["press", "wts-0614-34", *BALL, "--out", "pressed"], "fem,report,view"),
+        (["press", "wts-0614-34", *BALL, "--model", "fast", "--thickness", "1mm"], "fem"),
+        (["press", "fingertip", *BALL, "--out", "pressed"], "fem,view"),
+        (["derive", "wts-0614-34", "--thickness", "1mm", "--out", "derived"], "fem,report"),
+        (["derive", "fingertip"], "fem"),
+        (["mesh", "fingertip", "--out", "meshed"], "fem,view"),
+        (["regress", "wts-0614-34", "--update"], "fem"),
+        (["validate-force", "gelsight-mini"], "fem"),
+        (["export", "wts-0614-34", "--thickness", "1mm"], "fem"),
+        (["view", "wts-0614-34", *BALL, "--thickness", "1mm"], "fem"),
+        (["datasheet", "wts-0614-34", "--thickness", "1mm"], "fem"),
+        (["calibrate", "a.mcap", "--sensor", "wts-0614-34", "--picture", "left-out.png"], "device,report,fem"),
+        (["calibrate", "data.toml", "--sensor", "wts-0614-34", "--picture", "left-out.png"], "device,report,fem"),
+        (["replay", "a.mcap"], "device"),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, list) else None,
+)
+def test_one_line_names_all_extras_before_any_work(softcover, tmp_path, without_extras, words, expected):
+    (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "data.toml").write_text(DATA_SET)
+    status, out, err = softcover(*words)
+    assert (status, out) == (OUTSIDE_FAILED, "")
+    (line,) = err.splitlines()
+    assert f"not installed; run: python -m pip install 'softcover[{expected}]'" in line
+    assert {path.name for path in tmp_path.iterdir()} == {"a.mcap", "data.toml"}
+
+
+@pytest.mark.parametrize(
+    "change", [(), ("--at=1mm,1mm",), ("--yaw=10deg",), ("--tilt=2deg,0deg",), ("--method", "area")]
+)
+def test_press_names_the_fast_model_where_it_does_without_finite_elements(softcover, without_extras, change):
+    words = ("press", "wts-0614-34", *BALL, *change)
+    assert softcover(*words)[2].rstrip().endswith(FAST)
+    assert softcover(*words, "--model", "fast")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "change", [("--friction", "0.4"), ("--accuracy", "1%"), ("--model", "fem"), ("--out", "x"), ("--thickness", "1mm")]
+)
+def test_press_names_no_way_out_where_there_is_none(softcover, without_extras, change):
+    err = softcover("press", "wts-0614-34", *BALL, *change)[2]
+    assert "softcover[fem" in err
+    assert FAST not in err
+
+
+@pytest.mark.slow
+def test_calibrate_names_the_fast_model_for_a_built_in_sensor(softcover, tmp_path, without_extras):
+    load_script("outputs").write_recordings(tmp_path)
+    files = [f"{newton}N.csv" for newton in (1, 2, 3, 4)]
+    err = softcover("calibrate", *files, "--sensor", "wts-0614-34")[2]
+    assert err.rstrip().endswith("'softcover[fem]'; or compute the contact by the fast model: --method cover")
+    status, out, _ = softcover("calibrate", *files, "--sensor", "wts-0614-34", "--method", "cover")
+    assert status == 0
+    assert "sensitivity" in out

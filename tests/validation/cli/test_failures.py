@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from fastmodel.errors import FastModelError, ParametersError
 from fem_reference.errors import ConvergenceError
 from validation.cli.failures import explain
-from validation.errors import InputError, MissingExtraError
+from validation.errors import InputError
+from validation.extras import MissingExtraError
 
 LINE = st.text(st.characters(exclude_categories=("C", "Z")), min_size=1)
 
@@ -49,7 +50,7 @@ def test_a_missing_extra_is_found_behind_the_import_that_failed():
     error.__cause__ = cause
     explanation = explain(error)
     assert explanation.status == 3
-    assert explanation.lines == (str(MissingExtraError("device", "mcap")),)
+    assert explanation.lines == (str(MissingExtraError("mcap")),)
 
 
 @pytest.mark.parametrize("error", [ImportError("ours"), TypeError("ours"), KeyError("ours"), AssertionError("ours")])

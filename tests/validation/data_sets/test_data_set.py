@@ -9,7 +9,7 @@ from tests.support.recordings import RECORDINGS
 from validation.calibration.contact import Pose
 from validation.data_sets.data_set import build_data_set, read_tables
 from validation.data_sets.images import read_images
-from validation.data_sets.locate import find_data_set
+from validation.data_sets.locate import describe_unused_recordings, find_data_set
 from validation.errors import InputError
 from validation.recordings import RecordingError
 
@@ -245,3 +245,10 @@ def test_the_built_in_file_reads_the_published_tree(tmp_path):
 def test_the_published_recordings_are_found():
     found = find_data_set(RECORDINGS, "kiechle-sdh2")
     assert len(found.files) >= 24
+
+
+def test_an_unused_folder_of_recordings_is_named(monkeypatch):
+    monkeypatch.delenv("SOFTCOVER_RECORDINGS", raising=False)
+    assert describe_unused_recordings() is None
+    monkeypatch.setenv("SOFTCOVER_RECORDINGS", "/my recordings")
+    assert describe_unused_recordings().endswith("add --recordings '/my recordings'")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,6 +89,7 @@ def calibrate(
     _check_files(out, picture, sensor)
     _check_options(tip, texel, threshold)
     description = _read_sensor(sensor)
+    _require_modules(recordings, sensor, method, tip, picture)
     keys = Keys(
         indenter=indenter or (f"tip:radius={tip}" if tip else ""),
         at=at,
@@ -98,18 +100,42 @@ def calibrate(
         window=read_time_span("--window", window, "6:9"),
         temperature_channel=temperature_channel,
     )
-    images = _read_images(describe_files(recordings, keys), description)
+    data_set = describe_files(recordings, keys)
+    _require_modules([file.path for file in data_set.files], sensor, method, tip, picture)
+    images = _read_images(data_set, description)
     if tip is not None and texel is not None:
         _calibrate_point(images, description, tip, texel, json=json)
         return
-    from validation.calibration.write_sensor import write_sensor
-
     found = _fit(images, _choose_method(description, method, images), heights=heights)
     if out is not None:
-        say(f"wrote {write_sensor(found, sensor, out, polynomial=polynomial)}")
+        _write(found, sensor, out, polynomial=polynomial)
     if picture is not None:
         _draw(found, description, picture)
     print_json(found.as_json()) if json else _print(found)
+
+
+def _require_modules(paths: Sequence[Path], sensor: str, method: str, tip: str | None, picture: Path | None) -> None:
+    """Check that the packages which read the recordings, solve the contact and draw are installed.
+
+    Nothing is checked for a data-set file, until the recordings that it names are known.
+
+    Raises:
+        MissingExtraError: If one is missing.
+    """
+    from fastmodel import METHODS
+    from validation.extras import require
+    from validation.recordings.importing import list_modules
+    from validation.sensor_file import BUILT_IN
+
+    if any(path.suffix == ".toml" for path in paths):
+        return
+    needed = [*list_modules(paths), *(["matplotlib"] if picture else [])]
+    if tip is None and sensor in BUILT_IN:
+        # The fast model of a built-in sensor is stored; by default finite elements compute the contact.
+        useful = () if method in METHODS else ("skfem",)
+        require(*needed, useful=useful)
+    else:
+        require(*needed, "skfem")
 
 
 def _fit(images: list[Image], method: ContactMethod, *, heights: bool) -> Calibration:
@@ -174,11 +200,15 @@ def _choose_method(description: SensorDescription, method: str, images: list[Ima
     from fastmodel import METHODS
     from validation.calibration.contact import REFERENCE, make_fast_method, make_reference_method
     from validation.cli.sensors import find_parameters
+    from validation.extras import require
+    from validation.sensor_file import BUILT_IN
 
     check_choice("--method", "contact method", method, ("default", *METHODS, REFERENCE))
+    stored = description is BUILT_IN.get(description.name)
     level = all(image.file.placement.tilt is not None for image in images)
     solvable = description.spread is None and description.cover.size is None and level
     if method == REFERENCE or (method == "default" and solvable):
+        require("skfem", otherwise="compute the contact by the fast model: --method cover" if stored else "")
         return make_reference_method(description.cover, description.array)
     with Progress() as progress:
         parameters = find_parameters(description, progress)
@@ -232,6 +262,12 @@ def _print_point(found: PointLoadCalibration) -> None:
         show(
             f"{name.replace('_', ' ')}: {estimate.value:.5g} [{estimate.low:.5g}, {estimate.high:.5g}] {estimate.unit}"
         )
+
+
+def _write(found: Calibration, sensor: str, path: Path, *, polynomial: bool) -> None:
+    from validation.calibration.write_sensor import write_sensor
+
+    say(f"wrote {write_sensor(found, sensor, path, polynomial=polynomial)}")
 
 
 def _draw(found: Calibration, sensor: SensorDescription, path: Path) -> None:

@@ -13,12 +13,21 @@ from cyclopts import Parameter
 from validation.cli.failures import DONE
 from validation.cli.meaning import explain_derivation, print_meaning
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, describe_errors, print_json, print_rows, print_table, say
+from validation.cli.output import (
+    describe_cover,
+    describe_errors,
+    make_console,
+    print_json,
+    print_rows,
+    print_table,
+    say,
+)
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
     from fastmodel import Fit, Validity
     from validation.derivation.derive import Derivation
+    from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path | None, Parameter(help="Folder for the files; an earlier result is replaced.")]
 
@@ -51,14 +60,16 @@ def derive(
         softcover derive fingertip --out fingertip
     """
     from validation.cli.sensors import read_description
-    from validation.derivation.derive import derive as derive_parameters
     from validation.output_folder import new_folder
 
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    _require_modules(description, pictures=out is not None)
     if description.body is not None:
         from validation.cli.curved.derive import derive_curved_cover
 
         return derive_curved_cover(description, out, json=json)
+    from validation.derivation.derive import derive as derive_parameters
+
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
@@ -80,13 +91,28 @@ def derive(
     return DONE
 
 
+def _require_modules(sensor: SensorDescription, *, pictures: bool) -> None:
+    """Check that finite elements are installed.
+
+    Raises:
+        MissingExtraError: If they are not.
+    """
+    from validation.extras import require
+    from validation.sensor_file import BUILT_IN
+
+    if sensor.body is None:
+        stored = sensor is BUILT_IN.get(sensor.name)
+        way_out = f"write the stored parameters: softcover export {sensor.name} --out FOLDER" if stored else ""
+        require("skfem", useful=("matplotlib",) if pictures else (), otherwise=way_out)
+    else:
+        require("skfem", useful=("pyvista",) if pictures else ())
+
+
 def _draw_response(derivation: Derivation) -> None:
     """Print the response of the texels to a load on one of them as coloured text."""
-    from rich.console import Console
-
     from validation.cli.heat_map import draw_share_image
 
-    console = Console(highlight=False)
+    console = make_console()
     console.print("Uniform load on one texel: share of it on each texel, %")
     console.print(draw_share_image(derivation.texel_response_uniform))
 

@@ -68,6 +68,9 @@ def emulate(
         softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01
         softcover emulate /tmp/wts --show wts-0614-34 --indenter sphere:radius=5mm --load 8N
     """
+    from validation.extras import require
+
+    require("serial", useful=("skfem",) if show.endswith(".toml") else ())
     from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
     from validation.weiss.virtual import VirtualSensor
 

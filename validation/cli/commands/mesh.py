@@ -34,13 +34,16 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
     """
     from validation.cli.curved.derive import say_written
     from validation.cli.sensors import read_description
-    from validation.curved.files import write_mesh_report
-    from validation.curved.press import describe_mesh, make_meshes
+    from validation.extras import require
     from validation.output_folder import new_folder
 
     description = read_description(sensor, thickness=thickness, curved=True)
     if description.body is None:
         raise InputError(f"{description.source}: has a flat cover, which needs no mesh file")
+    require("skfem", useful=("pyvista",) if out else ())
+    from validation.curved.files import write_mesh_report
+    from validation.curved.press import describe_mesh, make_meshes
+
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None

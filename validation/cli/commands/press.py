@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,12 +154,34 @@ def _run(request: _Request, curve: int | None, out: Path | None, *, json: bool) 
     """Compute the curve or the indentation that the options ask for."""
     from fem_reference.errors import PiercedError
 
+    if "fem" in request.models or request.depth is not None:
+        _require_modules(request, out)
     try:
         if curve is not None and out is not None:
             return _trace(request, curve, out, json=json)
         return _compare(request, out, json=json)
     except PiercedError as error:
         raise InputError(f"--{error.control}: {error}") from error
+
+
+def _require_modules(request: _Request, out: Path | None) -> None:
+    """Check that finite elements are installed; the error names the fast model where it can do without them.
+
+    Raises:
+        MissingExtraError: If they are not.
+    """
+    from validation.extras import require
+    from validation.sensor_file import BUILT_IN
+
+    stored = request.sensor is BUILT_IN.get(request.sensor.array.name)
+    unused = request.depth is None and out is None and request.accuracy is None and not request.friction
+    require(
+        "skfem",
+        useful=("matplotlib", "pyvista") if out else (),
+        otherwise="compute the fast model alone: --model fast"
+        if stored and unused and "fast" in request.models
+        else "",
+    )
 
 
 def _press_curved(
@@ -173,8 +196,8 @@ def _press_curved(
 ) -> int:
     """Press a sensor with a curved cover; `cover` is the sensor, `--material`, `--thickness` and `--layer`."""
     from fem_reference.errors import PiercedError
-    from validation.cli.curved.press import press_curved_cover
     from validation.cli.sensors import read_description
+    from validation.extras import require
 
     faults = [
         f"{name}: is not supported on curved covers; leave it out" for name, given in unsupported.items() if given
@@ -188,6 +211,9 @@ def _press_curved(
     wanted = collect(faults, lambda: read_force(*force))
     if faults or found is None or models is None or wanted is None:
         raise InputError(*faults)
+    require("skfem", useful=("pyvista",) if out else ())
+    from validation.cli.curved.press import press_curved_cover
+
     try:
         return press_curved_cover(found, text, force=wanted, models=models, out=out, json=json)
     except PiercedError as error:
@@ -232,7 +258,8 @@ def _read_request(
     faults: list[str] = []
     models = collect(faults, lambda: read_models(model))
     needs_reference = models is not None and ("fem" in models or force[1] is not None)
-    read = read_description if needs_reference else read_sensor
+    instead = "" if force[1] is not None else "use it as it is: --model fast"
+    read = functools.partial(read_description, instead=instead) if needs_reference else read_sensor
     found = collect(faults, lambda: read(sensor, material=cover[0], thickness=cover[1], layers=cover[2]))
     shape = collect(faults, lambda: read_indenter(indenter))
     position = collect(faults, lambda: read_position(pose[0]))

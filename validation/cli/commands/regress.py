@@ -64,7 +64,7 @@ def regress(
 
     started = time.perf_counter()
     _check_options(baseline, junit, out, seed, update=update)
-    source = read_sensor(sensor)
+    _require_modules(source := read_sensor(sensor), pictures=out is not None)
     name = source.name if isinstance(source, SensorDescription) else source.array.name
     described = describe_sensor(name, source.array, derived=isinstance(source, SensorDescription))
     # A fault in the baseline is reported before the long computation.
@@ -91,6 +91,27 @@ def regress(
     if files:
         say(f"wrote {', '.join(files)} to {out}")
     return CHECK_FAILED if changes else DONE
+
+
+def _require_modules(source: SensorDescription | Parameters, *, pictures: bool) -> None:
+    """Check that finite elements are installed, which derive the parameters of a described sensor.
+
+    Raises:
+        MissingExtraError: If they are not.
+    """
+    from validation.extras import require
+    from validation.sensor_file import BUILT_IN, SensorDescription
+
+    if not isinstance(source, SensorDescription):
+        return
+    stored = source is BUILT_IN.get(source.name)
+    require(
+        "skfem",
+        useful=("matplotlib",) if pictures else (),
+        otherwise=f"check the stored parameters: softcover export {source.name} --out FOLDER, softcover regress FOLDER"
+        if stored
+        else "",
+    )
 
 
 def _show_changes(changes: list[Change], failures: Mapping[str, str], now: Baseline, *, json: bool) -> None:

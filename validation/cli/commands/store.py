@@ -139,9 +139,9 @@ def prune_entries(
     from fem_reference import result_store
     from validation.text.quantity import read_quantity
 
-    age = 0.0 if older_than is None else read_quantity(older_than, "time", place="--older-than")
+    age = 0.0 if older_than is None else read_quantity(older_than, "time", place="--older-than", example="30 days")
     if age < 0:
-        raise InputError(f"--older-than: accepted: 0 s or more, not {older_than!r}")
+        raise InputError(f"--older-than: accepted: 0 days or more, not {older_than!r}")
     check_range("--keep-latest", keep_latest)
     if everything and (older_than or other_code or keep_latest is not None):
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")

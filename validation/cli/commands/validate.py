@@ -15,7 +15,7 @@ from cyclopts import Parameter
 
 from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, print_json, print_table, say, show
+from validation.cli.output import describe_cover, note, print_json, print_table, say, show
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -97,12 +97,14 @@ def validate(
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
     """
     from validation.cli.sensors import read_description
-    from validation.data_sets.locate import find_data_set
+    from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
     description = read_description(sensor, material=material, thickness=thickness, layers=layer)
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
     # that the user names are used.
     found = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
+    if found is None and (sentence := describe_unused_recordings()):
+        note(sentence)
     plan = _read_campaign(campaign, description, quick=quick)
     return _evaluate(description, plan, out, recordings=found, recorded=description, json=json)
 
@@ -140,11 +142,14 @@ def _evaluate(
         The exit status, see `_choose_status`.
     """
     from validation.campaign.evaluation import evaluate
+    from validation.extras import require
     from validation.output_folder import new_folder
-    from validation.report import require, write_report
+    from validation.recordings.importing import list_modules
+    from validation.report import MODULES, write_report
 
     started = time.perf_counter()
-    require()
+    files = recordings.files if recordings else ()
+    require("skfem", *MODULES, *list_modules(file.path for file in files))
     _tell_friction(sensor)
     with new_folder(out) as folder, _interrupt_when_terminated(), Progress() as progress:
         evaluation = evaluate(

@@ -23,7 +23,7 @@ from validation.cli.options import (
     check_range,
     collect,
 )
-from validation.cli.output import describe_vector, escape, print_json, say
+from validation.cli.output import describe_vector, escape, make_console, print_json, say
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -190,11 +190,9 @@ def _list_last_frame(scene: Scene, indenter: str, load: float) -> dict[str, Any]
 
 
 def _print_last_frame(scene: Scene, title: str) -> None:
-    from rich.console import Console
-
     from validation.cli.heat_map import draw_force_images
 
-    console = Console(highlight=False)
+    console = make_console()
     console.print(escape(title), markup=False)
     console.print(draw_force_images(scene.sensor.parameters.array, [("fast model", scene.texel_forces)]))
     console.print(_describe_state(scene).strip(), markup=False)

@@ -140,7 +140,8 @@ def test_prune_always_removes_damaged_entries_and_unfinished_files(filled):
     ("words", "expected"),
     [
         (["prune", "--older-than", "30"], "--older-than: '30' has no unit"),
-        (["prune", "--older-than=-3d"], "--older-than: accepted: 0 s or more, not '-3d'"),
+        (["prune", "--older-than", "yesterday"], "'yesterday' is not a time; write for example '30 days'"),
+        (["prune", "--older-than=-3d"], "--older-than: accepted: 0 days or more, not '-3d'"),
         (["prune", "--older-than", "3mm"], "--older-than: 'mm' in '3mm' is not a unit of time"),
         (["prune", "--keep-latest=-1"], "--keep-latest: accepted: 0 or more"),
         (["prune", "--keep-latest", "few"], "few"),

@@ -41,12 +41,14 @@ def test_a_campaign_without_a_usable_case_ends_before_any_work(softcover, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path):
+def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_RECORDINGS", "/my recordings")
     (tmp_path / "mine.toml").write_text(BALL + BALL + BALL.replace("ball", "other").replace("5mm", "5"))
     status, out, err = softcover("validate", "wts-0614-34", "--campaign", "mine.toml")
     assert status == 2
     assert "left out: mine.toml: case[1].name: 'ball' is the name of case[0] already" in err
     assert "left out: mine.toml: case[2].indenter: " in err
+    assert err.splitlines()[-1].endswith("to score against them, add --recordings '/my recordings'")
     assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, 1 of 3 cases; ")
     scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert [case["name"] for case in scores["campaign"]["cases"]] == ["ball"]

@@ -1,0 +1,67 @@
+"""Optional packages: the extra of softcover that installs each, and a check that a command's packages are installed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.util import find_spec
+
+#: Extra of the package (`pip install 'softcover[EXTRA]'`) that installs each optional module.
+EXTRAS = {
+    "skfem": "fem",
+    "pymetis": "fem",
+    "trimesh": "fem",
+    "manifold3d": "fem",
+    "pytetwild": "curved",
+    "jinja2": "report",
+    "plotly": "report",
+    "matplotlib": "report",
+    "serial": "device",
+    "mcap": "device",
+    "mcap_ros2": "device",
+    "rosbags": "device",
+    "gymnasium": "gym",
+    "pyvista": "view",
+}
+
+
+class MissingExtraError(ImportError):
+    """Reports that optional packages are needed and not installed.
+
+    Attributes:
+        extras: Names of the optional dependency groups (`softcover[...]`) that install the packages.
+    """
+
+    def __init__(self, *modules: str, otherwise: str = "") -> None:
+        """Make the message.
+
+        Args:
+            *modules: Names of the missing modules, keys of `EXTRAS`.
+            otherwise: What the user can do without these packages; empty if nothing.
+        """
+        self.extras = tuple(dict.fromkeys(EXTRAS[module] for module in modules))
+        verb = "is" if len(modules) == 1 else "are"
+        way_out = f"; or {otherwise}" if otherwise else ""
+        super().__init__(
+            f"{', '.join(modules)} {verb} not installed; "
+            f"run: python -m pip install 'softcover[{','.join(self.extras)}]'{way_out}"
+        )
+
+
+def require(*modules: str, useful: Iterable[str] = (), otherwise: str = "") -> None:
+    """Check that all optional modules of a command are installed; to be called before long computations.
+
+    Args:
+        *modules: Names of the modules that the command needs, keys of `EXTRAS`.
+        useful: Modules that the command does without, for example for pictures; the error also names those of them
+            that are missing, so that one installation suffices.
+        otherwise: What the user can do without these modules; empty if nothing.
+
+    Raises:
+        MissingExtraError: If a needed module is missing; it names all that are missing.
+    """
+    if any(_is_missing(module) for module in modules):
+        raise MissingExtraError(*filter(_is_missing, (*modules, *useful)), otherwise=otherwise)
+
+
+def _is_missing(module: str) -> bool:
+    return find_spec(module) is None
