@@ -23,7 +23,7 @@ _SMALL_STRAIN_DEPTH = 0.3
 #: of the depth, and contact forces increase at most with the square of the depth [-].
 _FORCE_PER_OVERLAP = 2.0
 #: Smallest estimated error of a contact area: that of the measured area of a face [-].
-_LEAST_AREA_ERROR = 1e-4
+_LEAST_AREA_ERROR = 2e-5
 #: Estimated relative error above which a result has a warning [-].
 _LARGE_ERROR = 0.05
 #: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
