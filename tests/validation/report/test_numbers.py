@@ -8,12 +8,9 @@ import pytest
 
 from meshes.catalogue import ARRAYS
 from validation.campaign.campaign_file import read_campaign
-from validation.campaign.case import Case
-from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
 from validation.campaign.verdict import judge
-from validation.credibility.evidence import gather_evidence
 from validation.data_sets.count_score import CountScore
 from validation.data_sets.score import RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import Score
@@ -87,12 +84,11 @@ def recordings():
 
 
 @pytest.fixture(scope="module")
-def evaluation(wts_derivation, recordings):
-    """Random scores of two cases: every number differs from every other."""
+def evaluation(evaluation, recordings):
+    """Random scores of the cases of a real evaluation: every number differs from every other."""
     array = ARRAYS["wts-0614-34"]
     results = []
-    for name in ("first", "second"):
-        case = Case.read(name, "sphere:radius=5mm", f"{RANDOM.integers(100, 900)} g", at="0mm,0mm")
+    for case in (each.case for each in evaluation.campaign.cases):
         reference = dataclasses.replace(draw_reference(array, case.load), error_estimate=draw_estimates())
         predictions = {
             model: Prediction(texel_forces=RANDOM.uniform(0, 1, 84), outside=0.0, score=draw_score())
@@ -106,15 +102,12 @@ def evaluation(wts_derivation, recordings):
         skill={model: draw_pooled() for model in MODELS if model != "fast"},
         noise_floor=draw_estimates(),
     )
-    return Evaluation(
-        derivation=wts_derivation,
+    return dataclasses.replace(
+        evaluation,
         verification={"radial_profile": 0.00123, "texel_response": 0.00234},
         plan=read_campaign(None, array),
         campaign=campaign,
         verdict=judge(read_campaign(None, array), campaign),
-        evidence=gather_evidence(
-            wts_derivation.sensor.cover, wts_derivation.parameters, read_campaign(None, array), campaign
-        ),
         recordings=recordings,
         recorded=load("sdh2-distal"),
         seconds={"campaign": 1.0},
