@@ -5,6 +5,7 @@ pads       responses of a flat pad: hexahedra against the planar solution with f
 radius     responses of cylinder segments of growing radius against the flat pad
 balance    force and moment on the base of each built-in cover against those of the indenter
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
+estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
 scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
 
 Each part prints a table; `curved_covers.md` holds them.
@@ -12,6 +13,7 @@ Each part prints a table; `curved_covers.md` holds them.
 
 from __future__ import annotations
 
+import itertools
 import os
 import resource
 import runpy
@@ -26,6 +28,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fastmodel.curved.press import press_curved as press_fast
+from fem_reference import press
+from fem_reference.closed_form.curved import CylinderLayer, SpotLoad, touch_cylinder
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Box, Cover, Indenter, Layer, Material, Sphere, TexelArray
@@ -45,6 +49,16 @@ SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "box 12 x 12 mm": (Box(size=(12e-3, 12e-3, 6e-3)), 0.0, 1.0),
     "edge of a box": (Box(size=(8e-3, 14e-3, 8e-3)), np.pi / 4, 0.15),
 }
+#: Indenters and loads of `estimates`, and their places [m].
+FLAT: dict[str, tuple[Indenter, float]] = {
+    "ball 3 mm": (Sphere(radius=3e-3), 0.3),
+    "ball 8 mm": (Sphere(radius=8e-3), 0.5),
+    "box 4 x 3 mm": (Box(size=(4e-3, 3e-3, 6e-3)), 0.5),
+    "box 6 x 6 mm": (Box(size=(6e-3, 6e-3, 6e-3)), 1.0),
+}
+FLAT_PLACES = ((0.0, 0.0), (0.2e-3, 0.1e-3), (0.5e-3, 0.33e-3), (1.3e-3, -0.9e-3), (4.5e-3, 1.0e-3))
+#: A length [m] or relative error [-] that counts as zero.
+SMALL = 1e-9
 #: Places of the 40 presses: a point on the line of motion [mm], and the direction of motion.
 PLACES = {
     "top": ((0, -7, 0), (0, 0, -1)),
@@ -183,6 +197,44 @@ def measure_responses() -> None:
         )
 
 
+def compare_estimates() -> None:
+    """Compare error estimates with true errors, of closed forms and of the planar solution with free edges."""
+    cover, material, ratios = phalanx(), rubber(), []
+    response = texel_responses(cover.meshes(), cover.texels, material)
+    # The texels of the middle column are three thicknesses away from the free sides.
+    x, y, _ = np.abs(cover.texels.centres).T
+    inner = np.flatnonzero((x < SMALL) & (y < 6e-3))
+    half, edge = np.arcsin(cover.texels.texel_size[0] / 2 / 6e-3), cover.texels.texel_size[1] / 2
+    layer = CylinderLayer(core_radius=6e-3, thickness=2e-3, material=material)
+    known = touch_cylinder(layer, SpotLoad(force=1.0)).texel_forces([[-half, half, -edge, edge]])[0]
+    error = np.abs(np.diag(response.matrix)[inner] - known).max() / np.diag(response.matrix).max()
+    print(
+        f"phalanx, {len(inner)} texels of the middle column under point forces: error {100 * error:.2f} %, estimate "
+        f"{100 * response.error_estimate['peak_texel']:.2f} %\n"
+    )
+    cover = flat_pad(size=(14e-3, 14e-3), rows=3)
+    planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(14e-3, 14e-3))
+    print("| shape | place [mm] | texel forces: error, estimate [%] | depth [%] | contact area [%] |")
+    print("|---|---|---|---|---|")
+    for (name, (indenter, load)), (x, y) in itertools.product(FLAT.items(), FLAT_PLACES):
+        pose = SpatialPose.facing([x, y, 5e-3], [0, 0, -1])
+        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load)
+        exact = press(planar, cover.texels, indenter, load=load, at=(x, y))
+        errors = {
+            "texel_forces": np.abs(found.texel_forces - exact.texel_forces).max() / exact.texel_forces.max(),
+            "depth": abs(found.depth / exact.depth - 1),
+            "contact_area": abs(found.contact_area / exact.contact_area - 1),
+        }
+        ratios.append([found.error_estimate[key] / max(error, SMALL) for key, error in errors.items()])
+        cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in errors.items())
+        print(f"| {name} | {1e3 * x:g}, {1e3 * y:g} | {cells} |", flush=True)
+    covered, median = 100 * (np.array(ratios) >= 1).mean(axis=0), np.median(ratios, axis=0)
+    print(
+        "\nestimate at least the error, and median of estimate over error: "
+        + "; ".join(f"{name} {a:.0f} %, {b:.1f}" for name, a, b in zip(errors, covered, median, strict=True))
+    )
+
+
 def list_presses() -> Iterator[tuple[str, str, Indenter, SpatialPose, list[float], float]]:
     """Shape, place, indenter, pose, direction and load of the 40 presses."""
     for shape, (indenter, tilt, load) in SHAPES.items():
@@ -230,6 +282,7 @@ PARTS = {
     "radius": compare_radii,
     "balance": check_balance,
     "responses": measure_responses,
+    "estimates": compare_estimates,
     "scores": score_fast_model,
 }
 

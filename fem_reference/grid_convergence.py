@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import brentq
 
 #: Safety factors on the estimated error, for results that converge monotonically with an order in the accepted range,
@@ -44,16 +45,56 @@ def grid_convergence(
     monotonic = (values[1] - values[0]) * (values[2] - values[1]) > 0
     ratio = coarse / fine if fine else np.inf
 
-    def predict_ratio(order: float) -> float:
-        """Predict the coarse over the fine difference of values that converge with `order`, for any element sizes."""
-        h = np.array(sizes) ** order
-        return float((h[0] - h[1]) / (h[1] - h[2]))
-
-    inside = monotonic and predict_ratio(least) <= ratio * (1 + _ROUNDING) and ratio <= predict_ratio(most + 1)
-    if ratio > predict_ratio(most + 1):
-        fine = coarse / predict_ratio(most)
-    if predict_ratio(least) < ratio < predict_ratio(most):
-        order = float(brentq(lambda p: predict_ratio(p) - ratio, least, most))
-    else:
-        order = least if ratio <= predict_ratio(least) else most
+    inside = (
+        monotonic
+        and _predict_ratio(least, sizes) <= ratio * (1 + _ROUNDING)
+        and ratio <= _predict_ratio(most + 1, sizes)
+    )
+    if ratio > _predict_ratio(most + 1, sizes):
+        fine = coarse / _predict_ratio(most, sizes)
+    order = _find_order(ratio, sizes, least, most)
     return float((_SAFETY if inside else _UNSURE) * fine / ((sizes[1] / sizes[2]) ** order - 1))
+
+
+def field_convergence(values: npt.ArrayLike, sizes: Sequence[float], *, least: float = 1.0, most: float = 4.0) -> float:
+    """Estimate the largest discretisation error of many values of one kind on the finest of two or three grids.
+
+    The differences between grids are the largest of all values.  These do not vanish by chance, as those of one value
+    do where it does not converge monotonically, so one order and the safety factor 1.25 do for all.  On two grids the
+    order is `least`.  The difference between the two finest of three counts as at least what the coarser pair and order
+    `most` predict.
+
+    Args:
+        values: The values on each grid, coarsest first, shape (2, ...) or (3, ...).
+        sizes: Element sizes of the grids in the same order, descending.
+        least: Smallest order of convergence that is accepted [-].
+        most: Largest order of convergence that is accepted [-].
+
+    Returns:
+        Estimated absolute error of the finest values, in their unit.
+
+    Raises:
+        ValueError: If there are not two or three grids of descending size.
+    """
+    each = np.asarray(values, dtype=float)
+    if len(each) != len(sizes) or len(each) not in {2, 3} or not (np.diff(sizes) < 0).all():
+        raise ValueError("field_convergence needs values on two or three grids of descending size")
+    differences = np.abs(np.diff(each.reshape(len(each), -1), axis=0)).max(axis=1)
+    fine, order = float(differences[-1]), least
+    if len(each) == 3 and differences[0] > 0:  # noqa: PLR2004
+        fine = max(fine, float(differences[0]) / _predict_ratio(most, sizes))
+        order = _find_order(float(differences[0]) / fine, sizes, least, most)
+    return float(_SAFETY * fine / ((sizes[-2] / sizes[-1]) ** order - 1))
+
+
+def _predict_ratio(order: float, sizes: Sequence[float]) -> float:
+    """Predict the coarse over the fine difference of values that converge with `order`, for any element sizes."""
+    h = np.array(sizes) ** order
+    return float((h[0] - h[1]) / (h[1] - h[2]))
+
+
+def _find_order(ratio: float, sizes: Sequence[float], least: float, most: float) -> float:
+    """Find the order, in a range, that explains the ratio of the coarse to the fine difference."""
+    if _predict_ratio(least, sizes) < ratio < _predict_ratio(most, sizes):
+        return float(brentq(lambda p: _predict_ratio(p, sizes) - ratio, least, most))
+    return least if ratio <= _predict_ratio(least, sizes) else most

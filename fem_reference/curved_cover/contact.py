@@ -1,9 +1,10 @@
-"""Solve the frictionless contact of a rigid indenter with the nodes of a curved top at small strain.
+"""Solve the frictionless contact of a rigid indenter with a curved top at small strain.
 
-The unknowns are normal forces on nodes of the top.  The gap of a node is the distance to the indenter along the
-undeformed normal.  Nodes in contact have no gap and a positive force; all others have a gap and no force.  The set of
-nodes in contact is found by block principal pivoting (Judice and Pires 1994).  The compliance of a node is one solution
-of the factorised solid, so it is computed when the node first touches, and kept.
+The unknowns are the forces of the shapes of the contact pressure (hats; `pressure_shapes`), one for each node of the
+top.  The gap is the distance to the indenter along the undeformed normals.  Hats in contact have no mean gap and a
+positive force; all others have a mean gap and no force.  The set of hats in contact is found by block principal
+pivoting (Judice and Pires 1994).  The compliance of a node is one solution of the factorised solid, so it is computed
+when the node first bears a force, and kept.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.pressure_shapes import GapSampler, MeanGaps
 from fem_reference.curved_cover.rays import measure_gaps
 from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import ConvergenceError
@@ -22,10 +24,13 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.solids.facets import facet_shape, split_facet
 from meshes.spatial_pose import SpatialPose
 
-#: Largest number of exchanges of nodes, and of exchanges of all wrong nodes at once without fewer wrong nodes [-].
+#: Largest number of exchanges of hats, and of exchanges of all wrong hats at once without fewer wrong hats [-].
 _EXCHANGES, _PATIENCE = 200, 8
-#: Overlap over the deepest overlap of the undeformed top below which a node counts as free [-].
+#: Overlap over the deepest overlap of the undeformed top below which a hat counts as free [-].
 _NEGLIGIBLE = 1e-9
+#: Gap over the deepest overlap below which a hat counts to the area of contact: near a sharp edge the pressure
+#: oscillates, and hats beside large forces are lifted a little [-].
+_CLOSED = 0.02
 #: Share of a node in the area of the top, over the mean share, below which it carries no force (corners of triangles).
 _LEAST_AREA = 1e-3
 #: Search for the first touch: parts of a facet's side, number of facets searched further, points along a side of a
@@ -71,69 +76,88 @@ class NormalCompliance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactForces:
-    """Normal forces of an indenter in one position.
+    """Contact of an indenter in one position with the m nodes of a top.
 
     Attributes:
-        forces: Forces on the nodes of the top against their normals, shape (m,) [N].
+        forces: Force of the pressure of each hat, against the normals, never negative, shape (m,) [N].
+        nodal: The same pressures as forces on the nodes, by the shape functions of the displacement; some may be
+            negative; shape (m,) [N].
+        area: Area of the hats in contact, those included that are lifted by less than 2 % of the depth [m2].
+        spacing: Mean distance of the nodes in contact [m].
+        has_edge: Whether an edge of the indenter ends the pressure.
         travel: Distance by which the indenter moved from its pose, along its direction [m].
         load: Force of the indenter on the cover along its direction [N].
-        stiffness: Increase of the load per travel with the same nodes in contact [N/m].
+        stiffness: Increase of the load per travel with the same hats in contact [N/m].
     """
 
     forces: FloatArray
+    nodal: FloatArray
+    area: float
+    spacing: float
+    has_edge: bool
     travel: float
     load: float
     stiffness: float
 
 
 def solve_contact(
-    compliance: NormalCompliance, indenter: Indenter, pose: SpatialPose, direction: FloatArray, travel: float
+    compliance: NormalCompliance, sampler: GapSampler, direction: FloatArray, travel: float
 ) -> ContactForces:
     """Solve the contact after the indenter moved without turning.
 
     Args:
         compliance: Compliance of the top.
-        indenter: The indenter.
-        pose: Pose from which it moved.
+        sampler: Points of the top, with indenter, pose and direction.
         direction: Unit direction of the motion, shape (3,).
         travel: Distance moved [m].
 
     Raises:
-        ConvergenceError: If the nodes in contact are not found.
+        ConvergenceError: If the hats in contact are not found.
     """
-    top = compliance.top
-    places = pose.to_indenter(top.nodes - travel * direction)
-    gap = measure_gaps(indenter, places, pose.turn_to_indenter(top.normals))
-    rate = -(top.normals @ direction)
-    gap = np.where(compliance.bearing & (rate > 0), gap, np.inf)
-    forces, inverse_rate = _find_forces(compliance, gap, rate)
-    return ContactForces(forces=forces, travel=travel, load=float(forces @ rate), stiffness=inverse_rate)
+    gaps = sampler.at(travel)
+    forces, change, remaining = _find_forces(compliance, gaps)
+    closed = remaining < -_CLOSED * gaps.gap.min(initial=0.0)
+    rate = -(compliance.top.normals @ direction)
+    nodal = gaps.spread @ forces
+    return ContactForces(
+        forces=forces,
+        nodal=nodal,
+        area=float(gaps.area[closed].sum()),
+        spacing=float(np.sqrt(gaps.area[closed].mean())) if closed.any() else 0.0,
+        has_edge=bool((gaps.is_cut & (forces > 0)).any()),
+        travel=travel,
+        load=float(nodal @ rate),
+        stiffness=float((gaps.spread @ change) @ rate),
+    )
 
 
-def _find_forces(compliance: NormalCompliance, gap: FloatArray, rate: FloatArray) -> tuple[FloatArray, float]:
-    """Find the forces on the nodes for given gaps, and the increase of the load per travel."""
-    touching = gap < 0
-    deepest = -float(gap.min(initial=0.0))
-    fewest, patience = len(gap) + 1, _PATIENCE
+def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Find the forces of the hats, their increase per travel, and the mean gaps that remain, shape (m,) each."""
+    touching = gaps.gap < 0
+    deepest = -float(gaps.gap.min(initial=0.0))
+    fewest, patience = len(touching) + 1, _PATIENCE
     for _ in range(_EXCHANGES):
-        nodes = np.flatnonzero(touching)
-        forces = np.zeros(len(gap))
-        if not len(nodes):
-            return forces, 0.0
-        rows = compliance.rows(nodes)
-        solved = np.linalg.solve(rows[:, nodes], np.stack([-gap[nodes], rate[nodes]], axis=1))
-        forces[nodes] = solved[:, 0]
-        remaining = gap + solved[:, 0] @ rows
+        hats = np.flatnonzero(touching)
+        forces, change = np.zeros((2, len(touching)))
+        if not len(hats):
+            return forces, change, gaps.gap
+        loads = gaps.spread[:, hats]
+        nodes = np.flatnonzero(np.diff(loads.tocsr().indptr))
+        moved = loads[nodes].T @ compliance.rows(nodes)  # of all nodes, per unit force of each hat
+        mean = np.asarray((gaps.spread.T @ moved.T).T)
+        solved = np.linalg.solve(mean[:, hats], np.stack([-gaps.gap[hats], gaps.rate[hats]], axis=1))
+        forces[hats], change[hats] = solved.T
+        remaining = gaps.gap + forces[hats] @ mean
         wrong = np.where(touching, forces < 0, remaining < -_NEGLIGIBLE * deepest)
         count = int(wrong.sum())
         if count == 0:
-            return forces, float(rate[nodes] @ solved[:, 1])
+            return forces, change, remaining
         if count < fewest:
             fewest, patience = count, _PATIENCE
         elif patience > 0:
             patience -= 1
         else:
-            wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last node alone cannot cycle (Murty 1974)
+            wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last hat alone cannot cycle (Murty 1974)
         touching = touching ^ wrong
     raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges")
 

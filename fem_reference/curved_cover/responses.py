@@ -19,12 +19,13 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse.linalg as spla
 
 from fem_reference import result_store
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
-from fem_reference.grid_convergence import grid_convergence
+from fem_reference.grid_convergence import field_convergence
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.facets import facet_shape, split_facet
@@ -36,10 +37,9 @@ from meshes.solids.texels import covered_share
 _PARTS = 12
 #: Number of steps to the point of the top above a texel [-].
 _STEPS = 8
-#: Safety factor on the difference between two meshes, and smallest order of convergence that is assumed: adjoint
-#: solutions by quadratic elements converge faster than their displacements [-].
-_SAFETY, _ORDER = 3.0, 2.0
-#: Ratio of the element sizes of two meshes below which their difference counts as that of two equal meshes [-].
+#: Smallest order of convergence that is assumed: quadratic elements have the order 3 [-].
+_ORDER = 2.0
+#: Smallest ratio of the element sizes of two meshes from which an error is estimated [-].
 _SAME_SIZE = 1.2
 #: Largest distance of a point from the top for `at`, over the size of the cover [-].
 _OFF_TOP = 1e-2
@@ -151,12 +151,14 @@ class TexelResponses:
         `peak_texel`: largest error of the force on a texel under a point force above its centre; `any_texel`: largest
         error of the force on any texel under such a force.
         """
-        if len(self.grids) == 1:
-            return {"peak_texel": float("nan"), "any_texel": float("nan")}
         values = np.array([self._evaluate(grid) for grid in self.grids])
-        errors = estimate_errors(values, [grid.mesh for grid in self.grids])
-        peak = float(np.diag(values[-1]).max())
-        return {"peak_texel": float(np.diag(errors).max()) / peak, "any_texel": float(errors.max()) / peak}
+        own = np.array([np.diag(each) for each in values])
+        meshes = [grid.mesh for grid in self.grids]
+        peak = float(own[-1].max())
+        return {
+            "peak_texel": estimate_error(own, meshes) / peak,
+            "any_texel": estimate_error(values, meshes) / peak,
+        }
 
     def _evaluate(self, grid: GridResponse) -> FloatArray:
         return grid.at(find_above(grid.top, self.texels), -self.texels.normals)
@@ -236,26 +238,24 @@ def find_above(top: FacetSurface, texels: TexelArray) -> FloatArray:
     return np.asarray(nearest)
 
 
-def estimate_errors(values: FloatArray, meshes: Sequence[SolidMesh]) -> FloatArray:
-    """Estimate the absolute errors of values on two or three meshes, coarsest first.
+def estimate_error(values: npt.ArrayLike, meshes: Sequence[SolidMesh], *, least: float = _ORDER) -> float:
+    """Estimate the largest absolute error of values on the finest of some meshes, from all of them together.
 
     Args:
-        values: Values on each mesh, shape (2, ...) or (3, ...).
-        meshes: The meshes.
+        values: Values on each mesh, coarsest first, shape (meshes, ...).
+        meshes: One to three meshes.
+        least: Smallest order of convergence that is assumed [-].
 
     Returns:
-        Errors of the values on the finest mesh, in their unit: grid convergence on three meshes; on two their
-        difference, as for second order (for meshes of about equal size: the difference) and with a safety factor of
-        3, shape (...).
+        Error of the values on the finest mesh, in their unit (`field_convergence`); nan with one mesh.  Two meshes of
+        about equal size, as from re-meshing, count as different by a ratio of 1.2.
     """
+    if len(meshes) == 1:
+        return float("nan")
     sizes = [float(len(mesh.cells)) ** (-1 / 3) for mesh in meshes]
-    flat = values.reshape(len(values), -1)
-    if len(values) == 2:  # noqa: PLR2004
-        ratio = sizes[0] / sizes[1]
-        errors = _SAFETY * np.abs(flat[1] - flat[0]) / (ratio**_ORDER - 1 if ratio > _SAME_SIZE else 1.0)
-    else:
-        errors = np.array([grid_convergence(list(each), sizes, least=_ORDER) for each in flat.T])
-    return np.asarray(errors.reshape(values.shape[1:]))
+    if len(meshes) == 2:  # noqa: PLR2004
+        sizes[0] = max(sizes[0], _SAME_SIZE * sizes[1])
+    return field_convergence(values, sizes, least=least)
 
 
 def check_meshes(meshes: SolidMesh | Sequence[SolidMesh]) -> tuple[SolidMesh, ...]:

@@ -17,7 +17,7 @@ from meshes.solids.texels import cylinder_texels, fingertip_texels
 #: Element size along the base over the thickness of the cover, unless one is given [-].
 _ELEMENT_SIZE = 0.5
 #: Element sizes over the thickness, and layers of elements, of three meshes for an estimate of the error [-].
-_MESHES = ((0.667, 3), (0.5, 4), (0.4, 5))
+_MESHES = ((0.48, 3), (0.38, 3), (0.3, 4))
 
 
 @dataclass(frozen=True, kw_only=True)

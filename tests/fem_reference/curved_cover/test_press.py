@@ -6,10 +6,12 @@ import pytest
 from fem_reference import press
 from fem_reference.curved_cover.contact import find_touch, solve_contact
 from fem_reference.curved_cover.press import build_compliance, press_curved
+from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import measure_gaps
 from fem_reference.errors import PiercedError
 from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
 from meshes.solids import fingertip, flat_pad, phalanx
+from meshes.solids.facets import node_places, split_facet
 from meshes.spatial_pose import SpatialPose
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.45)
@@ -62,16 +64,43 @@ def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
 def test_contact_forces_and_gaps_are_complementary():
     compliance = build_compliance(MESH, RUBBER)
     pose, direction = at_angle(0.2), -at_angle(0.2).rotation[:, 2]
-    contact = solve_contact(compliance, BALL, pose, direction, 12.3e-3)
-    nodes = np.flatnonzero(contact.forces)
-    top = compliance.top
-    gap = measure_gaps(
-        BALL, pose.to_indenter(top.nodes - 12.3e-3 * direction), pose.turn_to_indenter(top.normals)
-    ) + contact.forces[nodes] @ compliance.rows(nodes)
-    assert len(nodes) > 2
+    sampler = GapSampler(compliance.top, BALL, pose, direction, 12.5e-3)
+    contact = solve_contact(compliance, sampler, direction, 12.3e-3)
+    given = sampler.at(12.3e-3)
+    moved = contact.nodal @ compliance.rows(np.arange(len(contact.nodal)))
+    gap = given.gap + given.spread.T @ moved
+    touching = contact.forces > 0
+    assert touching.sum() > 2
     assert (contact.forces >= 0).all()
-    np.testing.assert_allclose(gap[nodes], 0, atol=1e-15)
+    assert contact.nodal.sum() == pytest.approx(contact.forces.sum())
+    np.testing.assert_allclose(gap[touching], 0, atol=1e-15)
     assert gap.min() > -1e-12
+
+
+@pytest.mark.parametrize("nodes", [9, 6])
+def test_hats_are_linear_between_the_nodes(nodes):
+    place = node_places(nodes)
+    np.testing.assert_allclose(evaluate_hats(nodes, place), np.eye(nodes), atol=1e-15)
+    inside = split_facet(nodes, 6)[0]
+    hats = evaluate_hats(nodes, inside)
+    np.testing.assert_allclose(hats.sum(axis=1), 1)
+    np.testing.assert_allclose(hats @ place, inside, atol=1e-15)
+    assert hats.min() >= 0
+
+
+def test_the_pressure_ends_at_the_edge_of_a_box():
+    cover = flat_pad(size=(8e-3, 8e-3), rows=2)
+    top = build_compliance(cover.mesh(2e-3, layers=2), RUBBER).top
+    pose, direction = SpatialPose.facing([0.3e-3, 0, 2e-3], [0, 0, -1]), np.array([0.0, 0, -1])
+    given = GapSampler(top, Box(size=(3e-3, 3e-3, 2e-3)), pose, direction, 1e-3).at(0.1e-3)
+    assert given.area.sum() == pytest.approx(9e-6, rel=0.05)
+    covered = given.area > 0
+    np.testing.assert_allclose(given.gap[covered], -0.1e-3, rtol=1e-9)
+    np.testing.assert_allclose(given.rate[covered], 1)
+    np.testing.assert_allclose(given.spread.sum(axis=0)[0, covered], 1)
+    middle = (given.area @ top.nodes)[0] / given.area.sum()
+    assert middle == pytest.approx(0.3e-3, abs=0.1e-3)
+    assert given.is_cut[covered].any()
 
 
 def test_load_and_depth_control_agree_and_the_base_bears_the_load():

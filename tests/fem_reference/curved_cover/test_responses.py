@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from fem_reference.curved_cover import texel_responses
 from fem_reference.curved_cover.facet_surface import FacetSurface
-from fem_reference.curved_cover.responses import estimate_errors, project_texels
+from fem_reference.curved_cover.responses import estimate_error, project_texels
 from fem_reference.curved_cover.solid import CoverSolid, assemble_upper
 from fem_reference.elements.taylor_hood import assemble_linear
 from fem_reference.linear_response.finite_cover import solid_influence
@@ -133,9 +133,16 @@ def test_a_masked_texel_gets_nothing_and_modulus_and_size_have_no_effect():
 def test_errors_are_estimated_from_two_or_three_meshes():
     meshes = flat_pad(size=(4e-3, 4e-3)).meshes()
     sizes = np.array([len(mesh.cells) ** (-1 / 3) for mesh in meshes])
-    values = 1 + sizes**2
-    assert estimate_errors(values, meshes) == pytest.approx(1.25 * sizes[2] ** 2, rel=1e-6)
-    assert estimate_errors(values[1:], meshes[1:]) == pytest.approx(3 * sizes[2] ** 2, rel=1e-6)
+    values = 1 + np.outer(sizes**3, [1.0, -2.0])
+    assert estimate_error(values, meshes) == pytest.approx(1.25 * 2 * sizes[2] ** 3, rel=1e-6)
+    second = 1 + sizes**2
+    assert estimate_error(second[1:], meshes[1:]) == pytest.approx(1.25 * sizes[2] ** 2, rel=1e-6)
+    assert np.isnan(estimate_error(second[:1], meshes[:1]))
+
+
+def test_meshes_of_one_size_count_as_different_by_a_fifth():
+    mesh = flat_pad(size=(4e-3, 4e-3)).mesh(2e-3, layers=2)
+    assert estimate_error(np.array([1.0, 1.1]), [mesh, mesh]) == pytest.approx(1.25 * 0.1 / (1.2**2 - 1))
 
 
 def test_bad_input_is_refused():

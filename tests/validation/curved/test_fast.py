@@ -19,9 +19,10 @@ BALL = PressText(indenter="sphere:radius=4mm", at=None, direction=None, yaw="0de
 
 def test_a_press_by_both_models_states_what_the_fast_one_misplaces(small_pad):
     press = press_sensor(small_pad, Sphere(radius=4e-3), shape="ball", load=0.5, fast=True)
-    assert press.fast.misplaced < 1e-3  # one mesh serves both
+    assert 0 < press.fast.misplaced < 0.05  # one coarse mesh, contact at its nodes
     described = json.loads(json_text(press.as_json()))["models"]["fast"]
-    np.testing.assert_allclose(described["texel_forces"], press.fem.texel_forces, atol=1e-3)
+    np.testing.assert_allclose(described["texel_forces"], press.fast.texel_forces)
+    np.testing.assert_allclose(described["texel_forces"], press.fem.texel_forces, atol=0.02)
     assert described["misplaced_force"] == press.fast.misplaced
     assert press_sensor(small_pad, Sphere(radius=4e-3), shape="ball", load=0.5).fast is None
 

@@ -1,0 +1,140 @@
+"""Shapes of the contact pressure on the top of a curved cover, and the mean gap under each of them.
+
+The contact pressure is interpolated linearly between the nodes of the top: each quadratic facet is split into four
+parts, on which the shape functions of the pressure (hats) are linear.  Gap and displacement count as their means over a
+hat (mortar method; Puso and Laursen 2004), so that an edge of the indenter moves across a facet without steps in the
+result.  Where a line along the normal does not meet the indenter there is no pressure: hats end at sharp edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.rays import measure_gaps
+from meshes import Indenter
+from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet
+from meshes.spatial_pose import SpatialPose
+
+#: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
+_PARTS = 8
+#: Parts of a facet's side in the search for facets that can be touched [-].
+_SEARCH_PARTS = 6
+#: Share of a hat below the indenter up to which it carries no force, and from which it counts as whole [-].
+_LEAST_SHARE, _WHOLE = 1e-3, 0.999
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeanGaps:
+    """Mean gaps under the hats of the m nodes of a top.
+
+    Attributes:
+        gap: Mean distance to the indenter along the normals; inf where there is no pressure, shape (m,) [m].
+        rate: Mean decrease of the gap per travel of the indenter, shape (m,) [-].
+        area: Area of each hat below the indenter, shape (m,) [m2].
+        is_cut: Whether a part of a hat lies beside the indenter, shape (m,).
+        spread: Force on each node (row) per unit force of the pressure of each hat (column); the columns of hats with
+            pressure sum to 1, shape (m, m) [-].
+    """
+
+    gap: FloatArray
+    rate: FloatArray
+    area: FloatArray
+    is_cut: BoolArray
+    spread: sp.csc_matrix
+
+
+class GapSampler:
+    """Points of the part of a top that an indenter can touch on its way.
+
+    Args:
+        top: Top of the cover.
+        indenter: The indenter.
+        pose: Pose from which it moves without turning.
+        direction: Unit direction of the motion, shape (3,).
+        farthest: Largest travel from the pose [m].
+    """
+
+    def __init__(
+        self, top: FacetSurface, indenter: Indenter, pose: SpatialPose, direction: FloatArray, farthest: float
+    ) -> None:
+        self._top, self._indenter, self._pose, self._direction = top, indenter, pose, direction
+        every = np.arange(len(top.facets))
+        self._place_points(every, _SEARCH_PARTS)
+        reach = np.ptp(top.nodes[top.facets], axis=1).max(axis=1)
+        near = (self._measure(farthest) < reach[:, None]).any(axis=1)
+        self._place_points(every[near], _PARTS)
+
+    def _place_points(self, facets: IntArray, parts: int) -> None:
+        """Place points on some facets: positions, normals and areas."""
+        top = self._top
+        self._cells = top.facets[facets]
+        count = self._cells.shape[1]
+        place = split_facet(count, parts)[0]
+        part = FacetSurface(nodes=top.nodes, facets=self._cells, index=top.index)
+        self._points, areas, _ = part.split(parts)
+        self._weight = np.linalg.norm(areas, axis=2)
+        self._shape, self._hat = facet_shape(count, place), evaluate_hats(count, place)
+        normals = np.einsum("qa,fac->fqc", self._shape, top.normals[self._cells], optimize=True)
+        self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+    def _measure(self, travel: float) -> FloatArray:
+        """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
+        points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
+        places = self._pose.to_indenter(points - travel * self._direction)
+        gap = measure_gaps(self._indenter, places, self._pose.turn_to_indenter(normals))
+        return np.where(normals @ self._direction < 0, gap, np.inf).reshape(self._weight.shape)
+
+    def at(self, travel: float) -> MeanGaps:
+        """Compute the mean gaps after the indenter moved by a distance from its pose [m]."""
+        count = len(self._top.nodes)
+        gap = self._measure(travel)
+        covered = np.isfinite(gap)
+        weight = self._weight * covered
+        rate = -(self._normals @ self._direction)
+        whole, area, total, towards = (
+            np.bincount(self._cells.ravel(), (each @ self._hat).ravel(), count)
+            for each in (self._weight, weight, weight * np.where(covered, gap, 0.0), weight * rate)
+        )
+        carries = area > _LEAST_SHARE * whole
+        each = np.where(carries, area, np.inf)
+        product = np.einsum("qb,qa,fq->fba", self._shape, self._hat, weight, optimize=True)
+        product /= each[self._cells][:, None, :]
+        rows, columns = (
+            np.broadcast_to(cells, product.shape).ravel() for cells in (self._cells[:, :, None], self._cells[:, None])
+        )
+        spread = sp.csc_matrix((product.ravel(), (rows, columns)), shape=(count, count))
+        return MeanGaps(
+            gap=np.where(carries, total / each, np.inf),
+            rate=towards / each,
+            area=np.where(carries, area, 0.0),
+            is_cut=area < _WHOLE * whole,
+            spread=spread,
+        )
+
+
+def evaluate_hats(nodes: int, place: FloatArray) -> FloatArray:
+    """Evaluate the functions that are linear (bilinear) between the nodes of a quadratic facet, in the nodes' order.
+
+    Args:
+        nodes: Number of nodes of the facet, 9 or 6 [-].
+        place: Points on the reference facet, shape (q, 2).
+
+    Returns:
+        Values, which sum to 1 at each point, shape (q, nodes) [-].
+    """
+    u, v = place[:, 0], place[:, 1]
+    if nodes == QUADRILATERAL:
+        along, across = (np.stack([np.maximum(-x, 0), 1 - np.abs(x), np.maximum(x, 0)], axis=1) for x in (u, v))
+        return np.asarray((across[:, :, None] * along[:, None, :]).reshape(len(place), -1))
+    w = 1 - u - v
+    corners = [2 * w - 1, 2 * u - 1, 2 * v - 1]
+    middles = [
+        np.minimum(np.minimum(2 * one, 2 * two), 1 - 2 * opposite)
+        for one, two, opposite in ((w, u, v), (u, v, w), (v, w, u))
+    ]
+    return np.asarray(np.maximum(np.stack([*corners, *middles], axis=1), 0.0))

@@ -1,0 +1,53 @@
+"""Error estimates of curved covers against closed forms and against the planar solution with free edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference import press
+from fem_reference.closed_form.curved import CylinderLayer, SpotLoad, touch_cylinder
+from fem_reference.curved_cover import press_curved, texel_responses
+from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
+from meshes.solids import flat_pad, sweep
+from meshes.solids.base_surface import cylinder_surface
+from meshes.spatial_pose import SpatialPose
+
+RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shift", [0.0, 0.17e-3, 0.4e-3])
+def test_estimates_of_point_forces_on_a_cylinder_bound_the_error(shift):
+    radius, size = 6e-3, 1.98e-3
+    texels = TexelArray(
+        centres=np.array([[0.0, shift, radius]]), normals=np.array([[0.0, 0, 1]]), texel_size=(size, size),
+        pitch=(size, size), rows=1, columns=1, active=np.ones(1, dtype=bool),
+    )  # fmt: skip
+    surfaces = [(0.96e-3, 3), (0.76e-3, 3), (0.6e-3, 4)]
+    meshes = [sweep(cylinder_surface(radius, 2.1, 14e-3, each), 2e-3, layers=layers) for each, layers in surfaces]
+    response = texel_responses(meshes, texels, RUBBER)
+    half = np.arcsin(size / 2 / radius)
+    layer = CylinderLayer(core_radius=radius, thickness=2e-3, material=RUBBER)
+    known = touch_cylinder(layer, SpotLoad(force=1.0)).texel_forces([[-half, half, -size / 2, size / 2]])[0]
+    error = abs(response.matrix[0, 0] / known - 1)
+    assert error < response.error_estimate["peak_texel"]
+    assert response.error_estimate["peak_texel"] < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("indenter", "load"), [(Sphere(radius=3e-3), 0.3), (Box(size=(4e-3, 3e-3, 6e-3)), 0.5)], ids=["ball", "box"]
+)
+@pytest.mark.parametrize("at", [(0.5e-3, 0.33e-3), (1.3e-3, -0.9e-3)])
+def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(indenter, load, at):
+    cover = flat_pad(size=(14e-3, 14e-3), rows=3)
+    ours = press_curved(
+        cover.meshes(), cover.texels, RUBBER, indenter, SpatialPose.facing([*at, 5e-3], [0, 0, -1]), load=load
+    )
+    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
+    known = press(planar, cover.texels, indenter, load=load, at=at)
+    difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
+    assert difference < ours.error_estimate["texel_forces"] < 0.05
+    assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] < 0.1
+    assert abs(ours.contact_area / known.contact_area - 1) < ours.error_estimate["contact_area"]
