@@ -27,7 +27,7 @@ HEAD = """# What each command prints
 On a terminal of 80 columns, in an empty folder, one after the other. The page is written
 by `python docs/outputs.py`; the tests run the commands again and compare.
 """
-#: Commands that need no finite elements, and those that do or take longer; each may use the files of those above it.
+#: Commands that need no finite elements, and those that need some; each may use the files of those above it.
 QUICK = (
     "softcover init",
     "softcover materials",
@@ -53,9 +53,11 @@ SLOW = (
     "softcover derive sensor.toml --out derived",
     "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --at=0.7mm,-1.1mm",
     "softcover validate wts-0614-34 --quick --out report",
-    "softcover validate-force gelsight-mini",
     "softcover mesh flat-pad",
 )
+#: Commands that take more than a minute of processor time.
+LONG = ("softcover validate-force gelsight-mini",)
+ALL = (*QUICK, *SLOW, *LONG)
 #: Commands whose output depends on the machine, on a live line or on what is in the store, and is not compared.
 OF_THIS_MACHINE = (
     "softcover doctor",
@@ -72,13 +74,19 @@ _PROGRESS = re.compile(
 _KEY = re.compile(r"\b[0-9a-f]{12}\b")
 
 
-def run_commands(commands: tuple[str, ...], folder: Path) -> dict[str, str]:
-    """Run commands in a folder; return what each writes to standard error and output, in this order."""
+def run_commands(commands: tuple[str, ...], folder: Path, store: Path | None = None) -> dict[str, str]:
+    """Run commands in a folder; return what each writes to standard error and output, in this order.
+
+    Args:
+        commands: The commands.
+        folder: Folder in which they run.
+        store: Folder of kept finite-element results; an empty one in `folder` if None.
+    """
     programs = Path(sys.executable).parent
     environment = {**os.environ, "COLUMNS": "80", "LINES": "60", "PATH": f"{programs}:{os.environ['PATH']}"}
     environment["PYTHONPATH"] = f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"
     environment.pop("SOFTCOVER_RECORDINGS", None)
-    environment["SOFTCOVER_STORE"] = str(folder / "store")
+    environment["SOFTCOVER_STORE"] = str(store or folder / "store")
     write_recordings(folder)
     found, emulator = {}, None
     for command in commands:
@@ -120,11 +128,11 @@ def read_page() -> dict[str, str]:
 def main() -> None:
     """Run the commands and write the page."""
     wanted = set(sys.argv[1:])
-    commands = tuple(command for command in QUICK + SLOW if not wanted or command.split()[1] in {"init", *wanted})
+    commands = tuple(command for command in ALL if not wanted or command.split()[1] in {"init", *wanted})
     with tempfile.TemporaryDirectory() as folder:
         outputs = {**read_page(), **run_commands(commands, Path(folder))}
     sections, seen = [HEAD], set()
-    for command in QUICK + SLOW:
+    for command in ALL:
         name = command.split()[1]
         heading = "" if name in seen else f"## {name}\n\n"
         seen.add(name)
