@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from meshes import TexelArray
 from validation.calibration.observations import Placement
 from validation.data_sets.data_set import DataFile, DataSet
 from validation.data_sets.locate import find_data_set
@@ -41,12 +42,13 @@ class Keys:
     temperature_channel: int
 
 
-def describe_files(paths: Sequence[Path], keys: Keys) -> DataSet:
+def describe_files(paths: Sequence[Path], keys: Keys, sensor: TexelArray | None = None) -> DataSet:
     """Describe recordings as a data set of one series, or read the one data-set file among them.
 
     Args:
         paths: Recordings, or one data-set file.
         keys: Options for recordings; a data-set file states its own.
+        sensor: Array that was recorded, for CSV files that state no layout.
 
     Raises:
         InputError: If a data-set file stands beside other files, or no tool is named.
@@ -63,7 +65,7 @@ def describe_files(paths: Sequence[Path], keys: Keys) -> DataSet:
     problems: list[str] = []
     for path in paths:
         try:
-            files.append(_describe_file(path, keys))
+            files.append(_describe_file(path, keys, sensor))
         except RecordingError as error:
             problems.append(f"{error}; left out")
     return DataSet(
@@ -77,10 +79,10 @@ def describe_files(paths: Sequence[Path], keys: Keys) -> DataSet:
     )
 
 
-def _describe_file(path: Path, keys: Keys) -> DataFile:
+def _describe_file(path: Path, keys: Keys, sensor: TexelArray | None) -> DataFile:
     text = keys.indenter
     if not text:
-        text = open_recording(path).setup.indenter
+        text = open_recording(path, sensor=sensor).setup.indenter
         if not text:
             raise InputError(f"{path}: its labels name no tool; give --indenter, such as box:size=10mmx10mmx5mm")
     at = None if keys.at is None else read_position(keys.at)

@@ -105,7 +105,8 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
 
     Args:
         file: The recording.
-        array: Array of the sensor; the pressed array of the recording must have the same layout.
+        array: Array of the sensor; the pressed array of the recording must have the same layout, which a CSV file
+            need not state.
 
     Returns:
         One image; several for a recording with a force channel.
@@ -113,7 +114,7 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
     Raises:
         RecordingError: If the recording is damaged, from another array, without a load, or too short.
     """
-    recording = open_recording(file.path)
+    recording = open_recording(file.path, sensor=array)
     if not len(recording.times):
         raise RecordingError(f"{file.path}: holds no frames")
     pressed = _find_array(recording, file, array)
@@ -135,7 +136,8 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
         if len(recording.forces):
             return _average_by_force(recording, file, counts, common)
         raise RecordingError(
-            f"{file.path}: its load is not known; name it in the data-set file, such as load = '500 g'"
+            f"{file.path}: its load is not known; write `# load = 4.9` [N] above the columns of a CSV file, or "
+            "name it in a data-set file, such as load = '500 g'"
         )
     return [_average_steady(recording, file, counts, load, common)]
 

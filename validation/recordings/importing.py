@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshes import TexelArray
 from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
 from validation.recordings.recording import ClockArray, Recording, RecordingError, Setup
@@ -26,7 +27,12 @@ _SECONDS_PER_NANOSECOND = 1e-9
 
 
 def open_recording(
-    path: str | Path, *, topic: str | None = None, rows: int | None = None, columns: int | None = None
+    path: str | Path,
+    *,
+    topic: str | None = None,
+    rows: int | None = None,
+    columns: int | None = None,
+    sensor: TexelArray | None = None,
 ) -> Recording:
     """Read a recording of any known format.
 
@@ -35,6 +41,7 @@ def open_recording(
         topic: ROS topic with the tactile frames, for recordings (bags) of other programs.
         rows: Number of texels along y, for files that do not state the number [-].
         columns: Number of texels along x, for files that do not state the number [-].
+        sensor: Array that was recorded, for CSV files that state no layout or pitch.
 
     Raises:
         RecordingError: If the recording is missing, damaged or of an unknown format.
@@ -46,7 +53,7 @@ def open_recording(
         case ".dsa":
             return dsa.read(path)
         case ".csv":
-            return tables.read(path, rows=rows, columns=columns)
+            return tables.read(path, rows=rows, columns=columns, sensor=sensor)
         case ".mcap" if topic is None and mcap_reader.is_own_recording(path):
             return mcap_reader.read(path)
         case suffix if suffix in {".mcap", ".bag", ".db3"} or path.is_dir():

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshes import atomic_file
+from meshes import TexelArray, atomic_file
 from meshes.array import MOST_TEXELS
 from validation.recordings.labels import MOST_FULL_SCALE
 from validation.recordings.recording import (
@@ -79,13 +79,16 @@ class _Table:
         return self.values[:, self.header.index(name)] if name in self.header else np.empty(0)
 
 
-def read(path: str | Path, *, rows: int | None = None, columns: int | None = None) -> Recording:
+def read(
+    path: str | Path, *, rows: int | None = None, columns: int | None = None, sensor: TexelArray | None = None
+) -> Recording:
     """Read a recording from a CSV file.
 
     Args:
         path: The CSV file.
         rows: Number of texels along y; taken from the file if not given [-].
         columns: Number of texels along x; taken from the file if not given [-].
+        sensor: Array that was recorded, for rows, columns and pitch that neither the arguments nor the file state.
 
     Raises:
         RecordingError: If the file cannot be read; the message names the line.
@@ -107,7 +110,8 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
     pitch = _read_number(path, table.notes, "pitch", DEFAULT_PITCH)
     if not _PITCHES[0] <= pitch <= _PITCHES[1]:
         raise RecordingError(f"{path}: # pitch = {pitch:g}: expected {_PITCHES[0]:g}..{_PITCHES[1]:g} m")
-    assumed = {} if "pitch" in table.notes else {PITCH_ASSUMED: f"{1e3 * DEFAULT_PITCH:g} mm"}
+    known = sensor is not None and "pitch" not in table.notes
+    assumed = {} if known or "pitch" in table.notes else {PITCH_ASSUMED: f"{1e3 * DEFAULT_PITCH:g} mm"}
     digest = hash_contents(path)
     return Recording(
         path=path,
@@ -116,9 +120,9 @@ def read(path: str | Path, *, rows: int | None = None, columns: int | None = Non
         times=times,
         arrays=(
             make_array(
-                *_find_shape(path, table.notes, rows, columns, texels=counts.shape[1]),
+                *_find_shape(path, table.notes, rows, columns, sensor, texels=counts.shape[1]),
                 counts,
-                pitch=(pitch, pitch),
+                pitch=sensor.pitch if sensor is not None and known else (pitch, pitch),
                 full_scale=full_scale,
             ),
         ),
@@ -330,23 +334,32 @@ def _is_number(text: str) -> bool:
 
 
 def _find_shape(
-    path: Path, notes: Mapping[str, str], rows: int | None, columns: int | None, *, texels: int
+    path: Path,
+    notes: Mapping[str, str],
+    rows: int | None,
+    columns: int | None,
+    sensor: TexelArray | None,
+    *,
+    texels: int,
 ) -> tuple[int, int]:
     """Return the numbers of rows and columns of the array.
 
-    Arguments take precedence over the lines `# key = value` of the file.  If only one of the two numbers is known, the
-    other follows from the number of texels.
+    Arguments take precedence over the lines `# key = value` of the file, and these over the array of the sensor.  If
+    only one of the two numbers is known, the other follows from the number of texels.
     """
     rows = _read_whole(path, notes, "rows", 0, MOST_TEXELS) if rows is None else rows
     columns = _read_whole(path, notes, "columns", 0, MOST_TEXELS) if columns is None else columns
+    if sensor is not None and not rows and not columns:
+        rows, columns = sensor.rows, sensor.columns
     if rows and not columns:
         columns = texels // rows
     if columns and not rows:
         rows = texels // columns
     if not 1 <= texels <= MOST_TEXELS or rows < 1 or rows * columns != texels:
+        layout = f"are not {rows} rows x {columns} columns" if rows else "in an unknown number of rows and columns"
         raise RecordingError(
-            f"{path}: {texels} texels are not {rows or 'an unknown number of'} rows x {columns or 'unknown'} columns; "
-            f"name both, or write `# rows = 14` and `# columns = 6` before the first line"
+            f"{path}: {texels} texels {layout}; write `# rows = 14` and `# columns = 6` before the first line, or give "
+            "--rows and --columns"
         )
     return rows, columns
 

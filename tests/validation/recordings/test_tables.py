@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from meshes import TexelArray
 from tests.support.recordings import recordings
 from validation.cli.entry import main
 from validation.cli.heat_map import draw_heat_map
@@ -40,6 +41,18 @@ def test_frames_forces_temperatures_and_labels_are_read(tmp_path):
     assert (recording.setup.load, recording.setup.indenter) == (1.5, "sphere:radius=5mm")
     times, forces = tables.read_forces(path)
     assert (times.tolist(), forces.tolist()) == ([10, 10.5], [0.1, 0.2])
+
+
+def test_what_a_file_does_not_state_is_that_of_the_sensor(tmp_path):
+    sensor = TexelArray.grid(3, 2, (4e-3, 5e-3))
+    path = tmp_path / "a.csv"
+    path.write_text(CSV.replace("# rows = 2\n# columns = 3\n", ""))
+    found = tables.read(path, sensor=sensor)
+    assert found.arrays[0].has_layout_of(sensor)
+    assert tables.PITCH_ASSUMED not in found.setup.other
+    path.write_text("# pitch = 0.002\n" + CSV)
+    stated = tables.read(path, sensor=sensor).arrays[0].texels
+    assert (stated.rows, stated.columns, stated.pitch) == (2, 3, (2e-3, 2e-3))
 
 
 @settings(max_examples=40, deadline=None)
@@ -80,7 +93,7 @@ def test_a_file_is_replaced_at_once_or_not_at_all(tmp_path):
         ("9,10,4095", "9,10,nan", "line 7: all numbers must be finite"),
         ("time,force", "force,time", "line 5: expected the columns"),
         ("# rows = 2\n", "# rows = 4\n", "6 texels are not 4 rows x 3 columns"),
-        ("# rows = 2\n# columns = 3\n", "", "name both"),
+        ("# rows = 2\n# columns = 3\n", "", "6 texels in an unknown number of rows and columns"),
         ("# load = 1.5", "# load = heavy", "not a number"),
     ],
 )

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from validation.data_sets.images import Image
     from validation.sensor_file import SensorDescription
 
+#: Built-in sensor whose published line is printed beside the fitted one.
+_PUBLISHED = "wts-0614-34"
+
 _Files = Annotated[list[Path], Parameter(help="Recordings under known loads, or one data-set file.")]
 _Sensor = Annotated[str, Parameter(help="Sensor file or built-in sensor; its cover gives the share of each texel.")]
 _Indenter = Annotated[str, Parameter(help="Tool that pressed; as the recordings' labels say when not given.")]
@@ -100,7 +103,7 @@ def calibrate(
         window=read_time_span("--window", window, "6:9"),
         temperature_channel=temperature_channel,
     )
-    data_set = describe_files(recordings, keys)
+    data_set = describe_files(recordings, keys, description.array)
     _require_modules([file.path for file in data_set.files], sensor, method, tip, picture)
     images = _read_images(data_set, description)
     if tip is not None and texel is not None:
@@ -111,7 +114,7 @@ def calibrate(
         _write(found, sensor, out, polynomial=polynomial)
     if picture is not None:
         _draw(found, description, picture)
-    print_json(found.as_json()) if json else _print(found)
+    print_json(found.as_json()) if json else _print(found, description)
 
 
 def _require_modules(paths: Sequence[Path], sensor: str, method: str, tip: str | None, picture: Path | None) -> None:
@@ -279,15 +282,16 @@ def _draw(found: Calibration, sensor: SensorDescription, path: Path) -> None:
         say(f"wrote {draw_hold_out(found.hold_out, sensor.array, path)}")
 
 
-def _print(found: Calibration) -> None:
+def _print(found: Calibration, sensor: SensorDescription) -> None:
     rows = []
     for name, estimate in found.estimates.items():
-        numbers = (f"{number:.4g}" for number in (estimate.value, estimate.low, estimate.high))
-        rows.append((name.replace("_", " "), *numbers, estimate.unit, estimate.fitted_on))
-    sensitivity, offset = found.report_line
-    rows.append(("report's line", f"{sensitivity:g} F {offset:+g}", "", "", "counts", "2015 report, WTS 0614-34"))
-    headings = ("", "value", "from", "to", "unit", "fitted on")
-    print_table(headings, rows, title=f"Calibration, {found.confidence:.0%} intervals", left=len(headings))
+        interval = f"{estimate.low:.4g}..{estimate.high:.4g}"
+        rows.append((name.replace("_", " "), f"{estimate.value:.4g}", interval, estimate.unit, estimate.fitted_on))
+    headings = ("", "value", f"{found.confidence:.0%} interval", "unit", "fitted on")
+    print_table(headings, rows, title=f"Calibration of {sensor.name}", left=len(headings), lines=False)
+    if sensor.name == _PUBLISHED:
+        gain, offset = found.report_line
+        show(f"published line of this sensor (2015 report): {gain:g} counts/N, offset {offset:g} counts")
     for name, (pose, widths) in found.poses.items():
         x, y = (f"{1e3 * pose[axis]:.2f} +- {1e3 * widths[axis]:.2f} mm" for axis in (0, 1))
         show(f"{name}: x {x}, y {y}, yaw {57.29578 * pose[2]:.1f} deg")

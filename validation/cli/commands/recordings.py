@@ -44,6 +44,8 @@ def replay(
     speed: _Speed = 1.0,
     csv: _Csv = None,
     topic: Topic = None,
+    rows: _Rows = None,
+    columns: _Columns = None,
     json: Json = False,
 ) -> None:
     """Show a recording of any known format in the terminal, and print its properties.
@@ -60,7 +62,7 @@ def replay(
     check_range("--speed", speed)
     if csv is not None and csv.exists():
         raise InputError(f"--csv: {csv} exists; name a new file")
-    recording = open_recording(file, topic=topic)
+    recording = open_recording(file, topic=topic, rows=rows, columns=columns)
     shown = choose_array(recording, array)
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
