@@ -33,6 +33,19 @@ class SurfaceGaussian:
     sigma: tuple[float, float]
     residual: float
 
+    def spread(self, array: TexelArray, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Compute the force on each texel per unit normal force on points of the surface.
+
+        Args:
+            array: n texels; inactive ones get no force.
+            points: Points above the base or on it, shape (p, 3) [m].
+            normals: Unit normals of the surface at these points, shape (p, 3) [-].
+
+        Returns:
+            Shares, shape (p, n) [-].
+        """
+        return _integrate(unroll_from(array, points, normals), np.array(self.sigma), array.texel_size) * array.active
+
 
 def fit_surface_gaussian(array: TexelArray, response: FloatArray) -> SurfaceGaussian:
     """Fit a Gaussian to the responses of n texels.
@@ -61,19 +74,39 @@ def fit_surface_gaussian(array: TexelArray, response: FloatArray) -> SurfaceGaus
 
 
 def unroll(array: TexelArray) -> FloatArray:
-    """Compute the places of all texels in the surface coordinates of each: arc lengths along its tangent axes.
-
-    The arc between two texels counts as part of a circle that turns by the angle of their normals: exact on planes,
-    cylinders about the y axis in x and y, and spheres.
+    """Compute the places of all texels in the surface coordinates of each; see `unroll_from`.
 
     Returns:
         Places, shape (n from, n to, 2) [m].
     """
-    apart = array.centres[None] - array.centres[:, None]
-    flat = np.einsum("lad,ltd->lta", tangent_axes(array.normals), apart)
-    turn = np.arccos(np.clip(array.normals @ array.normals.T, -1.0, 1.0))
+    return unroll_from(array, array.centres, array.normals)
+
+
+def unroll_from(array: TexelArray, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Compute the places of all texels in the surface coordinates of points: arc lengths along tangent axes.
+
+    The arc between a point and a texel counts as part of a circle that turns by the angle of their normals, in the
+    direction in which the normal turns; lengths across it are as they are.  This is exact on planes, spheres, and
+    cylinders.
+
+    Args:
+        array: n texels.
+        points: Points of the surface, shape (p, 3) [m].
+        normals: Unit normals of the surface at these points, shape (p, 3) [-].
+
+    Returns:
+        Places, shape (p, n, 2) [m].
+    """
+    apart = array.centres[None] - points[:, None]
+    axes = tangent_axes(normals)
+    flat = np.einsum("lad,ltd->lta", axes, apart)
+    turn = np.arccos(np.clip(normals @ array.normals.T, -1.0, 1.0))
+    towards = np.einsum("lad,td->lta", axes, array.normals)
+    towards /= np.maximum(np.linalg.norm(towards, axis=2, keepdims=True), np.finfo(float).eps)
     # np.sinc(x / pi) is sin(x) / x: a chord's projection on the tangent plane is R sin(turn), its arc R turn
-    return np.asarray(flat / np.maximum(np.sinc(turn / np.pi), np.finfo(float).eps)[..., None])
+    longer = 1 / np.maximum(np.sinc(turn / np.pi), np.finfo(float).eps) - 1
+    along = np.einsum("lta,lta->lt", flat, towards)
+    return np.asarray(flat + (longer * along)[..., None] * towards)
 
 
 def _integrate(place: FloatArray, sigma: FloatArray, size: tuple[float, float]) -> FloatArray:

@@ -18,7 +18,7 @@ from fastmodel.pose import rotate
 from fastmodel.pressure.gap import describe_solid
 from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
 from meshes import Indenter
-from meshes.array_types import FloatArray
+from meshes.array_types import FloatArray, IntArray
 from meshes.spatial_pose import SpatialPose
 
 
@@ -77,6 +77,32 @@ def press_curved(
         force=-found.forces @ cover.normals,
         points=int(found.points[0]),
     )
+
+
+def find_first_contact(
+    cover: CurvedCover, indenter: Indenter, pose: SpatialPose, direction: npt.ArrayLike, *, within: float
+) -> IntArray:
+    """Find the points of the undeformed cover that a rigid indenter reaches first: contact of two rigid bodies.
+
+    Args:
+        cover: The cover.
+        indenter: The shape.
+        pose: Orientation of the indenter, and a position on its way.
+        direction: Direction of motion, any length, shape (3,).
+        within: Distance along the direction up to which points count as reached with the first [m].
+
+    Returns:
+        Indices of the points.
+
+    Raises:
+        MissedArrayError: If the indenter never touches the cover.
+    """
+    towards = np.array(direction, dtype=float)
+    outward = -towards / np.linalg.norm(towards)
+    body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
+    facing = np.flatnonzero(cover.normals @ outward > 0)
+    gap = measure_gaps(body, cover.points[facing], np.broadcast_to(outward, (len(facing), 3)))
+    return np.asarray(facing[gap <= within])
 
 
 def pose_indenter(indenter: Indenter, pose: SpatialPose) -> PosedBody:

@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from meshes import TexelArray
+from meshes import Cover, TexelArray
 from meshes.bounded_file import FileLimitError, parse_toml, read_text
 from validation.campaign.case import Case
 from validation.campaign.case_tables import read_case, read_limits, read_share
@@ -22,12 +22,15 @@ from validation.errors import InputError, nearest
 from validation.text.friction import read_friction
 from validation.text.quantity import Kind, read_quantity
 
+if TYPE_CHECKING:
+    from validation.curved.places import CurvedPlaces
+
 #: Largest accepted size of a campaign file [bytes], and largest number of cases [-].
 _MOST_BYTES, _MOST_CASES = 2**20, 1000
 #: Number of cases of `--quick` if the file marks none [-].
 _QUICK = 6
 #: Keys of the file, of `[required]` and of `[inputs]`.
-_KEYS = ("name", "intended_use", "required", "inputs", "case")
+_KEYS = ("name", "intended_use", "required", "inputs", "loads_for", "case")
 _REQUIRED_KEYS = ("mean", "each")
 
 
@@ -109,12 +112,16 @@ class Campaign:
         }
 
 
-def read_campaign(path: Path | None, array: TexelArray) -> Campaign:
+def read_campaign(
+    path: Path | None, array: TexelArray, *, cover: Cover | None = None, curved: CurvedPlaces | None = None
+) -> Campaign:
     """Read a campaign file, or the default campaign.
 
     Args:
         path: The file; None for the default campaign.
         array: The array, which defines the named positions of the indenter.
+        cover: The cover, for whose stiffness loads are scaled where the file has `loads_for`.
+        curved: Places on a curved cover, which has a default campaign of its own; None for a flat cover.
 
     Raises:
         InputError: If the file cannot be read as a campaign, has a fault outside the cases, or no case is usable; one
@@ -122,11 +129,14 @@ def read_campaign(path: Path | None, array: TexelArray) -> Campaign:
         OSError: If the file exists and cannot be read.
     """
     if path is None:
-        return parse_campaign(_read_default(), array, source="built-in")
+        return parse_campaign(
+            _read_default(_name_default(curved)), array, source="built-in", cover=cover, curved=curved
+        )
     if not path.exists():
         raise InputError(f"--campaign: {path}: no such file")
     try:
-        return parse_campaign(parse_toml(read_text(path, most=_MOST_BYTES)), array, source=str(path))
+        tables = parse_toml(read_text(path, most=_MOST_BYTES))
+        return parse_campaign(tables, array, source=str(path), cover=cover, curved=curved)
     except FileLimitError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -136,12 +146,23 @@ def default_cases(array: TexelArray) -> tuple[Case, ...]:
     return read_campaign(None, array).cases
 
 
+def _name_default(curved: CurvedPlaces | None) -> str:
+    return "default.toml" if curved is None else "curved.toml"
+
+
 @cache
-def _read_default() -> dict[str, Any]:
-    return parse_toml(resources.files("validation.campaign").joinpath("default.toml").read_text(encoding="utf-8"))
+def _read_default(name: str) -> dict[str, Any]:
+    return parse_toml(resources.files("validation.campaign").joinpath(name).read_text(encoding="utf-8"))
 
 
-def parse_campaign(tables: Mapping[str, Any], array: TexelArray, *, source: str) -> Campaign:
+def parse_campaign(
+    tables: Mapping[str, Any],
+    array: TexelArray,
+    *,
+    source: str,
+    cover: Cover | None = None,
+    curved: CurvedPlaces | None = None,
+) -> Campaign:
     """Check the tables of a campaign file and make the campaign.
 
     What the file leaves out, besides cases, is that of the default campaign.
@@ -150,23 +171,28 @@ def parse_campaign(tables: Mapping[str, Any], array: TexelArray, *, source: str)
         tables: The tables of the file.
         array: The array, which defines the named positions of the indenter.
         source: The file; fault lines begin with it.
+        cover: The cover, for whose stiffness loads are scaled where the file has `loads_for`.
+        curved: Places on a curved cover; None for a flat cover.
 
     Raises:
         InputError: As for `read_campaign`.
     """
     faults = [f"{key}: unknown key; {nearest(key, _KEYS)}" for key in tables if key not in _KEYS]
-    default = _read_default()
+    default = _read_default(_name_default(curved))
     texts = {key: _read_text_key(tables.get(key, default[key]), key, faults) for key in ("name", "intended_use")}
     criterion = _read_criterion(tables.get("required", default["required"]), faults)
     inputs = _read_inputs(tables.get("inputs", default["inputs"]), faults)
     listed = tables.get("case", default["case"])
+    scale = _read_load_scale(tables if "case" in tables else default, cover, faults)
     if not isinstance(listed, list) or not listed:
         faults.append("case: must be at least one table [[case]]")
     elif len(listed) > _MOST_CASES:
         faults.append(f"case: {len(listed)} cases; at most {_MOST_CASES} are accepted")
     if faults:
         raise InputError(*(f"{source}: {fault}" for fault in faults))
-    cases, quick, left_out = _read_cases(listed, array)
+    cases, quick, left_out = _read_cases(listed, array, curved)
+    if scale != 1:
+        cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
     left_out = [f"{source}: {fault}" for fault in left_out]
     if not cases:
         raise InputError(*left_out, f"{source}: no usable case is left")
@@ -182,7 +208,31 @@ def parse_campaign(tables: Mapping[str, Any], array: TexelArray, *, source: str)
     )
 
 
-def _read_cases(listed: Sequence[Any], array: TexelArray) -> tuple[list[Case], list[str], list[str]]:
+def _read_load_scale(tables: Mapping[str, Any], cover: Cover | None, faults: list[str]) -> float:
+    """Read `loads_for`, and return the factor on the loads for a cover: modulus times thickness squared, over these."""
+    table = tables.get("loads_for")
+    if table is None:
+        return 1.0
+    if cover is None:
+        faults.append("loads_for: is for curved covers; write the loads as they are")
+    elif not isinstance(table, Mapping) or sorted(table) != ["modulus", "thickness"]:
+        faults.append("loads_for: must be { modulus = '1 MPa', thickness = '2 mm' }")
+    else:
+        try:
+            modulus = read_quantity(table["modulus"], "pressure", place="loads_for.modulus")
+            thickness = read_quantity(table["thickness"], "length", place="loads_for.thickness")
+        except InputError as error:
+            faults += error.faults
+            return 1.0
+        if min(modulus, thickness) > 0:
+            return cover.layers[0].material.youngs_modulus * cover.thickness**2 / (modulus * thickness**2)
+        faults.append("loads_for: modulus and thickness must be positive")
+    return 1.0
+
+
+def _read_cases(
+    listed: Sequence[Any], array: TexelArray, curved: CurvedPlaces | None
+) -> tuple[list[Case], list[str], list[str]]:
     """Read the tables `[[case]]`; return the cases, the names of those of a quick run, and the faults of the others."""
     cases: list[Case] = []
     quick: list[str] = []
@@ -191,7 +241,7 @@ def _read_cases(listed: Sequence[Any], array: TexelArray) -> tuple[list[Case], l
     for number, table in enumerate(listed):
         place = f"case[{number}]"
         try:
-            read = read_case(table, array, place)
+            read = read_case(table, array, place, curved=curved)
             for case in read:
                 _check_new(case, cases, place_of, place)
         except InputError as error:
@@ -210,10 +260,7 @@ def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], p
         first = place_of[other.name]
         if other.name == case.name:
             raise InputError(f"{place}.name: {case.name!r} is the name of {first} already; every case needs its own")
-        same = (case.load, case.at, case.yaw, case.tilt, case.path) == (
-            (other.load, other.at, other.yaw, other.tilt, other.path)
-        )
-        if same and case.has_shape_of(other):
+        if case.is_press_of(other):
             raise InputError(f"{place}: {case.name!r} is the same press as {first}, {other.name!r}; change one of them")
 
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from meshes import Indenter, TexelArray, tilt_indenter
 from validation.text.indenter import read_indenter, read_load, read_position, read_yaw
+
+if TYPE_CHECKING:
+    from validation.curved.touch import Touch
 
 #: Distances along x and y from a texel's centre or the array's centre, over the pitch: 0.7 mm and 1.1 mm on a pitch of
 #: 3.4 mm.  An indenter there is not symmetric to the grid of texels [-].
@@ -24,6 +28,8 @@ class Case:
         shape: The indenter as text, for example `sphere:radius=5mm`.
         load: Applied force along the array's normal [N].
         at: Position (x, y) of the indenter's axis in the array's frame [m].
+        touch: Place, direction and rotation of the indenter on a curved cover, which replace `at`, `yaw` and `tilt`;
+            None on a flat one.
         yaw: Rotation of the indenter about its axis [rad].
         tilt: Rotations about the x and y axes of the indenter's frame [rad].
         path: Ascending loads of the loading path that the load belongs to; empty if it is applied at once [N].
@@ -36,6 +42,7 @@ class Case:
     shape: str
     load: float
     at: tuple[float, float] = (0.0, 0.0)
+    touch: Touch | None = None
     yaw: float = 0.0
     tilt: tuple[float, float] = (0.0, 0.0)
     path: tuple[float, ...] = ()
@@ -76,9 +83,24 @@ class Case:
 
         return type(self.indenter) is type(other.indenter) and describe(self.indenter) == describe(other.indenter)
 
+    def is_press_of(self, other: Case) -> bool:
+        """Whether two cases are the same press: the same indenter, load and pose."""
+        if (self.touch is None) != (other.touch is None):
+            return False
+        if self.touch is not None and other.touch is not None and not self.touch.same_as(other.touch):
+            return False
+        mine, others = ((each.load, each.at, each.yaw, each.tilt, each.path) for each in (self, other))
+        return mine == others and self.has_shape_of(other)
+
+    def describe_pose(self) -> dict[str, Any]:
+        """Return the pose as a dictionary of JSON values."""
+        return {"at": list(self.at), "yaw": self.yaw} if self.touch is None else self.touch.as_json()
+
     @property
     def pose(self) -> str:
         """Position and rotation of the indenter as text, in mm and degrees."""
+        if self.touch is not None:
+            return self.touch.describe()
         x, y = (1e3 * value for value in self.at)
         tilted = ""
         if any(self.tilt):

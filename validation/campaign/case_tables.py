@@ -6,7 +6,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from meshes import TexelArray
 from validation.campaign.case import Case, name_positions
@@ -15,10 +15,14 @@ from validation.metrics import Score
 from validation.text.indenter import read_indenter, read_load, read_position, read_tilt, read_yaw
 from validation.text.quantity import read_quantity
 
+if TYPE_CHECKING:
+    from validation.curved.places import CurvedPlaces
+
 T = TypeVar("T")
 
 #: Keys of a table `[[case]]`.
 _KEYS = ("name", "indenter", "load", "loads", "path", "at", "yaw", "tilt", "compared", "required", "quick")
+_CURVED_KEYS = (*_KEYS, "direction")
 #: Of these exactly one is given.
 _LOADS = ("load", "loads", "path")
 #: Metrics that a campaign can compare and limit.
@@ -32,20 +36,21 @@ _MOST_LOADS, _LONGEST_NAME = 100, 80
 _SHARE = re.compile(r"\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]{1,3})?)\s*%\s*")
 
 
-def read_case(table: object, array: TexelArray, place: str) -> list[Case]:
+def read_case(table: object, array: TexelArray, place: str, *, curved: CurvedPlaces | None = None) -> list[Case]:
     """Read one table `[[case]]`; a list of loads or a loading path makes one case per load.
 
     Args:
         table: The table.
         array: The array, which defines the named positions.
         place: Place of the table in the file, such as `case[3]`.
+        curved: Places on the sensor's curved cover; None for a flat cover.
 
     Raises:
         InputError: With one line per fault.
     """
     if not isinstance(table, Mapping):
         raise InputError(f"{place}: must be a table [[case]], not {table!r}"[:200])
-    faults = [f"{place}.{key}: unknown key; {nearest(key, _KEYS)}" for key in table if key not in _KEYS]
+    faults = _check_keys(table, place, is_curved=curved is not None)
 
     def take(key: str, default: T, read: Callable[[Any, str], T]) -> T:
         """Read one key; collect its faults and return the default where it has any or is missing."""
@@ -68,14 +73,15 @@ def read_case(table: object, array: TexelArray, place: str) -> list[Case]:
     faults += [
         f"{place}.required.{name}: is not in {place}.compared" for name in required if compared and name not in compared
     ]
-    common: dict[str, Any] = {
-        "shape": shape,
-        "at": take("at", (0.0, 0.0), lambda value, where: _read_at(value, array, where)),
-        "yaw": take("yaw", 0.0, lambda value, where: read_yaw(_read_text(value, where), place=where)),
-        "tilt": take("tilt", (0.0, 0.0), lambda value, where: read_tilt(_read_text(value, where), place=where)),
-        "compared": compared,
-        "required": required,
-    }
+    common: dict[str, Any] = {"shape": shape, "compared": compared, "required": required}
+    if curved is None:
+        common |= {
+            "at": take("at", (0.0, 0.0), lambda value, where: _read_at(value, array, where)),
+            "yaw": take("yaw", 0.0, lambda value, where: read_yaw(_read_text(value, where), place=where)),
+            "tilt": take("tilt", (0.0, 0.0), lambda value, where: read_tilt(_read_text(value, where), place=where)),
+        }
+    else:
+        common["touch"] = curved.read(table, place, faults)
     name = take("name", "", _read_name)
     take("quick", False, _read_switch)  # noqa: FBT003 -- a default
     loads = _read_loads(table, place, faults)
@@ -88,6 +94,22 @@ def read_case(table: object, array: TexelArray, place: str) -> list[Case]:
         Case(name=each, indenter=indenter, load=load, path=path, **common)
         for each, load in zip(names, loads, strict=True)
     ]
+
+
+def _check_keys(table: Mapping[str, Any], place: str, *, is_curved: bool) -> list[str]:
+    """Return one line per key that is unknown, or that the kind of cover does not have."""
+    keys = _CURVED_KEYS if is_curved else _KEYS
+    faults = []
+    for key in table:
+        if key == "direction" and not is_curved:
+            faults.append(
+                f"{place}.direction: is for curved covers; a flat one is pressed along -z, `tilt` turns the body"
+            )
+        elif key == "path" and is_curved:
+            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
+        elif key not in keys:
+            faults.append(f"{place}.{key}: unknown key; {nearest(key, keys)}")
+    return faults
 
 
 def read_limits(table: object, place: str, faults: list[str]) -> dict[str, float]:

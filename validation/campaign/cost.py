@@ -38,16 +38,18 @@ class Plan:
         cases: Number of cases [-].
         missing: Whether the solution of each case is missing from the store; cases that share one count once.
         seconds: Expected time of each case [s].
+        rest: Expected time of everything besides the cases [s].
     """
 
     cases: int
     missing: tuple[bool, ...]
     seconds: tuple[float, ...]
+    rest: float = _REST
 
     @property
     def total(self) -> float:
         """Expected time of the whole evaluation [s]."""
-        return sum(self.seconds) + _REST
+        return sum(self.seconds) + self.rest
 
     def describe(self) -> str:
         """Say in one line how many solutions are missing and about how long the evaluation takes."""

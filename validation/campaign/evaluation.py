@@ -31,6 +31,7 @@ from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
+    from validation.curved.derive import CurvedDerivation
     from validation.data_sets.data_set import DataSet
     from validation.data_sets.score import RecordingScores
 
@@ -50,10 +51,11 @@ class Evaluation:
     """Results of the evaluation of a sensor, which the report shows.
 
     Attributes:
-        derivation: Point spread function of the cover, fitted kernel and parameters of the fast model.
+        derivation: Point spread function of the cover, fitted kernel and parameters of the fast model; of a curved
+            cover the responses of its texels.
         verification: Differences between the finite elements and the closed-form layer solution: `radial_profile` is
             the largest difference of base pressure under a point load over the peak pressure, `texel_response` the
-            difference of the force on the loaded texel over the load [-].
+            difference of the force on the loaded texel over the load [-].  Empty on a curved cover.
         plan: The campaign as its file describes it: cases, intended use and acceptance criterion.
         campaign: Scores of the fast model against the finite elements.
         verdict: Whether the fast model meets the acceptance criterion.
@@ -64,7 +66,7 @@ class Evaluation:
         versions: Versions of the software by name.
     """
 
-    derivation: Derivation
+    derivation: Derivation | CurvedDerivation
     verification: Mapping[str, float]
     plan: Campaign
     campaign: CampaignResult

@@ -8,6 +8,7 @@ texels.  Published models can be scored in the same cases; `validation.published
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from validation.metrics import Score
 
 if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
+    from validation.curved.reference import CurvedReference
     from validation.published.calibration import Row
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,7 +85,7 @@ class CaseResult:
     """
 
     case: Case
-    reference: Indentation
+    reference: Indentation | CurvedReference
     predictions: Mapping[str, Prediction]
     warnings: tuple[str, ...]
     published: Mapping[str, Prediction] = dataclasses.field(default_factory=dict)
@@ -94,8 +96,7 @@ class CaseResult:
             "name": self.case.name,
             "indenter": self.case.shape,
             "load": self.case.load,
-            "at": list(self.case.at),
-            "yaw": self.case.yaw,
+            **self.case.describe_pose(),
             "reference": describe_reference(self.reference),
             "warnings": list(self.warnings),
             "models": {name: prediction.as_json() for name, prediction in self.predictions.items()},
@@ -163,6 +164,7 @@ class CampaignResult:
         noise_floor: Mean over cases of each relative error estimate of the reference, by name [-].
         published: Pooled scores of the published models, in the order of their table; empty if none was scored.
         interrupted: Whether the run was interrupted, so that cases are missing.
+        models: Names of the scored models, with a description of each for tables.
     """
 
     cases: Sequence[CaseResult]
@@ -172,11 +174,17 @@ class CampaignResult:
     noise_floor: Mapping[str, float]
     published: Sequence[RowScores] = ()
     interrupted: bool = False
+    models: Mapping[str, str] = dataclasses.field(default_factory=lambda: MODELS)
+
+    @property
+    def reference_error(self) -> float:
+        """Mean over cases of the estimated error of the reference's texel forces [-]."""
+        return texel_error(self.noise_floor)
 
     def as_json(self) -> dict[str, Any]:
         """Return all results of the campaign as a dictionary of JSON values."""
         return {
-            "models": dict(MODELS),
+            "models": dict(self.models),
             "pooled": {
                 model: {metric: dataclasses.asdict(value) for metric, value in metrics.items()}
                 for model, metrics in self.pooled.items()
@@ -190,8 +198,38 @@ class CampaignResult:
         }
 
 
-def describe_reference(reference: Indentation) -> dict[str, Any]:
+def texel_error(estimates: Mapping[str, float]) -> float:
+    """Return the estimated relative error of texel forces [-]: of the largest one, or on a curved cover of any."""
+    return estimates.get("peak_texel", estimates.get("texel_forces", 0.0))
+
+
+def describe_reference_error(campaign: CampaignResult) -> str:
+    """Describe the mean estimated error of the reference's texel forces in words."""
+    if math.isnan(campaign.reference_error):
+        return "not known, there is one mesh only"
+    which = "the peak texel" if "peak_texel" in campaign.noise_floor else "any texel, over the peak texel"
+    return f"{100 * campaign.reference_error:.2g} % of {which}"
+
+
+def require_flat(reference: Indentation | CurvedReference) -> Indentation:
+    """Return the reference of a case on a flat cover.
+
+    Raises:
+        TypeError: If it is that of a case on a curved cover.
+    """
+    from validation.curved.reference import CurvedReference
+
+    if isinstance(reference, CurvedReference):
+        raise TypeError("this part of the evaluation takes flat covers only")
+    return reference
+
+
+def describe_reference(reference: Indentation | CurvedReference) -> dict[str, Any]:
     """Return the finite-element result of an indentation as a dictionary, under the names used in JSON."""
+    from validation.curved.reference import CurvedReference
+
+    if isinstance(reference, CurvedReference):
+        return reference.as_json()
     numbers = ("texel_forces", "outside", "total_force", "balance", "depth", "contact_area", "energy", "seconds")
     texts: dict[str, Any] = {"grid_values": dict(reference.grid_values)}
     texts |= {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}

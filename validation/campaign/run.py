@@ -5,6 +5,7 @@ A case that a model cannot compute is named and left out.  An interrupted run ke
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -33,10 +34,25 @@ from validation.metrics import Score, published_line, score
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.indentation.result import Indentation
+    from validation.curved.reference import CurvedReference
     from validation.published.calibration import ComparisonModels
-    from validation.published.scene import Forces
 
 Progress = Callable[[int, int, str], None]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """Cases of a run.
+
+    Attributes:
+        results: The scored cases.
+        skipped: The cases without scores.
+        interrupted: Whether the run was interrupted.
+    """
+
+    results: Sequence[CaseResult]
+    skipped: Sequence[SkippedCase]
+    interrupted: bool
 
 
 def run_campaign(
@@ -69,11 +85,31 @@ def run_campaign(
         ValueError: If a published model was fitted to one of the cases.
         KeyboardInterrupt: If the run is interrupted before the first case is finished.
     """
-    from fem_reference import ConvergenceError
-
     if comparison is not None:
         comparison.check_unseen(cases)
     clock = Clock(plan or plan_solves(cover, parameters.array, cases, friction=friction))
+    solve = partial(run_case, cover, parameters, comparison=comparison, friction=friction)
+    run = run_cases(cases, solve, clock, progress)
+    return summarise(run.results, run.skipped, comparison, interrupted=run.interrupted)
+
+
+def run_cases(
+    cases: Sequence[Case], solve: Callable[[Case], CaseResult], clock: Clock, progress: Progress | None = None
+) -> Run:
+    """Compute cases one after the other; name those that fail, and keep what is finished if the run is interrupted.
+
+    Args:
+        cases: The indentations.
+        solve: Function that computes and scores one case.
+        clock: Estimates the time left.
+        progress: As for `run_campaign`.
+
+    Raises:
+        InputError: If no case can be computed.
+        KeyboardInterrupt: If the run is interrupted before the first case is finished.
+    """
+    from fem_reference import ConvergenceError
+
     results: list[CaseResult] = []
     skipped: list[SkippedCase] = []
     number, interrupted = 0, False
@@ -82,7 +118,7 @@ def run_campaign(
             if progress:
                 progress(number, len(cases), clock.describe(number, case.name))
             try:
-                results.append(run_case(cover, parameters, case, comparison, friction=friction))
+                results.append(solve(case))
             except (ValueError, ConvergenceError) as error:
                 converged = not isinstance(error, ConvergenceError)
                 skipped.append(SkippedCase(case=case, reason=str(error), converged=converged))
@@ -95,7 +131,7 @@ def run_campaign(
         progress(len(cases), len(cases), "")
     if not results:
         raise InputError(*(f"{each.case.name} ({each.case.shape}): {each.reason}" for each in skipped))
-    return summarise(results, skipped, comparison, interrupted=interrupted)
+    return Run(results=results, skipped=skipped, interrupted=interrupted)
 
 
 def run_case(
@@ -122,7 +158,7 @@ def run_case(
     turned = case.turned
     press_fast = partial(indent, parameters, turned.indenter, load=case.load, at=case.at, yaw=case.yaw)
     fast, area = press_fast(method="default"), press_fast(method="area")
-    published: dict[str, Forces] = {}
+    published: Mapping[str, tuple[FloatArray, float]] = {}
     if comparison is None:
         boxes = press_fast(method="boxes")
     else:
@@ -138,27 +174,45 @@ def run_case(
         "zeros": (np.zeros(array.count), 0.0),
     }
 
-    def score_all(forces: Mapping[str, tuple[FloatArray, float]]) -> dict[str, Prediction]:
-        return {
-            name: Prediction(
-                texel_forces=texel_forces,
-                outside=outside,
-                score=score_forces(reference, texel_forces, outside, case.load, parameters),
-            )
-            for name, (texel_forces, outside) in forces.items()
-        }
-
     return CaseResult(
         case=case,
         reference=reference,
-        predictions=score_all(forces),
+        predictions=predict(reference, forces, case.load, parameters),
         warnings=fast.warnings,
-        published=score_all(published),
+        published=predict(reference, published, case.load, parameters),
     )
 
 
+def predict(
+    reference: Indentation | CurvedReference,
+    forces: Mapping[str, tuple[FloatArray, float]],
+    load: float,
+    parameters: Parameters,
+) -> dict[str, Prediction]:
+    """Score the texel forces of several models in one case.
+
+    Args:
+        reference: Result of the finite elements.
+        forces: Forces on the n texels, shape (n,) [N], and force that no active texel measures [N], by model.
+        load: Applied force [N].
+        parameters: Texels and electronics of the sensor.
+    """
+    return {
+        name: Prediction(
+            texel_forces=texel_forces,
+            outside=outside,
+            score=score_forces(reference, texel_forces, outside, load, parameters),
+        )
+        for name, (texel_forces, outside) in forces.items()
+    }
+
+
 def score_forces(
-    reference: Indentation, texel_forces: FloatArray, outside: float, load: float, parameters: Parameters
+    reference: Indentation | CurvedReference,
+    texel_forces: FloatArray,
+    outside: float,
+    load: float,
+    parameters: Parameters,
 ) -> Score:
     """Score the texel forces of a model against the finite-element result of the same indentation.
 
@@ -186,6 +240,7 @@ def summarise(
     comparison: ComparisonModels | None,
     *,
     interrupted: bool = False,
+    models: Mapping[str, str] = MODELS,
 ) -> CampaignResult:
     """Average the scores over the cases of a campaign.
 
@@ -194,6 +249,7 @@ def summarise(
         skipped: The cases without scores.
         comparison: The published models that were scored; None for none.
         interrupted: Whether the run was interrupted.
+        models: Names and descriptions of the scored models; one is `fast`.
     """
     cases = [result.case for result in results]
 
@@ -210,7 +266,7 @@ def summarise(
     def measure_skill(predictions: Sequence[Prediction], metric: str = "misplaced_force") -> Pooled:
         return skill(collect(scored["fast"], metric), collect(predictions, metric))
 
-    scored = {model: [result.predictions[model] for result in results] for model in MODELS}
+    scored = {model: [result.predictions[model] for result in results] for model in models}
     errors = [result.reference.error_estimate for result in results]
     published = []
     for row in comparison.rows if comparison else ():
@@ -225,4 +281,5 @@ def summarise(
         noise_floor={key: float(np.mean([each[key] for each in errors])) for key in errors[0]},
         published=tuple(published),
         interrupted=interrupted,
+        models=models,
     )

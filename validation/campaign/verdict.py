@@ -189,10 +189,13 @@ def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
     if campaign.left_out:
         doubts.append(f"{len(campaign.left_out)} faults in the campaign file cost their cases")
     limit = campaign.criterion.mean.get("misplaced_force")
-    floor = result.noise_floor.get("peak_texel", 0.0)
-    if limit is not None and floor > _RESOLVED * limit:
+    floor = result.reference_error
+    if limit is not None and math.isnan(floor):
+        doubts.append("the reference's own error is not known, because there is one mesh only")
+    elif limit is not None and floor > _RESOLVED * limit:
+        which = "the peak texel" if "peak_texel" in result.noise_floor else "texel forces"
         doubts.append(
-            f"the reference's own error of the peak texel, {100 * floor:.2g} %, is too large for a limit of "
+            f"the reference's own error of {which}, {100 * floor:.2g} %, is too large for a limit of "
             f"{100 * limit:.2g} % on misplaced force"
         )
     return doubts

@@ -55,8 +55,8 @@ def _refuse_curved(found: SensorDescription) -> SensorDescription:
     """
     if found.body is not None:
         raise InputError(
-            f"{found.source}: has a curved cover, which this command cannot treat yet; `softcover derive`, "
-            "`softcover press` and `softcover mesh` can"
+            f"{found.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, `press` "
+            "and `validate` can; `export`, `datasheet` and `emulate` take the folder that `derive --out` writes"
         )
     return found
 

@@ -42,6 +42,7 @@ class Evidence:
         groups: Pooled errors of the fast model by load, shape and pose: group, member, metric.
         domain: Range of the cases, by name: smallest and largest value, in SI units.
         failed: Why a part is missing, one line each.
+        left_out: Which sections have no meaning for this kind of cover, one sentence each.
     """
 
     checks: tuple[Check, ...]
@@ -52,6 +53,7 @@ class Evidence:
     groups: Mapping[str, Mapping[str, Mapping[str, Pooled]]]
     domain: Mapping[str, tuple[float, float]]
     failed: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return all evidence as a dictionary of JSON values."""
@@ -70,6 +72,7 @@ class Evidence:
             },
             "validated_domain": {name: list(ends) for name, ends in self.domain.items()},
             "failed": list(self.failed),
+            "left_out": list(self.left_out),
         }
 
 
@@ -156,6 +159,13 @@ def group_errors(results: Sequence[CaseResult]) -> dict[str, dict[str, dict[str,
         turned = math.degrees(case.yaw) % 90 != 0
         pose = "over an edge" if outside > _AT_EDGE else "turned" if turned else "inside, not turned"
         groups["pose"][pose].append(result)
+    return pool_groups(groups)
+
+
+def pool_groups(
+    groups: Mapping[str, Mapping[str, Sequence[CaseResult]]],
+) -> dict[str, dict[str, dict[str, Pooled]]]:
+    """Pool the errors of the fast model over the cases of each member of each group."""
     return {
         group: {
             member: {

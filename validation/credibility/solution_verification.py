@@ -9,7 +9,7 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from validation.campaign.results import CaseResult
+from validation.campaign.results import CaseResult, require_flat
 
 #: Quantities of the table, with unit and factor from SI units to it.
 _QUANTITIES = {"depth": ("um", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm2", 1e6)}
@@ -56,7 +56,7 @@ def verify_solutions(results: Sequence[CaseResult]) -> tuple[Convergence, ...]:
     """
     out = []
     for result in results:
-        reference = result.reference
+        reference = require_flat(result.reference)
         grids = reference.grid_values
         for name, (unit, factor) in _QUANTITIES.items():
             if len(grids.get(name, ())) != _GRIDS:

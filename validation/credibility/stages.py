@@ -20,7 +20,7 @@ import numpy as np
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.pooling import Pooled, pool
-from validation.campaign.results import CaseResult
+from validation.campaign.results import CaseResult, require_flat
 from validation.credibility.input_uncertainty import linearise
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _score_case(cover: Cover, parameters: Parameters, cells: CoverCells, result:
     """Compute the error of each stage in one case [-]."""
     array, load = parameters.array, result.case.load
     fast, outside = result.predictions["fast"].texel_forces, result.predictions["fast"].outside
-    true = result.reference
+    true = require_flat(result.reference)
     linear = true if cover.small_strain_only else _press_linear(cover, array, result)
     spread = spread_contact(cells, array, linear, load)
     counted = count_back(parameters, fast)

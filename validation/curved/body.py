@@ -18,6 +18,8 @@ from meshes.solids.triangles import enclosed_volume
 _REGULAR = 1 / (6 * np.sqrt(2))
 #: Largest number of tetrahedra that a mesh may be expected to have [-].
 _MOST_TETRAHEDRA = 150_000
+#: Element size over the thickness and layers of elements of a mesh that is finer than the finest of a result [-].
+_FINER, _FINER_LAYERS = 0.3, 6
 
 #: Receives a line of text before each step.
 Progress = Callable[[str], None]
@@ -33,6 +35,7 @@ class CoverBody:
         make: Function that makes meshes of a thickness [m], coarsest first, and reports its progress.
         changeable: Whether the body can be made with another thickness.
         notes: Sentences on what was repaired or assumed.
+        refine: Function that makes a mesh of a thickness [m] that is finer than all of `make`; None if there is none.
         base: Triangles of the base, facing into the cover, shape (b, 3, 3) [m]; None for the base of the finest mesh.
     """
 
@@ -41,6 +44,7 @@ class CoverBody:
     make: Callable[[float, Progress], tuple[SolidMesh, ...]]
     changeable: bool = True
     notes: tuple[str, ...] = ()
+    refine: Callable[[float], SolidMesh] | None = None
     base: FloatArray | None = None
     _made: dict[float, tuple[SolidMesh, ...]] = field(default_factory=dict, repr=False)
 
@@ -70,12 +74,18 @@ class CoverBody:
 
 def make_swept_body(cover: SweptCover, source: str) -> CoverBody:
     """Make the body of a cover that is swept from its base."""
-    return CoverBody(source=source, thickness=cover.thickness, make=partial(_sweep, cover))
+    return CoverBody(
+        source=source, thickness=cover.thickness, make=partial(_sweep, cover), refine=partial(_refine, cover)
+    )
 
 
 def _sweep(cover: SweptCover, thickness: float, progress: Progress) -> tuple[SolidMesh, ...]:
     progress("hexahedra swept from the base")
     return replace(cover, thickness=thickness).meshes()
+
+
+def _refine(cover: SweptCover, thickness: float) -> SolidMesh:
+    return replace(cover, thickness=thickness).mesh(_FINER * thickness, layers=_FINER_LAYERS)
 
 
 def mesh_shell(

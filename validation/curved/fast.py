@@ -30,6 +30,7 @@ class FastPress:
 
     Attributes:
         texel_forces: Force on each texel along its normal, shape (n,) [N].
+        forces: Force on each of m points of the surface against its normal, shape (m,) [N].
         force: Force of the indenter on the cover, shape (3,) [N].
         load: Component of `force` along the direction of motion [N].
         misplaced: Half the sum of the differences from the finite elements over the load; None without them [-].
@@ -37,6 +38,7 @@ class FastPress:
     """
 
     texel_forces: FloatArray
+    forces: FloatArray
     force: FloatArray
     load: float
     misplaced: float | None
@@ -112,5 +114,10 @@ def press_fast(
     if known is not None:
         misplaced = float(np.abs(found.texel_forces - known.texel_forces).sum() / (2 * load))
     return FastPress(
-        texel_forces=found.texel_forces, force=found.force, load=load, misplaced=misplaced, seconds=seconds
+        texel_forces=found.texel_forces,
+        forces=found.forces,
+        force=found.force,
+        load=load,
+        misplaced=misplaced,
+        seconds=seconds,
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.responses import find_above, lay_out
@@ -29,23 +31,41 @@ class Touch:
         point: Point of the undeformed top, shape (3,) [m].
         direction: Unit direction in which the indenter looks and moves, shape (3,) [-].
         yaw: Rotation of the indenter about its axis [rad].
+        tilt: Rotation vector of the indenter against the direction of motion, along the x and y axes of its frame,
+            about the point [rad].
     """
 
     point: FloatArray
     direction: FloatArray
     yaw: float
+    tilt: tuple[float, float] = (0.0, 0.0)
 
     @property
     def pose(self) -> SpatialPose:
         """Pose of the indenter with the lowest point of its axis at the point."""
-        return SpatialPose.facing(self.point, self.direction, spin=self.yaw)
+        pose = SpatialPose.facing(self.point, self.direction, spin=self.yaw)
+        if not any(self.tilt):
+            return pose
+        turn = Rotation.from_rotvec([*self.tilt, 0.0]).as_matrix()
+        return SpatialPose(position=pose.position, rotation=pose.rotation @ turn)
 
     def describe(self) -> str:
         """Describe place and direction in words."""
         place = ", ".join(f"{round(1e3 * each, 3) + 0.0:g}" for each in self.point)
         towards = ", ".join(f"{round(each, 3) + 0.0:g}" for each in self.direction)
         turned = f", yaw {np.degrees(self.yaw):g} deg" if self.yaw else ""
-        return f"({place}) mm along ({towards}){turned}"
+        angles = ", ".join(f"{round(each, 2) + 0.0:g}" for each in np.degrees(self.tilt))
+        tilted = f", tilted ({angles}) deg" if any(self.tilt) else ""
+        return f"({place}) mm along ({towards}){turned}{tilted}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the place as a dictionary, under the names that the command line prints as JSON."""
+        return {"at": self.point, "direction": self.direction, "yaw": self.yaw, "tilt": list(self.tilt)}
+
+    def same_as(self, other: Touch) -> bool:
+        """Whether two indenters of one shape would be in the same place."""
+        mine, others = ([*each.point, *each.direction, each.yaw, *each.tilt] for each in (self, other))
+        return np.allclose(mine, others, rtol=0, atol=_TINY)
 
 
 def find_touch_place(

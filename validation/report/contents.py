@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -10,13 +12,21 @@ import numpy as np
 
 from fastmodel.signal.electronics import describe_calibration
 from validation.campaign.evaluation import Evaluation
-from validation.campaign.metric_text import METRICS
+from validation.campaign.metric_text import METRICS, Metric
 from validation.campaign.pooling import Pooled
-from validation.campaign.results import MODELS, CampaignResult, CaseResult
+from validation.campaign.results import (
+    CampaignResult,
+    CaseResult,
+    describe_reference_error,
+    require_flat,
+    texel_error,
+)
+from validation.curved.derive import CurvedDerivation
 from validation.data_sets.score import RecordingScores
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.comparison import comparison_contents
+from validation.report.curved import Pictures, curved_contents
 from validation.report.evidence import evidence_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.page_table import Cell, PageTable, head, interval, number
@@ -29,44 +39,58 @@ from validation.report.tactile_image import FloatArray, Scale, colour_bar, tacti
 _TILE_SPLIT = "heavier"
 
 
-def contents(evaluation: Evaluation) -> dict[str, Any]:
+def contents(evaluation: Evaluation, pictures: Pictures | None = None) -> dict[str, Any]:
     """Return all variables that the template of the page uses, by name.
 
     Args:
         evaluation: The results to show.
+        pictures: Pictures of the cases on a curved cover.
     """
     campaign, derivation = evaluation.campaign, evaluation.derivation
-    figures = {
-        "psf-plot": point_spread_figure(derivation),
-        "texel-plot": texel_profile_figure(derivation),
-        "campaign-plot": campaign_figure(campaign),
-    }
-    return {
+    curved = isinstance(derivation, CurvedDerivation)
+    # The published line of the WTS 0614-34 belongs to a planar array.
+    shown = {name: metric for name, metric in METRICS.items() if not (curved and name.endswith("line_percent"))}
+    figures = {"campaign-plot": campaign_figure(campaign)}
+    if isinstance(derivation, CurvedDerivation):
+        special = curved_contents(evaluation, derivation, pictures or Pictures())
+    else:
+        special = _flat_contents(evaluation, derivation)
+        figures["psf-plot"] = point_spread_figure(derivation)
+        figures["texel-plot"] = texel_profile_figure(derivation)
+    return special | {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "sensor": evaluation.sensor,
         "evaluation": evaluation,
         "derivation": derivation,
-        "gaussian": derivation.fit.gaussian,
         "campaign": campaign,
         "calibration": describe_calibration(derivation.parameters.electronics),
-        "metrics": METRICS,
+        "metrics": shown,
         "comparison": comparison_contents(campaign),
         "tiles": _tiles(evaluation),
         "verdict": evaluation.verdict,
         "plan": evaluation.plan,
         "validity": derivation.parameters.validity,
         "evidence": evidence_contents(evaluation),
-        "pooled": _tabulate_models(campaign),
-        "case_table": _tabulate_cases(campaign),
-        "psf_images": _psf_images(derivation),
-        "estimates": _tabulate_estimates(derivation),
+        "pooled": _tabulate_models(campaign, shown),
+        "case_table": _tabulate_cases(campaign, shown, curved=curved),
         "recordings": None
         if evaluation.recordings is None
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
-        "cases": [_case(evaluation, result) for result in campaign.cases],
+        "reference_error": describe_reference_error(campaign),
         "percent": lambda value, digits=2: f"{100 * value:.{digits}g}",
         # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
         "figures": json_text(figures, indent=None).replace("</", "<\\/"),
+    }
+
+
+def _flat_contents(evaluation: Evaluation, derivation: Derivation) -> dict[str, Any]:
+    """Return the variables that only a flat cover has."""
+    return {
+        "curved": None,
+        "gaussian": derivation.fit.gaussian,
+        "psf_images": _psf_images(derivation),
+        "estimates": _tabulate_estimates(derivation),
+        "cases": [_case(evaluation, result) for result in evaluation.campaign.cases],
     }
 
 
@@ -87,8 +111,8 @@ def _tabulate_estimates(derivation: Derivation) -> PageTable:
 def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
     campaign, derivation = evaluation.campaign, evaluation.derivation
     fast = campaign.pooled["fast"]
-    null = campaign.skill["no-spread"]
-    tiles = [
+    null, floor = campaign.skill["no-spread"], campaign.reference_error
+    tiles: list[dict[str, str]] = [
         {
             "value": f"{100 * fast['misplaced_force'].mean:.3g} %",
             "name": "of the load misplaced",
@@ -105,21 +129,30 @@ def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
             "name": "better than no spread",
             "small": f"skill in misplaced force, {_interval(null, 100, 2)}",
         },
+        _sigma_tile(derivation),
         {
-            "value": f"{derivation.fit.gaussian.sigma_x:.3f}",
-            "name": "sigma [pitches]",
-            "small": f"{1e3 * derivation.fit.gaussian.sigma_x * derivation.sensor.array.pitch[0]:.2f} mm, "
-            "least squares to a uniform texel load",
-        },
-        {
-            "value": f"{100 * campaign.noise_floor['peak_texel']:.2g} %",
+            "value": "unknown" if math.isnan(floor) else f"{100 * floor:.2g} %",
             "name": "reference error",
-            "small": "estimate for the peak texel, mean over cases: the noise floor",
+            "small": f"estimate for {'the peak' if 'peak_texel' in campaign.noise_floor else 'any'} texel, mean over "
+            "cases: the noise floor",
         },
     ]
     if evaluation.recordings is not None and any(row.split == _TILE_SPLIT for row in evaluation.recordings.rows):
         tiles.append(_recordings_tile(evaluation.recordings))
     return tiles
+
+
+def _sigma_tile(derivation: Derivation | CurvedDerivation) -> dict[str, str]:
+    if isinstance(derivation, CurvedDerivation):
+        sigma = derivation.gaussian.sigma[0]
+        small = "along the surface, least squares to uniform texel loads; the fast model does not use it"
+        return {"value": f"{1e3 * sigma:.3g}", "name": "sigma [mm]", "small": small}
+    sigma = derivation.fit.gaussian.sigma_x
+    return {
+        "value": f"{sigma:.3f}",
+        "name": "sigma [pitches]",
+        "small": f"{1e3 * sigma * derivation.sensor.array.pitch[0]:.2f} mm, least squares to a uniform texel load",
+    }
 
 
 def _recordings_tile(scores: RecordingScores) -> dict[str, str]:
@@ -161,7 +194,7 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
     difference = fast.texel_forces - reference.texel_forces
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.texel_forces.max())))
     apart = Scale(peak=float(np.abs(difference).max()), difference=True)
-    outline = _contact_outline(reference.contact)
+    outline = _contact_outline(require_flat(reference).contact)
     images = [
         (caption, tactile_image(array, values, scale, outline=line, name=f"{case.name}, {caption}, forces"))
         for caption, values, scale, line in (
@@ -178,28 +211,28 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
     }
 
 
-def _tabulate_models(campaign: CampaignResult) -> PageTable:
+def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Metric]) -> PageTable:
     rows = [
         [
             Cell(text=name, small=meaning),
-            *(interval(campaign.pooled[name][metric], METRICS[metric]) for metric in METRICS),
+            *(interval(campaign.pooled[name][key], metric) for key, metric in shown.items()),
         ]
-        for name, meaning in MODELS.items()
+        for name, meaning in campaign.models.items()
     ]
     return PageTable(
         name="pooled",
         caption=f"Our models and the null models against finite elements: means and 95 % intervals over "
         f"{len(campaign.cases)} cases",
-        headings=("model", *map(head, METRICS.values())),
+        headings=("model", *map(head, shown.values())),
         rows=rows,
     )
 
 
-def _tabulate_cases(campaign: CampaignResult) -> PageTable:
+def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Metric], *, curved: bool) -> PageTable:
     rows = []
     for result in campaign.cases:
         fast, reference = result.predictions["fast"].score, result.reference
-        scores = [Cell(text=METRICS[name].text(getattr(fast, name)), value=getattr(fast, name)) for name in METRICS]
+        scores = [Cell(text=each.text(getattr(fast, name)), value=getattr(fast, name)) for name, each in shown.items()]
         scores = [each if each.value == each.value else Cell(text=each.text) for each in scores]
         rows.append(
             [
@@ -207,9 +240,9 @@ def _tabulate_cases(campaign: CampaignResult) -> PageTable:
                 number(result.case.load),
                 *scores,
                 number(result.predictions["no-spread"].score.misplaced_force, 100),
-                Cell(text=str(fast.pixels_lit_line), value=fast.pixels_lit_line),
+                *([] if curved else [Cell(text=str(fast.pixels_lit_line), value=fast.pixels_lit_line)]),
                 number(reference.depth, 1e3),
-                number(reference.error_estimate["peak_texel"], 100, 2),
+                number(texel_error(reference.error_estimate), 100, 2),
             ]
         )
     return PageTable(
@@ -218,11 +251,11 @@ def _tabulate_cases(campaign: CampaignResult) -> PageTable:
         headings=(
             "case",
             "load [N]",
-            *map(head, METRICS.values()),
+            *map(head, shown.values()),
             "no spread, misplaced [%]",
-            "texels lit after the WTS line",
+            *([] if curved else ["texels lit after the WTS line"]),
             "depth of the reference [mm]",
-            "peak error of the reference [%]",
+            f"{'any texel' if curved else 'peak'} error of the reference [%]",
         ),
         rows=rows,
     )

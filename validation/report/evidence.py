@@ -22,6 +22,7 @@ _RANGES = {
     "load_N": ("load", "N", 1.0),
     "depth_over_thickness": ("depth of the indenter over the thickness of the cover", "%", 100.0),
     "contact_area_m2": ("contact area", "mm\u00b2", 1e6),
+    "obliquity_rad": ("angle between the motion and the normal of the cover", "\u00b0", math.degrees(1)),
     "share_outside_array": ("share of the load that acts outside the array", "%", 100.0),
 }
 
@@ -31,7 +32,7 @@ def evidence_contents(evaluation: Evaluation) -> dict[str, Any]:
     evidence = evaluation.evidence
     return {
         "requirements": _tabulate_requirements(evaluation),
-        "codes": _tabulate_codes(evidence),
+        "codes": _tabulate_codes(evidence, curved=evaluation.sensor.body is not None),
         "solutions": _tabulate_solutions(evidence),
         "errors": _tabulate_errors(evidence),
         "inputs": _tabulate_inputs(evidence),
@@ -43,6 +44,7 @@ def evidence_contents(evaluation: Evaluation) -> dict[str, Any]:
         "notes": sorted({each.note for each in evidence.inputs.values() if each.note}),
         "limits": _name_limits(evidence),
         "failed": evidence.failed,
+        "left_out": evidence.left_out,
     }
 
 
@@ -69,20 +71,21 @@ def _tabulate_requirements(evaluation: Evaluation) -> PageTable:
     )
 
 
-def _tabulate_codes(evidence: Evidence) -> PageTable:
+def _tabulate_codes(evidence: Evidence, *, curved: bool) -> PageTable:
     rows = [
         [
             Cell(text=check.name, small=f"against: {check.exact}"),
             *(number(error, 100, 2) for error in check.errors),
             number(check.order, 1, 2, small=f"at least {check.least_order:g}"),
-            number(check.result, 100, 2, small=f"at most {100 * check.tolerance:g}"),
+            number(check.result, 100, 2, small=f"at most {100 * check.tolerance:.3g}"),
             Cell(text="passed" if check.passed else "failed", bold=not check.passed),
         ]
         for check in evidence.checks
     ]
+    exact = "a closed form and a finer mesh" if curved else "closed forms"
     return PageTable(
         name="codes",
-        caption="Code verification: error against closed forms on three grids, computed for this report on this cover",
+        caption=f"Code verification: error against {exact} on three grids, computed for this report on this cover",
         headings=(
             "what",
             "coarse [%]",
@@ -204,10 +207,14 @@ def _tabulate_groups(evidence: Evidence) -> PageTable:
     ]
     return PageTable(
         name="groups",
-        caption="Error of the fast model by load, shape and pose: means and 95 % intervals",
+        caption=f"Error of the fast model by {_join(list(evidence.groups))}: means and 95 % intervals",
         headings=("group", "cases", *(head(METRICS[name]) for name in GROUP_METRICS)),
         rows=rows,
     )
+
+
+def _join(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _tabulate_domain(evidence: Evidence) -> PageTable:

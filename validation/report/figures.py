@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from validation.campaign.results import MODELS, CampaignResult
+from validation.campaign.results import CampaignResult
 from validation.derivation.derive import Derivation
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
+_COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
 #: Colour of the curve of the closed-form solution: that of the text, which the page's script fills in.
 _INK = "ink"
 
@@ -98,7 +99,7 @@ def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
             "y": [100 * result.predictions[model].score.misplaced_force for result in campaign.cases],
             "marker": {"color": _COLOURS[model]},
         }
-        for model in MODELS
+        for model in campaign.models
     ]
     layout = _layout("", "misplaced force [% of the load]")
     layout["xaxis"]["tickangle"] = -35

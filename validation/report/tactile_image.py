@@ -115,17 +115,22 @@ def _cell(array: TexelArray, index: int, value: float, scale: Scale) -> str:
     x, y = column * _CELL, (array.rows - 1 - row) * _CELL
     if array.active[index]:
         colour, text = scale.colour(value), f"[{row}, {column}] {value * scale.factor:.4g} {scale.unit}"
-        ink = "#000" if _luminance(colour) > _MIDDLE else "#fff"
+        ink = choose_ink(colour)
         printed = (
             f'<text x="{x + _CELL / 2}" y="{y + _CELL / 2 + _FONT / 3:.1f}" font-size="{_FONT}" fill="{ink}" '
-            f'text-anchor="middle">{_shorten(value * scale.factor)}</text>'
+            f'text-anchor="middle">{shorten(value * scale.factor)}</text>'
         )
     return (
         f'<rect x="{x}" y="{y}" width="{_CELL}" height="{_CELL}" fill="{colour}"><title>{text}</title></rect>{printed}'
     )
 
 
-def _shorten(value: float) -> str:
+def choose_ink(colour: str) -> str:
+    """Return black or white, whichever can be read on a colour `#rrggbb`."""
+    return "#000" if _luminance(colour) > _MIDDLE else "#fff"
+
+
+def shorten(value: float) -> str:
     """Format a value with at most five characters, without a minus sign before zero."""
     for decimals in (0,) if abs(value) >= 10 else (1, 0):  # noqa: PLR2004 -- two digits are enough
         text = f"{value:.{decimals}f}"

@@ -6,9 +6,11 @@ from importlib import resources
 from pathlib import Path
 
 from validation.campaign.evaluation import Evaluation
+from validation.curved.derive import CurvedDerivation
 from validation.extras import require
 from validation.json_values import json_text
 from validation.report.contents import contents
+from validation.report.curved import draw_cases
 
 #: Optional modules that a report needs.
 MODULES = ("jinja2", "plotly")
@@ -39,7 +41,8 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         lstrip_blocks=True,
     )
     template = environment.get_template("index.html.j2")
-    (folder / "index.html").write_text(template.render(contents(evaluation)), encoding="utf-8")
+    pictures = draw_cases(evaluation, folder) if isinstance(evaluation.derivation, CurvedDerivation) else None
+    (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
     plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")

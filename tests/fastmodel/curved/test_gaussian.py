@@ -60,3 +60,24 @@ def test_a_cylinder_unrolls_to_arc_lengths():
 def test_responses_of_another_array_are_refused():
     with pytest.raises(ShapeError, match="20 texels"):
         fit_surface_gaussian(FLAT, np.eye(3))
+
+
+def test_unrolling_a_cylinder_keeps_lengths_along_its_axis():
+    array = cylinder_texels(6e-3, rows=3, columns=5, pitch=(2e-3, 3e-3), size=(1.8e-3, 1.8e-3), name="patch")
+    along = unroll(array)[..., 1]
+    np.testing.assert_allclose(along, array.centres[None, :, 1] - array.centres[:, None, 1], atol=1e-12)
+
+
+def test_unrolling_a_sphere_gives_arcs_in_every_direction():
+    normals = np.array([[0, 0, 1.0], [0.6, 0, 0.8], [0, 0.6, 0.8], [0.48, 0.36, 0.8]])
+    array = dataclasses.replace(
+        FLAT, centres=5e-3 * normals, normals=normals, rows=1, columns=4, active=np.ones(4, dtype=bool)
+    )
+    arcs = np.linalg.norm(unroll(array)[0], axis=1)
+    np.testing.assert_allclose(arcs, 5e-3 * np.arccos(normals[:, 2]), atol=1e-12)
+
+
+def test_the_gaussian_puts_a_load_over_a_texel_where_its_fit_does():
+    found = fit_surface_gaussian(FLAT, respond((1.1e-3, 1.7e-3)))
+    spread = found.spread(FLAT, FLAT.centres + np.array([0, 0, 1e-3]), FLAT.normals)
+    np.testing.assert_allclose(spread, respond((1.1e-3, 1.7e-3)), atol=1e-6)

@@ -16,7 +16,7 @@ def run(*words):
 @pytest.mark.parametrize(
     "words",
     [
-        ("validate", "fingertip"),
+        ("validate", "fingertip", "--recordings", "none"),
         ("export", "phalanx", "--format", "sdf", "--out", "x"),
         ("datasheet", "flat-pad"),
         ("regress", "fingertip", "--baseline", "none.json"),
@@ -29,6 +29,7 @@ def test_commands_for_flat_covers_refuse_in_one_line(words, capsys, tmp_path, mo
     assert run(*words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "curved cover" in line
+    assert "leave them out" in line or "`softcover " in line
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,12 +1,12 @@
 """The page prints the numbers of the evaluation in the rows, columns and tiles that name them."""
 
 import dataclasses
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
+from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import read_campaign
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
@@ -136,44 +136,6 @@ def draw_reference(array, load):
     )
 
 
-class Page(HTMLParser):
-    """Cells of all tables, as rows of texts and of the numbers behind them, the tiles' texts, and numbers in sentences.
-
-    A number in a sentence comes with the text before it, and with the number behind it.
-    """
-
-    def __init__(self):
-        super().__init__()
-        self.tables, self.tiles, self.spans, self._texts = {}, [], [], None
-        self._before, self._number = "", None
-
-    def handle_starttag(self, tag, attrs):
-        attrs = dict(attrs)
-        if tag == "table":
-            self._rows = self.tables.setdefault(attrs.get("id", f"table {len(self.tables)}"), [])
-        elif tag == "tr":
-            self._rows.append([])
-        elif tag in ("td", "th"):
-            self._texts = []
-            self._rows[-1].append((attrs.get("data-value"), self._texts))
-        elif tag == "div" and attrs.get("class") == "tile":
-            self._texts = []
-            self.tiles.append(self._texts)
-        elif tag == "span" and "data-value" in attrs:
-            self._number = float(attrs["data-value"])
-
-    def handle_endtag(self, tag):
-        if tag in ("td", "th", "div"):
-            self._texts = None
-
-    def handle_data(self, data):
-        if self._texts is not None and data.strip():
-            self._texts.append(data.strip())
-        if self._number is not None:
-            self.spans.append((self._before, self._number, data))
-        self._before, self._number = data, None
-
-
 @pytest.fixture(scope="module")
 def page(evaluation, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
@@ -185,11 +147,6 @@ def page(evaluation, tmp_path_factory):
 
 def read_numbers(text):
     return [float(part) for part in text.replace("\u2026", " ").split()]
-
-
-def is_printed(printed, value):
-    """Whether a number is printed: a text with at least two digits, rounded."""
-    return float(printed) == pytest.approx(value, rel=0.05, abs=0.051 if "." in printed else 0.5)
 
 
 def test_the_table_of_models_prints_the_pooled_scores_of_each(page, evaluation):

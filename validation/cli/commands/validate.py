@@ -17,6 +17,7 @@ from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, 
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import describe_cover, note, print_json, print_table, say, show
 from validation.cli.progress import Progress
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     from validation.campaign.campaign_file import Campaign
@@ -99,7 +100,9 @@ def validate(
     from validation.cli.sensors import read_description
     from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
-    description = read_description(sensor, material=material, thickness=thickness, layers=layer)
+    description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    if description.body is not None and (recordings is not None or data_set is not None):
+        raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
     # that the user names are used.
     found = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
@@ -113,7 +116,15 @@ def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool)
     """Read a campaign file or the default campaign, and shorten it for a quick run; faults in cases are printed."""
     from validation.campaign.campaign_file import read_campaign
 
-    campaign = read_campaign(path, sensor.array)
+    if sensor.body is None:
+        campaign = read_campaign(path, sensor.array)
+    else:
+        from validation.curved.places import CurvedPlaces
+        from validation.curved.press import make_meshes
+
+        with Progress() as progress:
+            places = CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array)
+        campaign = read_campaign(path, sensor.array, cover=sensor.cover, curved=places)
     for line in campaign.left_out:
         say(f"softcover: left out: {line}")
     return campaign.shorten() if quick else campaign
@@ -141,7 +152,6 @@ def _evaluate(
     Returns:
         The exit status, see `_choose_status`.
     """
-    from validation.campaign.evaluation import evaluate
     from validation.extras import require
     from validation.output_folder import new_folder
     from validation.recordings.importing import list_modules
@@ -152,9 +162,16 @@ def _evaluate(
     require("skfem", *MODULES, *list_modules(file.path for file in files))
     _tell_friction(sensor)
     with new_folder(out) as folder, _interrupt_when_terminated(), Progress() as progress:
-        evaluation = evaluate(
-            sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
-        )
+        if sensor.body is not None:
+            from validation.curved.evaluate import evaluate_curved
+
+            evaluation = evaluate_curved(sensor, campaign, progress=progress, announce=say)
+        else:
+            from validation.campaign.evaluation import evaluate
+
+            evaluation = evaluate(
+                sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
+            )
         progress("report")
         write_report(evaluation, folder)
     if json:
@@ -216,7 +233,7 @@ def _tell_problems(evaluation: Evaluation) -> None:
 
 def _print(evaluation: Evaluation) -> None:
     """Print a summary that fits 80 columns: the verdict in words, then tables."""
-    from validation.campaign.results import SKILL_METRICS
+    from validation.campaign.results import SKILL_METRICS, describe_reference_error
 
     sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
     _show_wrapped(f"{sensor.name}, cover {describe_cover(sensor.cover)}")
@@ -224,13 +241,12 @@ def _print(evaluation: Evaluation) -> None:
     _show_wrapped(verdict.sentence)
     for reason in verdict.reasons:
         _show_wrapped(f"- {reason}", indent="  ")
-    floor = campaign.noise_floor
+    floor = describe_reference_error(campaign)
     print_table(
         ("model", *map(_head, _COLUMNS)),
         _list_scores(campaign),
         title=f"Fast model and simpler models against finite elements, {len(campaign.cases)} cases",
-        caption=f"mean and 95 % interval over cases; own error of the reference: {100 * floor['peak_texel']:.2g} % "
-        "of the peak texel",
+        caption=f"mean and 95 % interval over cases; own error of the reference: {floor}",
     )
     if campaign.published:
         rows = sorted(campaign.published, key=lambda each: each.pooled["misplaced_force"].mean)

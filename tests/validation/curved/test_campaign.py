@@ -1,0 +1,168 @@
+"""Campaigns on a curved cover: the stored reference, the scored models, interruption, and the evidence."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fem_reference.curved_cover import press_curved
+from fem_reference.result_store import NotStoredError, stored_only
+from meshes.bounded_file import parse_toml
+from validation.campaign.campaign_file import parse_campaign
+from validation.campaign.cost import Plan
+from validation.campaign.verdict import judge
+from validation.curved.campaign import CURVED_MODELS, CurvedCampaign, plan_presses
+from validation.curved.derive import derive_curved
+from validation.curved.evidence import check_shell, gather_curved_evidence
+from validation.curved.places import CurvedPlaces
+from validation.curved.reference import press_case
+from validation.errors import InputError
+
+TEXT = """
+[[case]]
+name = "ball"
+indenter = "sphere:radius=4mm"
+load = "0.3 N"
+
+[[case]]
+name = "edge"
+indenter = "box:size=3mmx3mmx4mm"
+load = "0.2 N"
+at = "off grid"
+direction = "oblique x"
+tilt = "0deg,45deg"
+"""
+
+
+@pytest.fixture(scope="module")
+def plan(small_pad):
+    places = CurvedPlaces(mesh=small_pad.body.meshes()[-1], texels=small_pad.array)
+    return parse_campaign(parse_toml(TEXT), small_pad.array, source="mine.toml", cover=small_pad.cover, curved=places)
+
+
+@pytest.fixture(scope="module")
+def bench(small_pad):
+    return CurvedCampaign(derivation=derive_curved(small_pad), meshes=small_pad.body.meshes())
+
+
+@pytest.fixture(scope="module")
+def cost(small_pad, plan):
+    return plan_presses(small_pad, small_pad.body.meshes(), plan.cases)
+
+
+@pytest.fixture(scope="module")
+def result(bench, plan, cost):
+    return bench.run(plan.cases, cost, None)
+
+
+def test_a_stored_press_is_the_press(small_pad, plan, result):
+    case = plan.cases[1]
+    with stored_only():
+        found = press_case(small_pad, small_pad.body.meshes(), case).found
+    material = small_pad.cover.layers[0].material
+    known = press_curved(
+        small_pad.body.meshes(), small_pad.array, material, case.indenter, case.touch.pose, load=0.2,
+        direction=case.touch.direction,
+    )  # fmt: skip
+    for field in dataclasses.fields(known):
+        mine, other = getattr(found, field.name), getattr(known, field.name)
+        if isinstance(other, np.ndarray | float):
+            np.testing.assert_array_equal(mine, other, err_msg=field.name)
+    assert found.error_estimate.keys() == known.error_estimate.keys()
+    assert np.isnan(found.error_estimate["texel_forces"])
+    assert (found.warnings, dict(found.assumptions)) == (known.warnings, dict(known.assumptions))
+
+
+def test_a_press_with_another_pose_is_another_entry(small_pad, plan):
+    moved = dataclasses.replace(plan.cases[1], touch=dataclasses.replace(plan.cases[1].touch, yaw=0.2))
+    with stored_only(), pytest.raises(NotStoredError):
+        press_case(small_pad, small_pad.body.meshes(), moved)
+
+
+def test_presses_are_missing_once(small_pad, plan, cost, result):
+    again = plan_presses(small_pad, small_pad.body.meshes(), plan.cases)
+    assert again.missing == (False, False)
+    assert again.total < cost.total or cost.missing == (False, False)
+
+
+def test_misplaced_force_is_half_the_sum_of_the_differences_over_the_load(result):
+    for each in result.cases:
+        for prediction in each.predictions.values():
+            moved = np.abs(prediction.texel_forces - each.reference.texel_forces).sum() / (2 * each.case.load)
+            assert prediction.score.misplaced_force == pytest.approx(moved, rel=1e-12)
+
+
+def test_fast_model_and_reference_agree_on_the_same_mesh(result):
+    assert all(each.predictions["fast"].score.misplaced_force < 1e-4 for each in result.cases)
+    assert result.pooled.keys() == CURVED_MODELS.keys()
+
+
+def test_the_null_model_puts_the_whole_load_on_texels(result):
+    ball, edge = (each.predictions["no-spread"].texel_forces for each in result.cases)
+    assert ball.sum() == pytest.approx(0.3)
+    # frictionless and oblique: the normal force is larger than the load along the motion
+    assert edge.sum() == pytest.approx(0.2 / np.cos(np.radians(30)))
+    assert result.pooled["no-spread"]["misplaced_force"].mean > 3 * result.pooled["gaussian"]["misplaced_force"].mean
+
+
+def test_force_on_the_wrong_texel_is_noticed(bench, plan, cost, monkeypatch):
+    cover = bench.require_fast_model()
+    shifted = dataclasses.replace(cover, influence=np.roll(cover.influence, 1, axis=0))
+    monkeypatch.setattr(CurvedCampaign, "require_fast_model", lambda _: shifted)
+    wrong = bench.run(plan.cases, cost, None)
+    verdict = judge(plan, wrong)
+    assert verdict.word == "not accepted"
+
+
+def test_one_mesh_decides_nothing(plan, result):
+    verdict = judge(plan, result)
+    assert verdict.word == "not decided"
+    assert any("one mesh only" in reason for reason in verdict.reasons)
+
+
+def test_an_interrupted_run_keeps_what_is_finished(bench, plan, monkeypatch):
+    solve = CurvedCampaign.solve
+
+    def stop(self, case):
+        if case.name == "edge":
+            raise KeyboardInterrupt
+        return solve(self, case)
+
+    monkeypatch.setattr(CurvedCampaign, "solve", stop)
+    found = bench.run(plan.cases, Plan(cases=2, missing=(True, True), seconds=(1.0, 1.0)), None)
+    assert found.interrupted
+    assert [each.case.name for each in found.cases] == ["ball"]
+    assert [each.reason for each in found.skipped] == ["interrupted"]
+
+
+def test_a_case_that_never_touches_costs_itself(bench, plan, cost):
+    ball = plan.cases[0]
+    away = dataclasses.replace(
+        ball, name="away", touch=dataclasses.replace(ball.touch, direction=np.array([0, 0, 1.0]))
+    )
+    found = bench.run((ball, away), cost, None)
+    assert [each.case.name for each in found.skipped] == ["away"]
+    with pytest.raises(InputError, match="has no place"):
+        bench.solve(dataclasses.replace(ball, touch=None))
+
+
+def test_groups_and_range_are_those_of_the_cases(small_pad, result):
+    evidence = gather_curved_evidence(small_pad, small_pad.body.meshes(), dataclasses.replace(result, interrupted=True))
+    assert set(evidence.groups["shape"]) == {"sphere", "box"}
+    assert set(evidence.groups["direction"]) == {"along the normal", "oblique"}
+    assert evidence.domain["load_N"] == (0.2, 0.3)
+    assert np.degrees(evidence.domain["obliquity_rad"]) == pytest.approx((0, 30), abs=1e-6)
+    assert evidence.failed == ("interrupted: codes are not verified",)
+
+
+@pytest.mark.slow
+def test_the_shell_agrees_with_its_closed_form_and_a_stiffer_one_does_not(small_pad, monkeypatch):
+    material = small_pad.cover.layers[0].material
+    check = check_shell(material, 2e-3)
+    assert check.passed
+    import validation.curved.evidence as module
+
+    wrong = dataclasses.replace(material, poisson_ratio=0.45)
+    solve = module.texel_responses
+    monkeypatch.setattr(module, "texel_responses", lambda mesh, texels, _: solve(mesh, texels, wrong))
+    assert not check_shell(material, 2e-3).passed

@@ -1,0 +1,166 @@
+"""The page of a curved cover prints the numbers of `report.json`, and says what is left out."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshes.bounded_file import parse_toml
+from meshes.solids.texels import cylinder_texels
+from tests.support.report_page import Page, is_printed
+from validation.campaign.campaign_file import parse_campaign
+from validation.curved import evidence
+from validation.curved.evaluate import evaluate_curved
+from validation.curved.places import CurvedPlaces
+from validation.report import write_report
+from validation.report.surface_map import surface_map
+from validation.report.tactile_image import Scale
+from validation.scene.rendering import RenderingError
+
+TEXT = """
+[[case]]
+name = "ball"
+indenter = "sphere:radius=4mm"
+load = "0.3 N"
+
+[[case]]
+name = "edge <b>"
+indenter = "box:size=3mmx3mmx4mm"
+load = "0.2 N"
+at = "off grid"
+direction = "oblique x"
+tilt = "0deg,45deg"
+"""
+CHECK = evidence.Check(
+    name="made up", exact="made up", sizes=(1.0, 0.5, 0.25), errors=(0.0401, 0.0123, 0.0031), result=0.0031,
+    least_order=1.0, tolerance=0.01,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def evaluation(small_pad):
+    places = CurvedPlaces(mesh=small_pad.body.meshes()[-1], texels=small_pad.array)
+    plan = parse_campaign(parse_toml(TEXT), small_pad.array, source="mine", cover=small_pad.cover, curved=places)
+    with pytest.MonkeyPatch.context() as patch:
+        # solved by a slow test of its own
+        patch.setattr(evidence, "check_shell", lambda *_: CHECK)
+        return evaluate_curved(small_pad, plan)
+
+
+@pytest.fixture(scope="module")
+def folder(evaluation, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+
+    def fail(*_):
+        raise RenderingError("no library to draw with")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("validation.scene.draw.write_picture", fail)
+        write_report(evaluation, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    page = Page()
+    page.feed((folder / "index.html").read_text())
+    return page
+
+
+@pytest.fixture(scope="module")
+def stored(folder):
+    return json.loads((folder / "report.json").read_text())
+
+
+def test_the_table_of_models_holds_the_pooled_scores(page, stored):
+    head, *rows = page.tables["pooled"]
+    assert [row[0][1][0] for row in rows] == list(stored["campaign"]["models"])
+    assert not any("WTS" in text for _, texts in head for text in texts)
+    keys = [key for key in next(iter(stored["campaign"]["pooled"].values())) if not key.endswith("line_percent")]
+    for (_, *cells), pooled in zip(rows, stored["campaign"]["pooled"].values(), strict=True):
+        for (value, _), key in zip(cells, keys, strict=True):
+            assert (value is None or value == "") == (pooled[key]["mean"] is None)
+            assert not value or float(value) == pooled[key]["mean"]
+
+
+def test_the_table_of_cases_holds_scores_depths_and_estimates(page, stored):
+    _, *rows = page.tables["case-table"]
+    for row, case in zip(rows, stored["campaign"]["cases"], strict=True):
+        assert row[0][1][0] == case["name"]
+        assert is_printed(row[1][1][0], case["load"])
+        fast, null = (case["models"][name]["scores"]["misplaced_force"] for name in ("fast", "no-spread"))
+        assert float(row[2][0]) == fast
+        assert float(row[-3][0]) == null
+        assert float(row[-2][0]) == case["reference"]["depth"]
+        assert case["reference"]["error_estimate"]["texel_forces"] is None  # one mesh
+        assert row[-1][1] == ["\u2013"]
+
+
+def test_the_poses_are_those_of_the_campaign(stored):
+    edge = stored["campaign"]["cases"][1]
+    assert edge["direction"] == pytest.approx([0.5, 0, -np.cos(np.radians(30))])
+    assert edge["tilt"] == pytest.approx([0, np.pi / 4])
+    assert len(edge["at"]) == 3
+
+
+def test_the_table_of_responses_holds_those_of_the_derivation(page, stored):
+    _, *rows = page.tables["responses"]
+    own = np.diag(stored["derive"]["texel_response"])
+    sigma = stored["derive"]["gaussian"]["sigma_m"]
+    expected = [own.min(), own.max(), *sigma, stored["derive"]["gaussian"]["residual"]]
+    assert [float(row[1][0]) for row in rows[:5]] == pytest.approx(expected, rel=1e-12)
+
+
+def test_verification_and_range_are_those_of_the_evidence(page, stored):
+    ((_, *cells),) = page.tables["codes"][1:]
+    assert [float(value) for value, _ in cells[:3]] == list(CHECK.errors)
+    assert stored["evidence"]["code_verification"][0]["errors"] == list(CHECK.errors)
+    ends = [[float(value) for value, _ in row[1:]] for row in page.tables["domain"][1:]]
+    assert ends == list(stored["evidence"]["validated_domain"].values())
+
+
+def test_the_page_says_what_is_left_out_and_why_there_are_no_pictures(folder, stored):
+    text = re.sub(r"\s+", " ", (folder / "index.html").read_text())
+    assert "no pictures in three dimensions: no library to draw with" in text
+    assert "<img" not in text
+    for line in stored["evidence"]["left_out"]:
+        assert line in text
+    assert "share the statement of contact" in text
+    assert "edge &lt;b&gt;" in text
+    assert "edge <b>" not in text.split('id="figures"')[0]
+
+
+def test_every_link_to_a_section_has_its_section(folder):
+    text = (folder / "index.html").read_text()
+    anchors = re.findall(r'href="#([^"]+)"', text)
+    assert len(anchors) > 8
+    assert set(anchors) <= set(re.findall(r' id="([^"]+)"', text))
+
+
+def test_pictures_are_drawn_where_this_machine_can(evaluation, tmp_path, monkeypatch):
+    drawn = []
+
+    def draw(scene, path):
+        drawn.append(scene)
+        Path(path).write_bytes(b"picture")
+
+    monkeypatch.setattr("validation.scene.draw.write_picture", draw)
+    write_report(evaluation, tmp_path)
+    text = (tmp_path / "index.html").read_text()
+    assert re.findall(r'<img class="picture" src="([^"]+)"', text) == ["case-01.png", "case-02.png"]
+    forces = [each.reference.texel_forces for each in evaluation.campaign.cases]
+    assert all((scene.texel_forces == force).all() for scene, force in zip(drawn, forces, strict=True))
+
+
+def test_a_map_shows_every_active_texel_at_its_place():
+    array = cylinder_texels(6e-3, rows=2, columns=5, pitch=(2e-3, 2e-3), size=(1.8e-3, 1.8e-3), name="patch")
+    values = np.linspace(0.01, 0.1, 10)
+    drawn = surface_map(array, values, Scale(peak=0.1), name="<x>")
+    assert "&lt;x&gt;: 10 texels; largest 100 mN on texel 9" in drawn
+    squares = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)"', drawn)
+    places = np.array(squares, dtype=float)
+    assert len(places) == 10
+    assert (np.diff(places[:5, 0]) > places[0, 2]).all()  # no square covers its neighbour
+    assert places[0, 1] > places[5, 1]  # y points up
