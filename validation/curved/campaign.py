@@ -37,7 +37,7 @@ CURVED_MODELS: Mapping[str, str] = {
 #: Distance over the thickness up to which points of the cover count as touched first by a rigid indenter [-].
 _FIRST = 0.01
 #: Time of a press that is not stored, and of one that is, and of everything else without and with stored responses [s].
-_PRESS, _STORED_PRESS, _REST, _STORED_REST = 6.0, 0.5, 120.0, 30.0
+_PRESS, _STORED_PRESS, _REST, _STORED_REST = 8.0, 0.5, 150.0, 60.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

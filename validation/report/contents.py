@@ -77,7 +77,7 @@ def contents(evaluation: Evaluation, pictures: Pictures | None = None) -> dict[s
         if evaluation.recordings is None
         else recordings_contents(evaluation.recordings, evaluation.recorded.array),
         "reference_error": describe_reference_error(campaign),
-        "percent": lambda value, digits=2: f"{100 * value:.{digits}g}",
+        "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
         # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
         "figures": json_text(figures, indent=None).replace("</", "<\\/"),
     }

@@ -8,7 +8,7 @@ import pytest
 from fem_reference.curved_cover import press_curved
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes.bounded_file import parse_toml
-from validation.campaign.campaign_file import parse_campaign
+from validation.campaign.campaign_file import Criterion, parse_campaign
 from validation.campaign.cost import Plan
 from validation.campaign.verdict import judge
 from validation.curved.campaign import CURVED_MODELS, CurvedCampaign, plan_presses
@@ -92,8 +92,12 @@ def test_misplaced_force_is_half_the_sum_of_the_differences_over_the_load(result
             assert prediction.score.misplaced_force == pytest.approx(moved, rel=1e-12)
 
 
-def test_fast_model_and_reference_agree_on_the_same_mesh(result):
-    assert all(each.predictions["fast"].score.misplaced_force < 1e-4 for each in result.cases)
+def test_fast_model_and_reference_agree_on_one_coarse_mesh(result):
+    ball, edge = (
+        {name: each.score.misplaced_force for name, each in case.predictions.items()} for case in result.cases
+    )
+    assert ball["fast"] < 0.05 < ball["gaussian"] < ball["no-spread"]
+    assert edge["fast"] < 0.12 < edge["no-spread"]
     assert result.pooled.keys() == CURVED_MODELS.keys()
 
 
@@ -115,7 +119,8 @@ def test_force_on_the_wrong_texel_is_noticed(bench, plan, cost, monkeypatch):
 
 
 def test_one_mesh_decides_nothing(plan, result):
-    verdict = judge(plan, result)
+    loose = Criterion(mean={"misplaced_force": 0.5}, each={})
+    verdict = judge(dataclasses.replace(plan, criterion=loose), result)
     assert verdict.word == "not decided"
     assert any("one mesh only" in reason for reason in verdict.reasons)
 

@@ -127,7 +127,7 @@ def test_the_page_says_what_is_left_out_and_why_there_are_no_pictures(folder, st
     assert "<img" not in text
     for line in stored["evidence"]["left_out"]:
         assert line in text
-    assert "share the statement of contact" in text
+    assert "share their assumptions of contact" in text
     assert "edge &lt;b&gt;" in text
     assert "edge <b>" not in text.split('id="figures"')[0]
 
