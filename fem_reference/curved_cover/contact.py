@@ -28,6 +28,9 @@ from meshes.spatial_pose import SpatialPose
 _EXCHANGES, _PATIENCE = 200, 8
 #: Overlap over the deepest overlap of the undeformed top below which a hat counts as free [-].
 _NEGLIGIBLE = 1e-9
+#: Compliance that is added to that of each hat, over the sum of all: below an indenter smaller than a facet the hats
+#: are linearly dependent [-].
+_SOFT = 1e-8
 #: Gap over the deepest overlap below which a hat counts to the area of contact: near a sharp edge the pressure
 #: oscillates, and hats beside large forces are lifted a little [-].
 _CLOSED = 0.02
@@ -145,9 +148,11 @@ def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArr
         nodes = np.flatnonzero(np.diff(loads.tocsr().indptr))
         moved = loads[nodes].T @ compliance.rows(nodes)  # of all nodes, per unit force of each hat
         mean = np.asarray((gaps.spread.T @ moved.T).T)
-        solved = np.linalg.solve(mean[:, hats], np.stack([-gaps.gap[hats], gaps.rate[hats]], axis=1))
+        own = mean[:, hats]
+        own[np.diag_indices(len(hats))] += np.broadcast_to(gaps.softness, len(touching))[hats] + _SOFT * np.trace(own)
+        solved = np.linalg.solve(own, np.stack([-gaps.gap[hats], gaps.rate[hats]], axis=1))
         forces[hats], change[hats] = solved.T
-        remaining = gaps.gap + forces[hats] @ mean
+        remaining = gaps.gap + forces[hats] @ mean + gaps.softness * forces
         wrong = np.where(touching, forces < 0, remaining < -_NEGLIGIBLE * deepest)
         count = int(wrong.sum())
         if count == 0:

@@ -14,17 +14,17 @@ from fem_reference.curved_cover.contact import ContactForces, NormalCompliance, 
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_error, texel_responses
-from fem_reference.errors import ConvergenceError, PiercedError
+from fem_reference.errors import ConvergenceError, PiercedError, TooShallowError
 from meshes import Indenter, Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.solids.quality import compute_volume, measure_area
+from meshes.solids.quality import measure_thickness
 from meshes.solids.solid_mesh import SolidMesh
 from meshes.spatial_pose import SpatialPose
 
 #: Largest difference between the load and its target, over the target, and largest number of steps to it [-].
 _LOAD_ERROR, _STEPS = 1e-7, 60
 #: Largest depth over the thickness that is solved, and depth from which a warning states that strains are not small.
-_LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
+LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
 #: Smallest order of convergence that error estimates assume: that of the contact at a sharp edge [-].
 _ORDER = 1.0
 #: Smallest estimated error of texel forces, depth and load under an indenter with a sharp edge, where the pressure is
@@ -120,7 +120,7 @@ def press_curved(
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact or the load is not found.
     """
-    target, control = _choose_target(load, depth)
+    target, control = choose_target(load, depth)
     towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
     towards = towards / np.linalg.norm(towards)
     every = check_meshes(meshes)
@@ -133,16 +133,17 @@ def press_curved(
         touch = find_touch(compliance.top, indenter, pose, towards)
         if not np.isfinite(touch):
             raise ValueError("the indenter never touches the cover; check its position and direction")
-        thickness = compute_volume(mesh) / measure_area(mesh, "base")
-        press = _Press(compliance, indenter, pose, towards, touch, _LARGEST_DEPTH * thickness)
-        contact = press.at_depth(target) if control == "depth" else press.under_load(target)
+        thickness = measure_thickness(mesh)
+        deepest = LARGEST_DEPTH * thickness
+        sampler = GapSampler(compliance.top, indenter, pose, towards, touch + deepest)
+        contact = GridPress(compliance, sampler, towards, touch, deepest).to(target, control)
         found.append(contact)
         depths.append(contact.travel - touch)
         forces = -contact.nodal[:, None] * grid.top.normals
         texel_forces.append(np.einsum("nmc,mc->n", grid.influence, forces, optimize=True))
     errors = _estimate(every, np.array(texel_forces), found, depths, control)
     share = depths[-1] / thickness
-    rough = f"the depth is {100 * share:.3g} % of the thickness: strains are not small, this solution is rough"
+    rough = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
     warnings = (rough,) if share > _WARN_DEPTH else ()
     values = np.where(texels.active, texel_forces[-1], 0.0)
     return _collect(compliance, found[-1], depths[-1], values, texels, mesh, errors, warnings)
@@ -154,21 +155,41 @@ def build_compliance(mesh: SolidMesh, material: Material) -> NormalCompliance:
     return NormalCompliance(build_solid(mesh, material))
 
 
-class _Press:
-    """Contact of one indenter on one mesh, at a depth or under a load."""
+class GridPress:
+    """Contact of one indenter on one mesh, at a depth or under a load.
 
-    def __init__(  # noqa: PLR0917
+    Args:
+        compliance: Compliance of the top of the mesh.
+        sampler: Points of the top that the indenter can touch.
+        direction: Unit direction of the motion, shape (3,).
+        touch: Travel to the first touch [m].
+        deepest: Largest depth that is solved [m].
+    """
+
+    def __init__(
         self,
         compliance: NormalCompliance,
-        indenter: Indenter,
-        pose: SpatialPose,
+        sampler: GapSampler,
         direction: FloatArray,
         touch: float,
         deepest: float,
     ) -> None:
-        self._compliance, self._direction = compliance, direction
-        self._sampler = GapSampler(compliance.top, indenter, pose, direction, touch + deepest)
+        self._compliance, self._sampler, self._direction = compliance, sampler, direction
         self._touch, self._deepest = touch, deepest
+
+    def to(self, target: float, control: Literal["load", "depth"]) -> ContactForces:
+        """Solve the contact under a load [N] or at a depth [m].
+
+        Raises:
+            TooShallowError: If the indenter touches less than the shapes of the pressure resolve.
+        """
+        found = self.at_depth(target) if control == "depth" else self.under_load(target)
+        if not found.load > 0:
+            raise TooShallowError(
+                f"at a depth of {1e3 * target:.3g} mm the indenter touches less than the mesh of the cover resolves; "
+                "use a larger depth or a finer mesh"
+            )
+        return found
 
     def at_depth(self, depth: float) -> ContactForces:
         """Solve the contact at a depth [m]."""
@@ -210,7 +231,7 @@ class _Press:
         return min(depth, self._deepest)
 
 
-def _choose_target(load: float | None, depth: float | None) -> tuple[float, Literal["load", "depth"]]:
+def choose_target(load: float | None, depth: float | None) -> tuple[float, Literal["load", "depth"]]:
     """Return the target and whether it is a load or a depth; raise a ValueError if it is neither or not positive."""
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth, not both")

@@ -12,25 +12,28 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+import skfem
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.rays import measure_gaps
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet
+from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split_facet
 from meshes.spatial_pose import SpatialPose
 
 #: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
 _PARTS = 8
 #: Parts of a facet's side in the search for facets that can be touched [-].
 _SEARCH_PARTS = 6
+#: Number of Gauss points along each side of a quadrilateral, and polynomial order of the quadrature on triangles [-].
+_GAUSS, _ORDER = 4, 5
 #: Share of a hat below the indenter up to which it carries no force, and from which it counts as whole [-].
 _LEAST_SHARE, _WHOLE = 1e-3, 0.999
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeanGaps:
-    """Mean gaps under the hats of the m nodes of a top.
+    """Mean gaps under hats, or gaps at points, of a top with m nodes; one hat belongs to each node.
 
     Attributes:
         gap: Mean distance to the indenter along the normals; inf where there is no pressure, shape (m,) [m].
@@ -46,6 +49,7 @@ class MeanGaps:
     area: FloatArray
     is_cut: BoolArray
     spread: sp.csc_matrix
+    softness: FloatArray | float = 0.0
 
 
 class GapSampler:
@@ -72,12 +76,17 @@ class GapSampler:
     def _place_points(self, facets: IntArray, parts: int) -> None:
         """Place points on some facets: positions, normals and areas."""
         top = self._top
+        count = top.facets.shape[1]
+        place = split_facet(count, parts)[0]
+        self._set_points(facets, place, np.full(len(place), facet_area(count) / len(place)))
+
+    def _set_points(self, facets: IntArray, place: FloatArray, weight: FloatArray) -> None:
+        """Set the points of some facets from points and weights on the reference facet."""
+        top = self._top
         self._cells = top.facets[facets]
         count = self._cells.shape[1]
-        place = split_facet(count, parts)[0]
-        part = FacetSurface(nodes=top.nodes, facets=self._cells, index=top.index)
-        self._points, areas, _ = part.split(parts)
-        self._weight = np.linalg.norm(areas, axis=2)
+        self._points = np.einsum("qa,fac->fqc", facet_shape(count, place), top.nodes[self._cells], optimize=True)
+        self._weight = np.linalg.norm(area_vectors(top.nodes, self._cells, place), axis=2) * weight
         self._shape, self._hat = facet_shape(count, place), evaluate_hats(count, place)
         normals = np.einsum("qa,fac->fqc", self._shape, top.normals[self._cells], optimize=True)
         self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
@@ -115,6 +124,67 @@ class GapSampler:
             is_cut=area < _WHOLE * whole,
             spread=spread,
         )
+
+
+class PointSampler(GapSampler):
+    """Gauss points of the part of a top that an indenter can touch, each with a force of its own; see `GapSampler`.
+
+    Args:
+        top: Top of the cover.
+        indenter: The indenter.
+        pose: Pose from which it moves without turning.
+        direction: Unit direction of the motion, shape (3,).
+        farthest: Largest travel from the pose [m].
+        penalty: Pressure per penetration [Pa/m].
+    """
+
+    def __init__(  # noqa: PLR0917
+        self,
+        top: FacetSurface,
+        indenter: Indenter,
+        pose: SpatialPose,
+        direction: FloatArray,
+        farthest: float,
+        penalty: float,
+    ) -> None:
+        super().__init__(top, indenter, pose, direction, farthest)
+        self._penalty = penalty
+
+    def _place_points(self, facets: IntArray, parts: int) -> None:
+        if parts == _SEARCH_PARTS:
+            super()._place_points(facets, parts)
+        else:
+            self._set_points(facets, *gauss_points(self._top.facets.shape[1]))
+
+    def at(self, travel: float) -> MeanGaps:
+        """Compute the gaps of the points after the indenter moved by a distance from its pose [m]."""
+        weight = self._weight.ravel()
+        rows = np.repeat(self._cells, len(self._shape), axis=0).ravel()
+        values = np.tile(self._shape, (len(self._cells), 1)).ravel()
+        pointer = np.arange(len(weight) + 1) * self._cells.shape[1]
+        return MeanGaps(
+            gap=self._measure(travel).ravel(),
+            rate=-(self._normals @ self._direction).ravel(),
+            area=weight,
+            is_cut=np.zeros(len(weight), dtype=bool),
+            spread=sp.csc_matrix((values, rows, pointer), shape=(len(self._top.nodes), len(weight))),
+            softness=1 / (self._penalty * weight),
+        )
+
+
+def gauss_points(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on a facet of 9 or 6 nodes."""
+    if nodes == QUADRILATERAL:
+        line, weights = np.polynomial.legendre.leggauss(_GAUSS)
+        v, u = np.meshgrid(line, line, indexing="ij")
+        return np.column_stack([u.ravel(), v.ravel()]), np.outer(weights, weights).ravel()
+    place, weight = skfem.quadrature.get_quadrature(skfem.ElementTriP2(), _ORDER)
+    return np.ascontiguousarray(place.T), np.asarray(weight, dtype=float)
+
+
+def facet_area(nodes: int) -> float:
+    """Return the area of the reference facet [-]."""
+    return 4.0 if nodes == QUADRILATERAL else 0.5
 
 
 def evaluate_hats(nodes: int, place: FloatArray) -> FloatArray:

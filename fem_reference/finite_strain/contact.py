@@ -23,7 +23,7 @@ import skfem
 
 from fem_reference.elements.taylor_hood import MixedElements, evaluate_shapes
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from meshes.array_types import BoolArray, FloatArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Stiffness of the tangential spring of friction over the normal penalty, for finite friction coefficients.  With a
 #: stiffer spring, the trial traction leaves the friction cone on one side and then on the opposite side, and Newton's
@@ -85,16 +85,52 @@ class ContactState:
     depth: float
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TopPoints:
+    """Quadrature points on the facets of the top of a cover.
+
+    Shapes are written with f facets, q points per facet, a nodes per facet and d dimensions.
+
+    Attributes:
+        shape: Shape functions of the nodes at the points, shape (f, q, a).
+        nodes: Indices of the displacement nodes of each facet, shape (f, a).
+        position: Positions of the undeformed points, shape (f, q, d) [m].
+        weight: Area across the motion of the indenter that belongs to each point, shape (f, q) [m2].
+    """
+
+    shape: FloatArray
+    nodes: IntArray
+    position: FloatArray
+    weight: FloatArray
+
+    @classmethod
+    def on_plane(cls, elements: MixedElements, top: float) -> TopPoints:
+        """Place the points on the facets at the height `top` [m]."""
+        mesh = elements.basis.mesh
+        facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < _ON_TOP * top, boundaries_only=True)
+        basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=_ORDER)
+        shapes = evaluate_shapes(basis)
+        on_facet = np.abs(shapes).max(axis=(0, 1)) > _ZERO
+        position = np.asarray(basis.global_coordinates())
+        return cls(
+            shape=shapes[..., on_facet],
+            nodes=basis.element_dofs[on_facet].T.astype(np.int64),
+            position=np.moveaxis(position, 0, -1),
+            weight=basis.dx * (2 * np.pi * position[0] if elements.dimension == 2 else 1.0),  # noqa: PLR2004
+        )
+
+
 class SurfaceContact:
     """Contact condition between the top of a meshed cover and a rigid indenter.
 
     Args:
         elements: Elements of the cover.
-        top: Height of the undeformed top of the cover [m].
+        top: Height of the undeformed top of the cover, where the lowest point of the indenter is at depth 0 [m].
         indenter: Surface of the indenter.
         penalty: Contact pressure per penetration [Pa/m].
         multiple: Force on the whole indenter over the force on the meshed part: 4 for a quarter [-].
         friction: Coefficient of Coulomb friction, inf for no slip [-].
+        points: Quadrature points; those on the plane at the height `top` if None.
 
     Attributes:
         weight: Reference area that belongs to each of q quadrature points of f top facets, shape (f, q) [m2].
@@ -109,17 +145,12 @@ class SurfaceContact:
         penalty: float,
         multiple: float = 1.0,
         friction: float = 0.0,
+        points: TopPoints | None = None,
     ) -> None:
-        mesh, self._dimension = elements.basis.mesh, elements.dimension
-        facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < _ON_TOP * top, boundaries_only=True)
-        basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=_ORDER)
-        shapes = evaluate_shapes(basis)
-        on_facet = np.abs(shapes).max(axis=(0, 1)) > _ZERO
-        self._shape = shapes[..., on_facet]
-        self._nodes = basis.element_dofs[on_facet].T.astype(np.int64)
-        position = np.asarray(basis.global_coordinates())
-        self._position = np.moveaxis(position, 0, -1)
-        self.weight = basis.dx * (2 * np.pi * position[0] if self._dimension == 2 else 1.0)  # noqa: PLR2004
+        points = points or TopPoints.on_plane(elements, top)
+        self._dimension = elements.dimension
+        self._shape, self._nodes, self._position = points.shape, points.nodes, points.position
+        self.weight = points.weight
         self._top, self._indenter, self._penalty, self.multiple = top, indenter, penalty, multiple
         self._first_penalty = penalty
         self._multiplier = np.zeros_like(self.weight)

@@ -180,6 +180,11 @@ def compute_volume(mesh: SolidMesh) -> float:
     return float(sum((np.linalg.det(_hexahedron_edges(mesh.nodes[block], points)) @ weight).sum() for block in blocks))
 
 
+def measure_thickness(mesh: SolidMesh) -> float:
+    """Compute the mean thickness of a cover: its volume over the area of its base [m]."""
+    return compute_volume(mesh) / measure_area(mesh, "base")
+
+
 def measure_area(mesh: SolidMesh, name: str) -> float:
     """Compute the area of `base`, `top` or `sides` of a mesh [m2]."""
     facets = getattr(mesh, name)

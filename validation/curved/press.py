@@ -78,6 +78,7 @@ def press_sensor(
     at: tuple[float, ...] | None = None,
     direction: tuple[float, float, float] | None = None,
     yaw: float = 0.0,
+    finite: bool = False,
     fast: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> CurvedPress:
@@ -92,6 +93,7 @@ def press_sensor(
         at: Place on the cover; see `find_touch_place` [m].
         direction: Direction of motion, any length.
         yaw: Rotation of the indenter about its axis [rad].
+        finite: Whether strains are finite; else small.
         fast: Whether the fast model presses too.
         progress: Called with a line of text before each step.
 
@@ -100,12 +102,13 @@ def press_sensor(
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact is not found.
     """
-    from fem_reference.curved_cover import press_curved
+    from fem_reference.curved_cover import press_curved, press_curved_finite
 
     started = time.perf_counter()
     meshes = make_meshes(sensor, progress)
     touch = find_touch_place(meshes[-1], sensor.array, at=at, direction=direction, yaw=yaw)
-    found = press_curved(
+    solve = press_curved_finite if finite else press_curved
+    found = solve(
         meshes,
         sensor.array,
         sensor.cover.layers[0].material,

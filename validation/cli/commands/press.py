@@ -73,6 +73,13 @@ _Friction = Annotated[
         allow_leading_hyphen=True,
     ),
 ]
+_Strain = Annotated[
+    str | None,
+    Parameter(
+        help="On curved covers: small (seconds), or finite (minutes; large depths, the material as it is). Flat covers "
+        "follow their materials."
+    ),
+]
 _Accuracy = Annotated[
     str | None,
     Parameter(help="Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it."),
@@ -99,6 +106,7 @@ def press(
     yaw: _Yaw = "0deg",
     tilt: _Tilt = _NO_TILT,
     friction: _Friction = None,
+    strain: _Strain = None,
     accuracy: _Accuracy = None,
     model: _Model = "fem,fast",
     method: Method = "default",
@@ -122,6 +130,7 @@ def press(
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
         softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
+        softcover press fingertip --indenter sphere:radius=4mm --load 6N --strain finite --model fem
     """
     from validation.cli.curved.press import PressText
     from validation.sensor_file.sensor import has_curved_cover
@@ -130,9 +139,11 @@ def press(
         return _press_curved(
             (sensor, material, thickness, layer),
             unsupported={"--tilt": tilt != _NO_TILT, "--friction": friction, "--accuracy": accuracy, "--curve": curve},
-            text=PressText(indenter=indenter, at=at, direction=direction, yaw=yaw),
+            text=PressText(indenter=indenter, at=at, direction=direction, yaw=yaw, strain=strain or "small"),
             force=(load, depth), model=model, out=out, json=json,
         )  # fmt: skip
+    if strain is not None:
+        raise InputError("--strain: is for curved covers; on flat ones it follows from the material; leave it out")
     if direction is not None:
         raise InputError("--direction: is for curved covers; a flat one is pressed along -z, --tilt turns the indenter")
     request = _read_request(

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Number of texels with the largest forces that are listed [-].
 _LISTED = 8
+#: Strains that the finite elements know.
+STRAINS = ("small", "finite")
 #: Component of a direction: a number without unit.
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
 
@@ -40,12 +42,14 @@ class PressText:
         at: Place on the cover, or None.
         direction: Direction of motion, or None.
         yaw: Rotation about the axis of the indenter.
+        strain: `small` or `finite`.
     """
 
     indenter: str
     at: str | None
     direction: str | None
     yaw: str
+    strain: str = "small"
 
 
 def press_curved_cover(
@@ -142,6 +146,8 @@ def _read_text(text: PressText) -> tuple[Indenter, tuple[float, ...] | None, tup
     place = collect(faults, lambda: _read_place(text.at))
     towards = collect(faults, lambda: read_direction(text.direction))
     angle = collect(faults, lambda: read_yaw(text.yaw))
+    if text.strain not in STRAINS:
+        faults.append(f"--strain: {text.strain[:40]!r} is neither of {' and '.join(STRAINS)}")
     if faults or shape is None or angle is None:
         raise InputError(*faults)
     return shape, place, towards, angle
@@ -163,6 +169,7 @@ def _compute(
             at=place,
             direction=towards,
             yaw=angle,
+            finite=text.strain == "finite",
             fast=fast,
             progress=progress,
         )
