@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from validation.errors import InputError, nearest
 from validation.text.friction import read_friction
 
 if TYPE_CHECKING:
     from meshes import TexelArray
+
+#: Option `--strain`.
+Strain = Annotated[
+    str | None,
+    Parameter(
+        help="On curved covers: small (seconds), or finite (minutes; large depths, the material as it is). Flat covers "
+        "follow their materials."
+    ),
+]
 
 #: Largest number of points of a curve [-].
 _MOST_POINTS = 1000

@@ -15,6 +15,7 @@ from validation.cli.failures import DONE, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
 from validation.cli.output import print_json, print_table, say
 from validation.cli.press_options import (
+    Strain,
     check_files,
     check_position,
     read_accuracy,
@@ -73,13 +74,6 @@ _Friction = Annotated[
         allow_leading_hyphen=True,
     ),
 ]
-_Strain = Annotated[
-    str | None,
-    Parameter(
-        help="On curved covers: small (seconds), or finite (minutes; large depths, the material as it is). Flat covers "
-        "follow their materials."
-    ),
-]
 _Accuracy = Annotated[
     str | None,
     Parameter(help="Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it."),
@@ -106,7 +100,7 @@ def press(
     yaw: _Yaw = "0deg",
     tilt: _Tilt = _NO_TILT,
     friction: _Friction = None,
-    strain: _Strain = None,
+    strain: Strain = None,
     accuracy: _Accuracy = None,
     model: _Model = "fem,fast",
     method: Method = "default",
@@ -130,7 +124,6 @@ def press(
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
         softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
-        softcover press fingertip --indenter sphere:radius=4mm --load 6N --strain finite --model fem
     """
     from validation.cli.curved.press import PressText
     from validation.sensor_file.sensor import has_curved_cover
@@ -142,22 +135,13 @@ def press(
             text=PressText(indenter=indenter, at=at, direction=direction, yaw=yaw, strain=strain or "small"),
             force=(load, depth), model=model, out=out, json=json,
         )  # fmt: skip
-    if strain is not None:
-        raise InputError("--strain: is for curved covers; on flat ones it follows from the material; leave it out")
-    if direction is not None:
-        raise InputError("--direction: is for curved covers; a flat one is pressed along -z, --tilt turns the indenter")
+    for name, given in (("--strain", strain), ("--direction", direction)):
+        if given is not None:
+            raise InputError(f"{name}: is for curved covers; flat ones are pressed along -z and follow their materials")
     request = _read_request(
-        sensor,
-        indenter=indenter,
-        force=(load, depth),
-        pose=(at or "0mm,0mm", yaw, tilt),
-        friction=friction,
-        accuracy=accuracy,
-        model=model,
-        method=method,
-        cover=(material, thickness, layer),
-        files=(curve, out),
-    )
+        sensor, indenter=indenter, force=(load, depth), pose=(at or "0mm,0mm", yaw, tilt), friction=friction,
+        accuracy=accuracy, model=model, method=method, cover=(material, thickness, layer), files=(curve, out),
+    )  # fmt: skip
     return _run(request, curve, out, json=json)
 
 
