@@ -1,0 +1,53 @@
+"""The same input, mesh file and number of threads give the same results of curved covers bit by bit."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from meshes.solids import phalanx, write_mesh
+
+PROGRAM = """
+import hashlib, sys
+from pathlib import Path
+from fem_reference.curved_cover import press_curved, press_curved_finite, texel_responses
+from meshes import Material, Sphere
+from meshes.solids import phalanx, read_mesh
+from meshes.spatial_pose import SpatialPose
+
+meshes = [read_mesh(Path(name)) for name in sys.argv[2:]]
+rubber = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
+cover, ball = phalanx(length=10e-3, rows=3, columns=3), Sphere(radius=4e-3)
+pose = SpatialPose.facing([1e-3, 0.4e-3, 12e-3], [-0.2, 0, -1])
+solve = press_curved_finite if sys.argv[1] == "finite" else press_curved
+found = solve(meshes, cover.texels, rubber, ball, pose, load=1.0)
+arrays = (
+    texel_responses(meshes, cover.texels, rubber).matrix, found.texel_forces, found.contact_forces, found.displacement
+)
+print(hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest(), found.depth.hex(), found.load.hex())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strain", ["small", "finite"])
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_two_processes_find_the_same_bits(tmp_path, threads, strain):
+    cover = phalanx(length=10e-3, rows=3, columns=3)
+    names = []
+    for number, size in enumerate((1.6e-3, 1.2e-3)):
+        names.append(str(tmp_path / f"{number}.npz"))
+        write_mesh(tmp_path / f"{number}.npz", cover.mesh(size, layers=3))
+    found = []
+    for run in ("one", "other"):
+        limits = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), threads)
+        place = {"SOFTCOVER_STORE": str(tmp_path / run)}
+        done = subprocess.run(  # noqa: S603 -- our own program
+            [sys.executable, "-c", PROGRAM, strain, *names],
+            env={**os.environ, **limits, **place}, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        found.append(done.stdout)
+    assert found[0] == found[1]
+    assert len(found[0].split()) == 3
