@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.curved.derive import CurvedDerivation
     from validation.data_sets.data_set import DataSet
-    from validation.data_sets.score import RecordingScores
+    from validation.data_sets.results import RecordingScores
 
 
 class Progress(Protocol):

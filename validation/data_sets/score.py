@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -17,11 +17,13 @@ from validation.calibration.forward_fit import ForwardFit, borrow_poses, fit_for
 from validation.calibration.identifiability import describe_fit
 from validation.calibration.observations import Observations
 from validation.calibration.parameters import Options
-from validation.campaign.pooling import Pooled, pool, skill
+from validation.campaign.pooling import pool, skill
 from validation.data_sets.count_score import CountScore, average_scores, group_by_metric, score_counts
 from validation.data_sets.data_set import DataSet, Split
 from validation.data_sets.images import Image, observe, read_images
+from validation.data_sets.null_comparison import compare_with_nulls
 from validation.data_sets.null_models import NULLS
+from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
@@ -35,92 +37,6 @@ _MOST_LINES = 5
 _EXTRAPOLATION_POWERS = (1.0, 8.0)
 #: Tolerance for loads to count as equal [-].
 _SAME_LOAD = 1e-6
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecordingRow:
-    """Row of the table of scores: one model on one split of the recordings into fitted and scored ones.
-
-    Attributes:
-        split: Name of the split.
-        model: Name of the model.
-        kind: `model` (forward model), `null` (null model) or `floor` (repeatability of the recordings).
-        texel_gains: Whether a gain per texel was fitted.
-        fitted: Names of the recordings that the model was fitted to.
-        parameters: The fitted parameters, by name with unit.
-        per_case: Score of each scored case, the mean over its repeated recordings, by name.
-        pooled: Mean score over the scored cases with its bootstrap interval, by metric.
-        skill: 1 - (changed grey of this model) / (changed grey of a null model), by name of the null model [-].
-        electronics: The fitted curve as electronics of the fast model; None for rows without one.
-    """
-
-    split: str
-    model: str
-    kind: str
-    texel_gains: bool
-    fitted: tuple[str, ...]
-    parameters: Mapping[str, float]
-    per_case: Mapping[str, CountScore]
-    pooled: Mapping[str, Pooled]
-    skill: Mapping[str, Pooled]
-    electronics: Electronics | None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingExample:
-    """Tactile images of one scored recording: the recorded image and the image that each model predicts.
-
-    Attributes:
-        split: Name of the split.
-        case: Name of the recording.
-        load: Load [N].
-        recorded: Grey levels of the recorded mean frame, shape (rows, columns) [-].
-        predicted: Predicted grey levels by name of the model, each of shape (rows, columns) [-].
-    """
-
-    split: str
-    case: str
-    load: float
-    recorded: npt.NDArray[np.uint8]
-    predicted: Mapping[str, npt.NDArray[np.uint8]]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingScores:
-    """All scores on the recordings of a data set.
-
-    Attributes:
-        name: Name of the data set.
-        rows: Rows of the table of scores, one per split and model.
-        examples: Images of one scored recording per split.
-        about: Description of each model and each split in one line, by name.
-        notes: What the fitted recordings of each split determine and what they do not, by name of the split.
-        files: SHA-256 hash of each recording, by name of the recording.
-        noise: Root mean square over recordings of the standard deviation of a texel's counts [counts].
-        source: Where the recordings were published.
-        problems: One line per recording, series or split that was left out.
-    """
-
-    name: str
-    rows: tuple[RecordingRow, ...]
-    examples: tuple[RecordingExample, ...]
-    about: Mapping[str, str]
-    notes: Mapping[str, tuple[str, ...]]
-    files: Mapping[str, str]
-    noise: float
-    source: str
-    problems: tuple[str, ...]
-
-    def row(self, split: str, model: str, *, texel_gains: bool = False) -> RecordingRow:
-        """Return the row of a model on a split, with or without texel gains.
-
-        Raises:
-            KeyError: If the table has no such row.
-        """
-        for row in self.rows:
-            if (row.split, row.model, row.texel_gains) == (split, model, texel_gains):
-                return row
-        raise KeyError(f"no row {model!r} in split {split!r}; rows: {sorted({r.model for r in self.rows})}")
 
 
 def score_recordings(
@@ -172,7 +88,7 @@ def score_recordings(
         about={name: method.about for name, method in methods.items()}
         | {_SEATED: "as the fast model with texel gains, and a seating height per texel"}
         | {table.split.name: table.split.about for table in tables},
-        notes={table.split.name: table.notes for table in tables},
+        notes={table.split.name: (compare_with_nulls(table.rows), *table.notes) for table in tables},
         files={image.file.name: image.sha256 for image in images},
         noise=float(np.sqrt(np.mean([image.noise**2 for image in images]))),
         source=data_set.source,

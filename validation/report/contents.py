@@ -22,7 +22,8 @@ from validation.campaign.results import (
     texel_error,
 )
 from validation.curved.derive import CurvedDerivation
-from validation.data_sets.score import RecordingScores
+from validation.data_sets.null_comparison import find_best_null
+from validation.data_sets.results import RecordingScores
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.comparison import comparison_contents
@@ -30,7 +31,7 @@ from validation.report.curved import Pictures, curved_contents
 from validation.report.evidence import evidence_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.page_table import Cell, PageTable, head, interval, number
-from validation.report.recordings import best_null, recordings_contents
+from validation.report.recordings import recordings_contents
 from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
@@ -157,7 +158,7 @@ def _sigma_tile(derivation: Derivation | CurvedDerivation) -> dict[str, str]:
 
 def _recordings_tile(scores: RecordingScores) -> dict[str, str]:
     fast = scores.row(_TILE_SPLIT, "fast model").pooled["image_changed_percent"]
-    null = best_null(scores, _TILE_SPLIT)
+    null = find_best_null([row for row in scores.rows if row.split == _TILE_SPLIT])
     return {
         "value": f"{fast.mean:.3g} %",
         "name": "image changed, recordings",

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from meshes import TexelArray
-from validation.data_sets.score import FAST, RecordingExample, RecordingRow, RecordingScores
+from validation.data_sets.null_comparison import find_best_null
+from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores
+from validation.data_sets.score import FAST
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
 
 #: Columns of the tables: name of the metric, heading, factor from the metric's value to the printed unit, printed unit.
@@ -23,17 +25,6 @@ COLUMNS = (
 )
 #: Models whose images are shown next to the recorded image; the image of the best null model follows them.
 _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
-
-
-def best_null(scores: RecordingScores, split: str) -> RecordingRow:
-    """Find the null model (a prediction without a sensor model) with the smallest mean change of the image.
-
-    Args:
-        scores: Scores against the recordings.
-        split: Name of the division of the recordings into fitted and scored recordings.
-    """
-    nulls = [row for row in scores.rows if (row.split, row.kind) == (split, "null")]
-    return min(nulls, key=lambda row: row.pooled["image_changed_percent"].mean)
 
 
 def recordings_contents(scores: RecordingScores, array: TexelArray) -> dict[str, Any]:
@@ -56,8 +47,8 @@ def recordings_contents(scores: RecordingScores, array: TexelArray) -> dict[str,
 
 
 def _split(scores: RecordingScores, split: str, array: TexelArray) -> dict[str, Any]:
-    null = best_null(scores, split).model
     rows = [row for row in scores.rows if row.split == split]
+    null = find_best_null(rows).model
     example = next(example for example in scores.examples if example.split == split)
     return {
         "about": scores.about[split],

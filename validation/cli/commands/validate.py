@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from validation.campaign.pooling import Pooled
     from validation.campaign.results import CampaignResult, RowScores
     from validation.data_sets.data_set import DataSet
-    from validation.data_sets.score import RecordingScores
+    from validation.data_sets.results import RecordingScores
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
@@ -260,12 +260,13 @@ def _print(evaluation: Evaluation) -> None:
     if scores is not None:
         splits = list(dict.fromkeys(row.split for row in scores.rows))
         print_table(
-            ("model", *(scores.about[split] for split in splits)),
+            ("model", *(f"({number})" for number in range(1, len(splits) + 1))),
             _list_recording_scores(scores, splits),
-            title="Against recordings: image changed [%] on loads that were not fitted",
+            title="Against recordings: image changed [%] on recordings that were not fitted",
         )
-        for split, notes in scores.notes.items():
-            show(f"{scores.about[split]}:")
+        for number, split in enumerate(splits, start=1):
+            notes = scores.notes[split]
+            _show_wrapped(f"({number}) {scores.about[split]}:")
             for note in notes:
                 _show_wrapped(f"- {note}", indent="  ")
 
