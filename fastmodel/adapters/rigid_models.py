@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fastmodel.attachment import attach
+from fastmodel.errors import FastModelError
 from fastmodel.parameters import Parameters
 from meshes.array_types import FloatArray
 
@@ -59,11 +60,16 @@ def list_boxes(parameters: Parameters, *, method: str = "default") -> tuple[Rigi
         method: Name of the contact method.
 
     Raises:
-        FastModelError: If the contact method needs data that the parameters lack.
+        FastModelError: If the contact method needs data that the parameters lack, or uses other shapes than boxes.
     """
     spec = mujoco.MjSpec()
     attach(spec, "world", parameters, name="array", contact=method)
     model = spec.compile()
+    if (model.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
+        raise FastModelError(
+            "a curved cover is a mesh in MuJoCo, which a model of boxes cannot hold; export it for MuJoCo, or take the "
+            "method boxes, a box per texel without the cover"
+        )
     return tuple(
         RigidBox(
             name=model.geom(index).name.partition("/")[2],

@@ -36,6 +36,8 @@ from meshes.array_types import FloatArray, IntArray
 #: Largest depth of a point of the top below its convex hull, over the thickness [-]: the depth to which a deep dent of
 #: the top would be too far for bodies in MuJoCo.
 _DENT = 0.1
+#: Smallest over largest extent of the top below which it counts as flat: its points have no volume [-].
+_FLAT = 1e-6
 #: Relative change of forces, and change of positions over the thickness and of rotations, up to which a contact counts
 #: as unchanged, so that the last reading is returned [-].
 _UNCHANGED = 1e-5
@@ -68,7 +70,7 @@ class CurvedContact:
         """
         check_box(self.cover.thickness, self.contype, self.conaffinity)
         points = self.cover.points
-        planes = ConvexHull(points).equations
+        planes = ConvexHull(_list_vertices(self.cover)).equations
         depth = -(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         if depth.max() > _DENT * self.cover.thickness:
             raise FastModelError(
@@ -84,7 +86,7 @@ class CurvedContact:
         """
         self.cover.check(array)
         child = mujoco.MjSpec()
-        child.add_mesh(name="plate", uservert=self.cover.points.ravel().tolist())
+        child.add_mesh(name="plate", uservert=_list_vertices(self.cover).ravel().tolist())
         frame = child.worldbody.add_frame(pos=pose.position.tolist(), quat=pose.quaternion.tolist())
         geom = child.worldbody.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="plate", mass=0.0)
         geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, _COLOUR
@@ -106,6 +108,15 @@ class CurvedContact:
         """
         self.cover.check(array)
         return CurvedReader(self.cover, model, array, name)
+
+
+def _list_vertices(cover: CurvedCover) -> FloatArray:
+    """Return the points whose convex hull MuJoCo collides: those of the top, and below a flat top those of the base."""
+    points = cover.points
+    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if extent[-1] > _FLAT * extent[0]:
+        return points
+    return np.concatenate([points, points - cover.thickness * cover.normals])
 
 
 class CurvedReader:

@@ -42,7 +42,8 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
         yield "", f"error estimate {errors}"
         yield "", f"assumes {assumptions}; {fem.seconds:.2f} s"
     if fast is not None:
-        yield "fast model", f"{fast.total_force:.4f} N, {_format_force(fast.outside)} of it outside the array"
+        where = "outside the array" if comparison.sensor.array.planar else "not along the normals of texels"
+        yield "fast model", f"{fast.total_force:.4f} N, {_format_force(fast.outside)} of it {where}"
         yield "", f"{fast.seconds:.3f} s"
     if comparison.score is not None:
         values = comparison.score.as_json()

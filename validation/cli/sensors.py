@@ -56,7 +56,7 @@ def _refuse_curved(found: SensorDescription) -> SensorDescription:
     if found.body is not None:
         raise InputError(
             f"{found.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, `press` "
-            "and `validate` can; `export`, `datasheet` and `emulate` take the folder that `derive --out` writes"
+            "and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that `derive --out` writes"
         )
     return found
 
@@ -100,6 +100,16 @@ def read_sensor(
             f"derive them anew: softcover derive SENSOR --material NAME --out FOLDER"
         )
     return fastmodel.load(Path(sensor))
+
+
+def check_curved_method(found: SensorDescription | Parameters | None, method: str) -> None:
+    """Refuse a contact method of flat arrays for the parameters of a curved cover.
+
+    Raises:
+        InputError: If the method is not the default.
+    """
+    if isinstance(found, Parameters) and found.curved is not None and method != "default":
+        raise InputError(f"--method: {method} is for flat covers, this one is curved; leave --method out")
 
 
 def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple[str, ...]:

@@ -196,3 +196,13 @@ def test_a_free_plate_rests_with_its_weight(parameters):
     known = press_curved(COVER, meshes.Box(size=(10e-3, 10e-3, 4e-3)), UP, load=sensor.carried())
     assert 0.1 < sensor.carried() < 1.0
     np.testing.assert_allclose(sensor.contact_forces().sum(), known.forces.sum(), rtol=1e-2)
+
+
+def test_a_cover_with_a_flat_top_is_a_plate_of_its_thickness(parameters):
+    cover = parameters.curved
+    points = cover.points * [1, 1, 0] + [0, 0, 2e-3]
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    flat = dataclasses.replace(cover, points=points, normals=normals)
+    found = fastmodel.indent(dataclasses.replace(parameters, curved=flat), Sphere(radius=5e-3), load=0.2)
+    pressed = press_curved(flat, Sphere(radius=5e-3), SpatialPose.facing([0, 0, 5e-3], [0, 0, -1]), load=0.2)
+    np.testing.assert_allclose(found.texel_forces, pressed.texel_forces, atol=2e-3 * pressed.texel_forces.max())

@@ -1,9 +1,12 @@
 """The command line on sensors with curved covers."""
 
+import re
+
 import pytest
 
 from validation.cli.curved.press import read_direction
 from validation.cli.entry import main
+from validation.curved.derive import derive_curved
 from validation.errors import InputError
 
 
@@ -57,3 +60,42 @@ def test_a_direction_is_read():
 def test_options_that_do_not_fit_are_named(words, said, capsys):
     assert run("press", *words, "--indenter", "ball:radius=4mm") == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def derived(small_pad, tmp_path_factory):
+    """A folder with the parameters of a curved cover."""
+    folder = tmp_path_factory.mktemp("derived")
+    derive_curved(small_pad).parameters.save(folder)
+    return str(folder)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("regress", "DERIVED", "--update"), "softcover validate"),
+        (("export", "DERIVED", "--format", "sdf", "--out", "x"), "a model of boxes cannot hold"),
+        (("export", "DERIVED", "--format", "urdf", "--out", "x"), "a model of boxes cannot hold"),
+        (("export", "DERIVED", "--format", "gazebo", "--out", "x"), "the array must be flat|spread must be a Gaussian"),
+        (("press", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N"), "name the sensor file"),
+        (
+            ("press", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N", "--model=fast", "--method=area"),
+            "is curved",
+        ),
+        (("view", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N", "--method=boxes"), "is curved"),
+        (("validate", "DERIVED"), "name the sensor file"),
+        (("emulate", "port", "--show", "fingertip"), "softcover derive fingertip --out FOLDER"),
+    ],
+    ids=lambda words: " ".join(words) if isinstance(words, tuple) else "",
+)
+def test_folders_of_curved_covers_are_refused_where_they_have_no_meaning(words, said, derived, softcover, tmp_path):
+    status, _, err = softcover(*(derived if word == "DERIVED" else word for word in words))
+    assert status == 2
+    (line,) = err.splitlines()
+    assert re.search(said, line)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_press_of_parameters_does_not_call_force_outside_the_array(derived, capsys):
+    assert run("press", derived, "--indenter", "ball:radius=4mm", "--load=0.2N", "--model=fast") == 0
+    assert "of it" in capsys.readouterr().out

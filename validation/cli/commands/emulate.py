@@ -138,12 +138,16 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
     Raises:
         InputError: If nothing of this name exists, a recording holds no frames, or counts do not fit the protocol.
     """
-    from validation.sensor_file import BUILT_IN
+    from validation.sensor_file import BUILT_IN, CURVED
     from validation.weiss.virtual import WTS_0614_34, show_frames, show_pattern, show_recording
 
     if show in _PATTERNS:
         return _Shown(source=show_pattern(show), matrix=WTS_0614_34)
     path = Path(show)
+    if show in CURVED:
+        raise InputError(
+            f"--show: {show} has a curved cover; run softcover derive {show} --out FOLDER and name the folder"
+        )
     if show not in BUILT_IN and not path.exists():
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")

@@ -137,7 +137,10 @@ def press(
         )  # fmt: skip
     for name, given in (("--strain", strain), ("--direction", direction)):
         if given is not None:
-            raise InputError(f"{name}: is for curved covers; flat ones are pressed along -z and follow their materials")
+            raise InputError(
+                f"{name}: is for sensors with curved covers; flat ones, and folders of `derive --out`, are pressed along -z "
+                "and follow their materials"
+            )
     request = _read_request(
         sensor, indenter=indenter, force=(load, depth), pose=(at or "0mm,0mm", yaw, tilt), friction=friction,
         accuracy=accuracy, model=model, method=method, cover=(material, thickness, layer), files=(curve, out),
@@ -247,7 +250,7 @@ def _read_request(
     """
     from validation.campaign.case import Case
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import read_description, read_sensor
+    from validation.cli.sensors import check_curved_method, read_description, read_sensor
     from validation.text.indenter import read_indenter, read_position, read_tilt, read_yaw
 
     faults: list[str] = []
@@ -263,6 +266,7 @@ def _read_request(
     coefficient = collect(faults, lambda: read_friction_option(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     collect(faults, lambda: _check_method(method, models, is_curve=files[0] is not None))
+    collect(faults, lambda: check_curved_method(found, method))
     wanted = collect(faults, lambda: read_accuracy(accuracy, used=needs_reference or models is None))
     load, depth = collect(faults, lambda: read_force(*force)) or (None, None)
     if found and position:

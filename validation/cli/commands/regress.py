@@ -64,7 +64,13 @@ def regress(
 
     started = time.perf_counter()
     _check_options(baseline, junit, out, seed, update=update)
-    _require_modules(source := read_sensor(sensor), pictures=out is not None)
+    source = read_sensor(sensor)
+    if not isinstance(source, SensorDescription) and source.curved is not None:
+        raise InputError(
+            f"{sensor}: is of a curved cover, and the guarded quantities are those of flat arrays; "
+            "`softcover validate` with the sensor file scores it"
+        )
+    _require_modules(source, pictures=out is not None)
     name = source.name if isinstance(source, SensorDescription) else source.array.name
     described = describe_sensor(name, source.array, derived=isinstance(source, SensorDescription))
     # A fault in the baseline is reported before the long computation.

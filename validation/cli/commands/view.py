@@ -73,7 +73,7 @@ def view(
         softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10
     """
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import find_parameters, read_sensor, tell_unused
+    from validation.cli.sensors import check_curved_method, find_parameters, read_sensor, tell_unused
     from validation.cli.view_scene import Scene
     from validation.text.indenter import read_indenter, read_load
 
@@ -83,6 +83,7 @@ def view(
     weight = collect(faults, lambda: read_load(load))
     collect(faults, lambda: check_range("--seconds", seconds))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
+    collect(faults, lambda: check_curved_method(found, method))
     place = collect(faults, lambda: _choose_display(display, quiet=json))
     if faults or not (found and shape and weight and place):
         raise InputError(*faults)
