@@ -137,10 +137,8 @@ def press(
         )  # fmt: skip
     for name, given in (("--strain", strain), ("--direction", direction)):
         if given is not None:
-            raise InputError(
-                f"{name}: is for sensors with curved covers; flat ones, and folders of `derive --out`, are pressed along -z "
-                "and follow their materials"
-            )
+            fault = "is for sensors with curved covers; flat ones and folders of derive are pressed along -z"
+            raise InputError(f"{name}: {fault} and follow their materials")
     request = _read_request(
         sensor, indenter=indenter, force=(load, depth), pose=(at or "0mm,0mm", yaw, tilt), friction=friction,
         accuracy=accuracy, model=model, method=method, cover=(material, thickness, layer), files=(curve, out),

@@ -64,13 +64,7 @@ def regress(
 
     started = time.perf_counter()
     _check_options(baseline, junit, out, seed, update=update)
-    source = read_sensor(sensor)
-    if not isinstance(source, SensorDescription) and source.curved is not None:
-        raise InputError(
-            f"{sensor}: is of a curved cover, and the guarded quantities are those of flat arrays; "
-            "`softcover validate` with the sensor file scores it"
-        )
-    _require_modules(source, pictures=out is not None)
+    _require_modules(source := _refuse_curved(read_sensor(sensor), sensor), pictures=out is not None)
     name = source.name if isinstance(source, SensorDescription) else source.array.name
     described = describe_sensor(name, source.array, derived=isinstance(source, SensorDescription))
     # A fault in the baseline is reported before the long computation.
@@ -97,6 +91,22 @@ def regress(
     if files:
         say(f"wrote {', '.join(files)} to {out}")
     return CHECK_FAILED if changes else DONE
+
+
+def _refuse_curved(source: SensorDescription | Parameters, sensor: str) -> SensorDescription | Parameters:
+    """Return what was read, unless it is the folder of a curved cover.
+
+    Raises:
+        InputError: If it is.
+    """
+    from validation.sensor_file import SensorDescription
+
+    if not isinstance(source, SensorDescription) and source.curved is not None:
+        raise InputError(
+            f"{sensor}: is of a curved cover, and the guarded quantities are those of flat arrays; "
+            "`softcover validate` with the sensor file scores it"
+        )
+    return source
 
 
 def _require_modules(source: SensorDescription | Parameters, *, pictures: bool) -> None:
