@@ -50,12 +50,14 @@ REACHED = re.compile(r"\d ?(N|mm)\b")
 #: Words of a progress line that say that the command takes long.
 LONG = re.compile(r"takes (long|minutes|about|up to)|min(utes)? left|\d+ of \d+")
 #: Keys of JSON output whose null has a meaning (`docs/json.md`): no two loads are told apart, a table that covers with
-#: free side edges lack, an estimator that fits nothing, and a path that did not stop early.
+#: free side edges lack, an estimator that fits nothing, a characteristic of the texel force, and a path that
+#: did not stop early.
 NULLS = {
     "cover.size_m",
     "resolution",
     "resolution_on_array",
     "point_response",
+    "calibration.tip",
     "depth",
     "stopped",
     "models.fast.depth",
