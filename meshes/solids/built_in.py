@@ -45,7 +45,7 @@ class SweptCover:
         return sweep(self.surface(size), self.thickness, layers=layers)
 
     def meshes(self, size: float = 1.0) -> tuple[SolidMesh, SolidMesh, SolidMesh]:
-        """Make three meshes from coarse to fine, with 3, 4 and 5 layers, from which errors are estimated.
+        """Make three meshes from coarse to fine, with 3, 3 and 4 layers, from which errors are estimated.
 
         Args:
             size: Factor on the element sizes along the base [-].

@@ -15,8 +15,9 @@ from meshes.solids.triangles import enclosed_volume, find_crossings, merge_corne
 _ROUNDS = 40
 #: Largest share of the area at which the offset may fold nevertheless [-].
 _MOST_FOLDED = 0.005
-#: Smallest accepted distance of an offset over the wanted one [-].
-_THINNEST = 0.5
+#: Smallest accepted distance of an offset over the wanted one, and that below which folds are rather left to the mesher
+#: than smoothed further [-].
+_THINNEST, _WANTED = 0.5, 0.75
 #: Edges below this length are collapsed before the offset, over the thickness [-].
 _SHORT = 0.2
 #: Number of rounds after which one more ring of neighbours is smoothed [-].
@@ -86,19 +87,21 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     step = (-thickness if inward else thickness) * normals
     near = _list_neighbours(faces, len(points))
     areas = np.linalg.norm(_cross(points[faces]), axis=1)
-    best, least = step, np.inf
+    best, least, distance = step, np.inf, 0.0
     for number in range(_ROUNDS):
         folded = _find_folds(points, points + step, faces, border, inward=inward)
         share = float(areas[folded].sum() / areas.sum())
-        if share < least:
-            best, least = step, share
+        if share <= _MOST_FOLDED and share < least:
+            near_by = nearest_points(points + step, points[faces])[0]
+            shortest = float(np.linalg.norm(near_by - points - step, axis=1).min())
+            if shortest >= (_WANTED if np.isfinite(least) else _THINNEST) * thickness:
+                best, least, distance = step, share, shortest
         if not share:
             break
         spots = set(faces[folded].ravel().tolist())
         step = _smooth(step, near, spots, rings=min(1 + number // _WIDEN, _MOST_RINGS))
     moved = points + best
-    distance = float(np.linalg.norm(nearest_points(moved, points[faces])[0] - moved, axis=1).min())
-    if least > _MOST_FOLDED or distance < _THINNEST * thickness:
+    if not distance:
         raise ValueError(
             f"{name} bends more sharply than a thickness of {1e3 * thickness:.3g} mm allows; take a smaller thickness, "
             "or give the surface of the base"

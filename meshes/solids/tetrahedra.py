@@ -23,14 +23,14 @@ from meshes.solids.solid_mesh import Setting, SolidMesh, read_mesh, write_mesh
 from meshes.solids.triangles import check_closed, enclosed_volume, merge_corners, nearest_points
 
 #: Largest distance of the surface of the mesh from the given surface, over the thickness of the cover [-].
-_ENVELOPE = 1 / 100
+_ENVELOPE = 1 / 50
 #: Distance of a facet from the base, in envelopes, up to which it can belong to the base [-].
 _NEAR_BASE = 3.0
 #: Smallest cosine between the normals of a facet and of the base for a facet of the base, and between its normal and
 #: the nearest normal of the base for a facet of the top: 60 degrees, beyond which it is a side [-].
 _ON_BASE, _ON_TOP = 0.7, 0.5
 #: Longest time for a mesh [s].
-_PATIENCE = 1200
+_PATIENCE = 900
 #: Program of the mesher's process: reads the surface and writes the mesh in the current folder.
 _PROGRAM = """
 import numpy, pytetwild
@@ -184,7 +184,10 @@ def _run_mesher(surface: FloatArray, edge: float, envelope: float, name: str) ->
                 [sys.executable, "-c", _PROGRAM], cwd=folder, capture_output=True, timeout=_PATIENCE, check=False
             )
         except subprocess.TimeoutExpired:
-            raise ValueError(f"meshing {name} took more than {_PATIENCE} s; take larger elements") from None
+            raise ValueError(
+                f"meshing {name} took more than {_PATIENCE} s; take larger elements, simplify the {len(faces)} "
+                "triangles of the surface, or give tetrahedra of your own by mesh"
+            ) from None
         result = Path(folder) / "mesh.npz"
         if done.returncode or not result.exists():
             last = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
