@@ -25,6 +25,8 @@ from validation.metrics import centre_of_pressure
 
 #: Repetitions of the fit, in which the scale of the residual and the weights of the images settle [-].
 _ROUNDS = 3
+#: Largest number of recordings that a message names [-].
+_MOST_NAMES = 5
 #: Tolerance of the solver on cost and parameters, and its largest number of steps in a repetition [-].
 _TOLERANCE, _MOST_STEPS = 1e-5, 25
 #: Smallest scale of the residual: rounding to whole counts [counts].
@@ -164,12 +166,19 @@ def fit_forward(
         start: An earlier fit from which the poses and the curve start; with `options.placing` its gains are kept.
 
     Raises:
-        ValueError: If there are no images, or none shows a load.
+        ValueError: If there are no images, or their counts do not rise under load; the message names the recordings.
     """
-    if not len(observations.loads) or not observations.counts.any():
-        raise ValueError("the recordings to fit show no load")
+    if not len(observations.loads) or observations.counts[observations.measured].sum() <= 0:
+        raise ValueError(f"{_name_groups(observations)}: show no load: on average the counts do not rise under it")
     chosen = choose_terms(options, observations)
     return _solve(_Problem(method, observations, chosen, start))
+
+
+def _name_groups(observations: Observations) -> str:
+    """Name the recordings that the images come from, or the first of many."""
+    names = list(dict.fromkeys(observations.groups))
+    more = [f"and {len(names) - _MOST_NAMES} more"] if len(names) > _MOST_NAMES else []
+    return ", ".join([*names[:_MOST_NAMES], *more]) or "the recordings to fit"
 
 
 def _solve(problem: _Problem) -> ForwardFit:
@@ -177,7 +186,8 @@ def _solve(problem: _Problem) -> ForwardFit:
     method, observations, chosen = problem.method, problem.observations, problem.options
     loads = observations.loads / max(float(observations.loads.max()), 1e-9)
     emphasis = np.maximum(loads, _LEAST_EMPHASIS) ** chosen.load_power
-    vector, scale, weights = problem.layout.start, _FIRST_SCALE, emphasis
+    vector = np.clip(problem.layout.start, problem.layout.lower, problem.layout.upper)
+    scale, weights = _FIRST_SCALE, emphasis
     for _ in range(_ROUNDS):
         problem.scale, problem.weights = scale, weights
         solution = least_squares(

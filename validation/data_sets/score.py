@@ -70,15 +70,17 @@ def score_recordings(
     for split in data_set.splits:
         try:
             table = _SplitTable(split, images, sensor)
+            table.add_nulls()
+            table.add_repeats()
+            for name, method in methods.items():
+                say(f"{split.about}: {name}")
+                table.add_model(name, method)
         except InputError as error:
             problems += error.faults
-            continue
-        table.add_nulls()
-        table.add_repeats()
-        for name, method in methods.items():
-            say(f"{split.about}: {name}")
-            table.add_model(name, method)
-        tables.append(table)
+        except ValueError as error:
+            problems.append(f"split '{split.name}': {error}; it is left out")
+        else:
+            tables.append(table)
     if not tables:
         raise InputError(*problems, f"{data_set.name}: no split can be scored")
     return RecordingScores(

@@ -161,6 +161,8 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
 def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
     """Write one array of a recording as a CSV file that `read` reads.
 
+    Readings of the force sensor and of the first temperature channel are interpolated to the times of the frames.
+
     Args:
         recording: The recording.
         path: The file to write; an existing file is replaced.
@@ -184,10 +186,18 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
     start = recording.started.timestamp()
     text = io.StringIO()
     text.writelines(f"# {key} = {value}\n" for key, value in notes.items() if value != "")
+    read = {"force": (recording.force_times, recording.forces)}
+    if recording.temperatures.size:
+        read["temperature"] = (recording.temperature_times, recording.temperatures[:, 0])
+    extra = {
+        name: np.interp(recording.times, times[known], values[known])
+        for name, (times, values) in read.items()
+        if (known := np.isfinite(values)).any()
+    }
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time", *(f"texel_{number}" for number in range(texels.count))])
-    for time, counts in zip(recording.times, recorded.counts, strict=True):
-        writer.writerow([f"{start + time:.6f}", *counts.tolist()])
+    writer.writerow(["time", *extra, *(f"texel_{number}" for number in range(texels.count))])
+    for row, (time, counts) in enumerate(zip(recording.times, recorded.counts, strict=True)):
+        writer.writerow([f"{start + time:.6f}", *(repr(float(each[row])) for each in extra.values()), *counts.tolist()])
     atomic_file.replace(Path(path), [text.getvalue().encode()])
 
 

@@ -13,6 +13,7 @@ from validation.calibration.parameters import Options
 from validation.data_sets import score
 from validation.data_sets.data_set import build_data_set, read_tables
 from validation.data_sets.images import observe, read_images
+from validation.errors import InputError
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -155,3 +156,16 @@ def test_the_example_shows_the_heaviest_scored_recording(tmp_path, score_set):
     for name, expected in counts.items():
         np.testing.assert_array_equal(example.predicted[name], np.rint(255 * expected / WHITE).reshape(shape))
     np.testing.assert_array_equal(example.recorded, np.rint(255 * heaviest.counts / WHITE).reshape(shape))
+
+
+@pytest.mark.parametrize("change", [lambda counts: 0 * counts, lambda counts: -counts])
+def test_recordings_that_show_no_load_are_named(tmp_path, score_set, monkeypatch, change):
+    real = score.read_images
+
+    def read_changed(*options):
+        images, faults = real(*options)
+        return [dataclasses.replace(each, counts=change(each.counts)) for each in images], faults
+
+    monkeypatch.setattr(score, "read_images", read_changed)
+    with pytest.raises(InputError, match=r"A1\.mcap.* show no load"):
+        score_set(record(tmp_path / "plain"))

@@ -3,6 +3,7 @@
 import json
 import re
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,6 +72,18 @@ def test_written_frames_and_labels_come_back(tmp_path_factory, recording, data):
     assert (array.texels.pitch[0], array.full_scale) == (old.texels.pitch[0], old.full_scale)
     assert (back.setup.indenter, back.setup.load) == (recording.setup.indenter, recording.setup.load)
     assert back.setup.note == recording.setup.note
+
+
+def test_force_and_temperature_come_back_at_the_times_of_the_frames(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("# rows = 1\n# columns = 2\ntime,force,temperature,a,b\n0,1.5,20,1,2\n1,2.5,21,3,4\n2,3.5,23,5,6\n")
+    recording = tables.read(path)
+    times, values = np.array([0.0, 1.0, 2.0]), np.array([[20.0, 1], [np.nan, 1], [23.0, 1]])
+    changed = replace(recording, temperatures=values, temperature_times=times)
+    tables.write(changed, path)
+    back = tables.read(path)
+    assert back.forces.tolist() == [1.5, 2.5, 3.5]
+    assert back.temperatures[:, 0].tolist() == [20.0, 21.5, 23.0]
 
 
 def test_a_file_is_replaced_at_once_or_not_at_all(tmp_path):
