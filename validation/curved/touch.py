@@ -100,7 +100,7 @@ def find_touch_place(
     weights, distance = top.locate(wanted)
     point = (weights @ top.nodes)[0]
     if distance[0] > _OFF_TOP * thickness:
-        near = ",".join(f"{1e3 * each:.4g}mm" for each in point)
+        near = ",".join(f"{round(1e3 * each, 4) + 0.0:g}mm" for each in point)
         raise InputError(
             f"--at: the place is {1e3 * distance[0]:.4g} mm from the cover's surface; the nearest point is {near}"
         )
