@@ -177,7 +177,7 @@ class CurvedReader:
             return self._rest(np.zeros(0))
         if not np.isfinite(force).all():
             return Reading(np.zeros(self._array.count), None, float("nan"))
-        bodies, loads, scattered = [], [], body < 0
+        bodies, loads, numbers, scattered = [], [], [], body < 0
         for each in np.unique(body[body >= 0]).tolist():
             mine = body == each
             vector, moment = force[mine].sum(axis=0), np.cross(place[mine], force[mine]).sum(axis=0)
@@ -185,6 +185,7 @@ class CurvedReader:
                 continue
             slides = self._joints.find_slides(data, each) @ axes
             rotates = self._joints.let_tilt(data, each, np.zeros(3))
+            numbers.append(each)
             bodies.append(self._find_pose(data, each, axes, origin))
             loads.append(Wrench.along_free_directions(vector, moment, slides, rotates=rotates))
         signature = np.concatenate(
@@ -205,7 +206,9 @@ class CurvedReader:
         if bodies:
             found = self._solve(bodies, loads)
             forces, points = found.forces, int(found.points.min())
-            carried = sum(load.force for load in loads)
+            carried = sum(load.force for load, many in zip(loads, found.points, strict=True) if many)
+            # A body so small that it fits between the points presses with its contact points.
+            scattered = scattered | np.isin(body, np.array(numbers)[found.points == 0])
         forces = forces + self._scatter(place[scattered], force[scattered])
         self._forces, self._signature = forces, signature
         self._reading = Reading(
@@ -276,7 +279,8 @@ class CurvedReader:
 def _misses(cover: CurvedCover, found: CurvedPressure, loads: list[Wrench]) -> bool:
     """Return whether the forces differ from the loads by more than a hundredth along the first directions."""
     total = found.forces @ cover.normals
-    wanted = np.sum([load.vector for load in loads], axis=0)
+    loads = [load for load, many in zip(loads, found.points, strict=True) if many]
+    wanted = np.sum([load.vector for load in loads], axis=0) if loads else np.zeros(3)
     direction = wanted / max(float(np.linalg.norm(wanted)), np.finfo(float).tiny)
     return bool(abs((total - wanted) @ direction) > 1e-2 * sum(load.force for load in loads))
 

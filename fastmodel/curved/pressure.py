@@ -62,7 +62,8 @@ def solve_pressure(
 
     Args:
         cover: The cover.
-        bodies: Shapes and poses of the bodies in the array's frame; they need not touch.
+        bodies: Shapes and poses of the bodies in the array's frame; they need not touch.  One that no normal of the
+            points reaches has no points in the result, and does not change the forces of the others.
         loads: Force of each body on the cover with its sign reversed, as `Wrench` has it.
         start: Forces of a similar contact, from which the search starts, shape (m,) [N].
     """
@@ -76,10 +77,9 @@ def solve_pressure(
             ]
         )
         owner, gap = gaps.argmin(axis=0), gaps.min(axis=0)
-        if not np.isfinite(gaps).any(axis=1).all():
-            return CurvedPressure(
-                forces=np.zeros(len(gap)), travel=travel, points=np.zeros(len(bodies), dtype=np.int64), settled=False
-            )
+        reached = np.isfinite(gaps).any(axis=1)
+        if not reached.all():
+            return _solve_without(cover, bodies, loads, ~reached)
         columns, target, first = _build_constraints(cover, loads, owner, gap)
         forces, motion, found = _exchange(cover, gap, columns, target, touching)
         touching = forces > 0
@@ -93,6 +93,19 @@ def solve_pressure(
             break
     points = np.bincount(owner[touching], minlength=len(bodies))
     return CurvedPressure(forces=forces, travel=travel, points=points, settled=found)
+
+
+def _solve_without(
+    cover: CurvedCover, bodies: Sequence[PosedBody], loads: Sequence[Wrench], missed: BoolArray
+) -> CurvedPressure:
+    """Find the forces of the bodies that some normal reaches; the others, for example in between points, have none."""
+    kept = np.flatnonzero(~missed).tolist()
+    travel, points = np.zeros(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
+    if not kept:
+        return CurvedPressure(forces=np.zeros(len(cover.points)), travel=travel, points=points, settled=False)
+    found = solve_pressure(cover, [bodies[each] for each in kept], [loads[each] for each in kept])
+    travel[kept], points[kept] = found.travel, found.points
+    return replace(found, travel=travel, points=points)
 
 
 def _measure(cover: CurvedCover, body: PosedBody, outward: FloatArray, travel: float) -> FloatArray:

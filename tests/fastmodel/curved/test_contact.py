@@ -11,9 +11,11 @@ import pytest
 import fastmodel
 import meshes
 from fastmodel import WTS_0614_34, Parameters, Tabulated
+from fastmodel.contact.panels import Wrench
 from fastmodel.curved.contact import CurvedContact
 from fastmodel.curved.cover import CurvedCover
-from fastmodel.curved.press import press_curved
+from fastmodel.curved.press import pose_indenter, press_curved
+from fastmodel.curved.pressure import solve_pressure
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pose import rotate
 from meshes import Sphere, TexelArray
@@ -206,3 +208,21 @@ def test_a_cover_with_a_flat_top_is_a_plate_of_its_thickness(parameters):
     found = fastmodel.indent(dataclasses.replace(parameters, curved=flat), Sphere(radius=5e-3), load=0.2)
     pressed = press_curved(flat, Sphere(radius=5e-3), SpatialPose.facing([0, 0, 5e-3], [0, 0, -1]), load=0.2)
     np.testing.assert_allclose(found.texel_forces, pressed.texel_forces, atol=2e-3 * pressed.texel_forces.max())
+
+
+def test_a_body_between_the_points_leaves_the_forces_of_another_one():
+    def load(vector):
+        force = float(np.linalg.norm(vector))
+        return Wrench(
+            force=force, moment=np.zeros(3), tilts=False, vector=vector, directions=vector[None] / force, rotates=False
+        )
+
+    side = np.array([3.375e-3, 0.375e-3, 0.0])  # the middle of four points that are 0.75 mm apart
+    side[2] = np.sqrt(1e-4 - side @ side)
+    ball = pose_indenter(Sphere(radius=5e-3), SpatialPose.facing([0, 0, 10e-3], [0, 0, -1]))
+    pin = pose_indenter(Sphere(radius=0.2e-3), SpatialPose.facing(side, -side))
+    alone = solve_pressure(COVER, [ball], [load(np.array([0, 0, LOAD]))])
+    both = solve_pressure(COVER, [pin, ball], [load(5 * side), load(np.array([0, 0, LOAD]))])
+    np.testing.assert_array_equal(both.forces, alone.forces)
+    assert both.points.tolist() == [0, alone.points[0]]
+    assert both.settled
