@@ -95,6 +95,8 @@ class Verdict:
     @property
     def short(self) -> str:
         """The verdict in one line of at most 80 characters."""
+        if not self.findings:  # every limit is on single cases, and none is scored
+            return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases"
         first = next((each for each in self.findings if each.status == "missed"), self.findings[0])
         name, unit, factor = describe_metric(first.metric)
         unit = f" {unit}" if unit else ""

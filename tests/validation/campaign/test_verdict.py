@@ -132,3 +132,9 @@ def test_what_is_missing_leaves_it_open(result, plan, change, reason):
 def test_faults_in_the_file_leave_it_open(result, plan):
     verdict = judge(dataclasses.replace(plan, left_out=("case[0]: no",)), result)
     assert (verdict.word, verdict.scored, verdict.cases) == ("not decided", 3, 4)
+
+
+def test_a_run_without_scored_cases_and_limits_on_means_has_a_short_verdict(plan, result):
+    campaign = dataclasses.replace(plan, criterion=Criterion(mean={}, each={"misplaced_force": 0.1}))
+    short = judge(campaign, dataclasses.replace(result, cases=(), interrupted=True)).short
+    assert short == "verdict: NOT DECIDED, 0 of 0 cases"
