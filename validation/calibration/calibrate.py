@@ -135,9 +135,21 @@ def calibrate(
         poses=_list_poses(fit, uncertainty),
         polynomial=_fit_polynomial(fit, scaling.mean),
         hold_out=score_hold_out(fit, full_scale or float(observations.counts.max())),
-        notes=tuple(describe_fit(fit)),
+        notes=(*describe_fit(fit), *_tell_method_error(method)),
         confidence=confidence,
     )
+
+
+def _tell_method_error(method: ContactMethod) -> list[str]:
+    """State that the intervals leave out the error of the contact method, if it has one."""
+    if not method.gain_error:
+        return []
+    return [
+        (
+            f"the intervals leave out the error of the contact method ({method.name}), which reaches "
+            f"{method.gain_error:.0%} of a single gain; on wide covers --method reference has no such error"
+        )
+    ]
 
 
 def _check(observations: Observations) -> None:

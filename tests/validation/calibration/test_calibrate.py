@@ -108,6 +108,15 @@ def test_an_unseated_weight_does_not_move_the_fit_and_is_named():
     assert any("little weight" in note and seen.groups[6] in note for note in found.notes)
 
 
+def test_an_error_of_the_contact_method_that_the_intervals_leave_out_is_told():
+    random = np.random.default_rng(8)
+    seen, _ = observe_presses(random, make_curve(draw_gains(random)), places=2, known=True)
+    exact, wrong = uniform_method(), replace(uniform_method(), gain_error=0.03)
+    told = [[note for note in calibrate(seen, each).notes if "leave out the error" in note] for each in (exact, wrong)]
+    assert told[0] == []
+    assert "3% of a single gain" in told[1][0]
+
+
 def test_a_polynomial_needs_seven_loads():
     random = np.random.default_rng(7)
     curve = make_curve(draw_gains(random))
