@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.pages import DOCS, PAGES, ROOT, list_blocks, run_page
+from tests.support.pages import DOCS, PAGES, ROOT, list_blocks, load_script, run_page
 from validation.cli.entry import app
 from validation.regression.quantities import EXPERIMENTS
 
@@ -90,3 +90,9 @@ def test_every_group_of_the_regression_check_is_explained():
     text = (DOCS / "regression.md").read_text()
     rows = re.findall(r"^\| (`.*?`) \|", text, flags=re.MULTILINE)
     assert {name for row in rows for name in re.findall(r"`(.*?)`", row)} == set(EXPERIMENTS)
+
+
+def test_the_table_of_times_shows_every_command_that_is_measured():
+    text = (DOCS / "how-to" / "how-long.md").read_text()
+    for what, command in load_script("how_long").COMMANDS:
+        assert f"| {what} | `softcover {command}` | " in text
