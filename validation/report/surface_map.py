@@ -17,8 +17,9 @@ from meshes.array_types import FloatArray
 from validation.curved.touch import find_middle
 from validation.report.tactile_image import Scale, choose_ink, shorten
 
-#: Longest edge of the drawing in its own units, its longest edge on the page [px], and margin in its own units.
-_SIZE, _SHOWN, _MARGIN = 200.0, 270.0, 2.0
+#: Longest edge of the drawing and its margin in its own units, and largest width and height on the page [px]: three
+#: drawings stand side by side.
+_SIZE, _MARGIN, _WIDEST, _HIGHEST = 200.0, 2.0, 190.0, 270.0
 #: Edge of a square over the smallest distance of two texels, and size of the printed value over the edge [-].
 _EDGE, _FONT = 0.94, 0.36
 
@@ -55,7 +56,7 @@ def surface_map(array: TexelArray, values: FloatArray, scale: Scale, *, name: st
     label = html.escape(
         f"{name}: {len(shown)} texels; largest {values[largest] * scale.factor:.4g} {scale.unit} on texel {largest}"
     )
-    zoom = _SHOWN / _SIZE
+    zoom = min(_WIDEST / width, _HIGHEST / height)
     return (
         f'<svg class="tactile" viewBox="0 0 {width:.1f} {height:.1f}" width="{zoom * width:.0f}" '
         f'height="{zoom * height:.0f}" role="img" aria-label="{label}">{"".join(cells)}</svg>'
