@@ -149,7 +149,7 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
     for index, layer in enumerate(cover.layers):
         material = layer.material
         of = f" of {material.name}, layer {index + 1}" if several else ""
-        spread = material.spread * _OF_HALF_WIDTH if material.spread else inputs.modulus
+        spread = _spread_modulus(material) if material.spread or material.spread_above else inputs.modulus
         poisson = material.poisson_spread * _OF_HALF_WIDTH if material.poisson_spread else inputs.poisson_ratio
         named: tuple[tuple[str, float, Change], ...] = (
             (f"modulus{of} [relative]", spread, _change_layer(index, "modulus")),
@@ -162,6 +162,17 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
             yield f"position {name} [m]", inputs.position, _move(axis)
     if inputs.yaw:
         yield "yaw [rad]", inputs.yaw, lambda cover, case, by: (cover, replace(case, yaw=case.yaw + by))
+
+
+def _spread_modulus(material: Material) -> float:
+    """Compute the standard uncertainty of the logarithm of the modulus, uniform over the range of the material [-].
+
+    Sources that state a range with k = 2 are taken as the others, which is the larger uncertainty.
+    """
+    low, high = material.modulus_range
+    if low <= 0:  # has no logarithm: as far below the modulus as the other end is above it
+        low = material.youngs_modulus**2 / high
+    return math.log(high / low) / 2 * _OF_HALF_WIDTH
 
 
 def _change_layer(index: int, what: str) -> Change:

@@ -75,8 +75,20 @@ def test_the_spread_of_a_material_replaces_that_of_the_campaign(bonded):
     known = dataclasses.replace(layer.material, spread=0.3, poisson_spread=0.03)
     cover = dataclasses.replace(cover, layers=(dataclasses.replace(layer, material=known),))
     found = {name: value for name, value, _ in list_inputs(cover, Inputs())}
-    assert found["modulus [relative]"] == pytest.approx(0.3 / math.sqrt(3))
+    assert found["modulus [relative]"] == pytest.approx(math.log(1.3 / 0.7) / 2 / math.sqrt(3))
     assert found["Poisson ratio [-]"] == pytest.approx(0.03 / math.sqrt(3))
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "width"), [(2 / 3, 2.0, 2 * math.log(3)), (0.0, 0.5, math.log(1.5)), (1.0, 1.0, math.log(4))]
+)
+def test_both_sides_of_an_uneven_spread_count(bonded, below, above, width):
+    cover = bonded(0.45)
+    layer = cover.layers[0]
+    known = dataclasses.replace(layer.material, spread=below, spread_above=above)
+    cover = dataclasses.replace(cover, layers=(dataclasses.replace(layer, material=known),))
+    found = {name: value for name, value, _ in list_inputs(cover, Inputs())}
+    assert found["modulus [relative]"] == pytest.approx(width / math.sqrt(12))
 
 
 @pytest.mark.slow
