@@ -16,6 +16,10 @@ from meshes.solids.facets import node_normals
 #: Size of the cells in which points count as equal, over the size of the surface, and offset of the cells, so that
 #: coordinates on round numbers do not lie on the border of a cell [-].
 _SAME, _OFFSET = 1e-7, 0.3127
+#: Largest number of quadrilaterals of a surface, and of those along an edge [-].
+_MOST_QUADS, _MOST_ALONG = 20_000, 1000
+#: What to do against too many elements.
+_COARSER = "take a thicker cover or a larger element size"
 #: Half of the face of a cube in the angle that the cubed sphere divides evenly [rad].
 _FACE = np.pi / 4
 
@@ -113,8 +117,11 @@ def join_grids(
         settings: Numbers that describe it.
 
     Raises:
-        ValueError: If a grid has an even number of rows or columns.
+        ValueError: If a grid has an even number of rows or columns, or there are too many quadrilaterals.
     """
+    count = sum((place.shape[0] // 2) * (place.shape[1] // 2) for place, _ in grids)
+    if count > _MOST_QUADS:
+        raise ValueError(f"{source}: {count} quadrilaterals, more than {_MOST_QUADS}: {_COARSER}")
     points, normals, quads, start = [], [], [], 0
     for place, given in grids:
         rows, columns = place.shape[:2]
@@ -162,5 +169,15 @@ def _roll(turn: FloatArray, y: FloatArray, radius: float) -> tuple[FloatArray, F
 
 
 def _count(length: float, element_size: float) -> int:
-    """Return the number of elements of at most a size that fill a length."""
-    return max(1, int(np.ceil(length / element_size - _SAME)))
+    """Return the number of elements of at most a size that fill a length.
+
+    Raises:
+        ValueError: If it is too large for a mesh.
+    """
+    count = length / element_size
+    if not count <= _MOST_ALONG:
+        raise ValueError(
+            f"elements of {1e3 * element_size:.3g} mm divide an edge of {1e3 * length:.4g} mm into more than "
+            f"{_MOST_ALONG}: {_COARSER}"
+        )
+    return max(1, int(np.ceil(count - _SAME)))

@@ -148,3 +148,9 @@ def test_texels_that_touch_share_a_flat_base_without_rest_and_overlap_on_a_cylin
     share = covered_share(texels, points, np.tile([0.0, 0, 1], (3, 1)), spread)
     np.testing.assert_allclose(share.sum(axis=0), [1, 1, 0], atol=1e-12)
     np.testing.assert_allclose(np.sort(share[:, 1])[-2:], 0.5)
+
+
+@pytest.mark.parametrize(("size", "words"), [(1e-6, "an edge of 10 mm"), (5e-5, "40000 quadrilaterals")])
+def test_too_many_elements_are_refused_before_they_are_made(size, words):
+    with pytest.raises(ValueError, match=words):
+        flat_surface((10e-3, 10e-3), size)
