@@ -22,6 +22,8 @@ EXTRAS = {
     "gymnasium": "gym",
     "pyvista": "view",
 }
+#: Optional modules that a report needs.
+REPORT_MODULES = ("jinja2", "plotly")
 
 
 class MissingExtraError(ImportError):

@@ -7,13 +7,11 @@ from pathlib import Path
 
 from validation.campaign.evaluation import Evaluation
 from validation.curved.derive import CurvedDerivation
-from validation.extras import require
+from validation.extras import REPORT_MODULES, require
 from validation.json_values import json_text
 from validation.report.contents import contents
 from validation.report.curved import draw_cases
 
-#: Optional modules that a report needs.
-MODULES = ("jinja2", "plotly")
 #: Files of the report's page that are copied unchanged.
 _ASSETS = ("report.css", "report.js")
 
@@ -29,7 +27,7 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         MissingExtraError: If jinja2 or plotly is not installed.
         OSError: If the folder cannot be written.
     """
-    require(*MODULES)
+    require(*REPORT_MODULES)
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     assets = resources.files("validation.report").joinpath("assets")

@@ -14,7 +14,7 @@ from meshes.pose import Place, PlanarPose
 SIZES = (4.0, 2.0, 1.0)
 SHARES = np.array([0.2, 0.5, 0.1, 0.1])
 #: Least relative error of a contact area that a result states [-].
-LEAST_AREA_ERROR = 1e-4
+LEAST_AREA_ERROR = 2e-5
 PLACE = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose())
 
 

@@ -1,5 +1,7 @@
 """A command that lacks optional packages says in one line how to install all of them, before any work."""
 
+import json
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -64,38 +66,66 @@ def test_nothing_is_told_where_only_useful_modules_are_missing(without_extras):
     require("numpy", useful=["matplotlib"])
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["demo"], "fem,report"),
-        (["validate", "wts-0614-34"], "fem,report"),
-        (["validate", "wts-0614-34", "--recordings", "data.toml"], "fem,report,device"),
-        (["press", "wts-0614-34", *BALL], "fem"),
-        (["press", "wts-0614-34", *BALL, "--out", "pressed"], "fem,report,view"),
-        (["press", "wts-0614-34", *BALL, "--model", "fast", "--thickness", "1mm"], "fem"),
-        (["press", "fingertip", *BALL, "--out", "pressed"], "fem,view"),
-        (["derive", "wts-0614-34", "--thickness", "1mm", "--out", "derived"], "fem,report"),
-        (["derive", "fingertip"], "fem"),
-        (["mesh", "fingertip", "--out", "meshed"], "fem,view"),
-        (["regress", "wts-0614-34", "--update"], "fem"),
-        (["validate-force", "gelsight-mini"], "fem"),
-        (["export", "wts-0614-34", "--thickness", "1mm"], "fem"),
-        (["view", "wts-0614-34", *BALL, "--thickness", "1mm"], "fem"),
-        (["datasheet", "wts-0614-34", "--thickness", "1mm"], "fem"),
-        (["calibrate", "a.mcap", "--sensor", "wts-0614-34", "--picture", "left-out.png"], "device,report,fem"),
-        (["calibrate", "data.toml", "--sensor", "wts-0614-34", "--picture", "left-out.png"], "device,report,fem"),
-        (["replay", "a.mcap"], "device"),
-    ],
-    ids=lambda each: " ".join(each) if isinstance(each, list) else None,
-)
-def test_one_line_names_all_extras_before_any_work(softcover, tmp_path, without_extras, words, expected):
-    (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")
-    (tmp_path / "data.toml").write_text(DATA_SET)
-    status, out, err = softcover(*words)
+#: Commands, and the extras whose modules they miss in a base installation.
+MISSING = [
+    (["demo"], "fem,report"),
+    (["validate", "wts-0614-34"], "fem,report"),
+    (["validate", "wts-0614-34", "--recordings", "data.toml"], "fem,report,device"),
+    (["press", "wts-0614-34", *BALL], "fem"),
+    (["press", "wts-0614-34", *BALL, "--out", "pressed"], "fem,report,view"),
+    (["press", "wts-0614-34", *BALL, "--model", "fast", "--thickness", "1mm"], "fem"),
+    (["press", "fingertip", *BALL, "--out", "pressed"], "fem,view"),
+    (["derive", "wts-0614-34", "--thickness", "1mm", "--out", "derived"], "fem,report"),
+    (["derive", "fingertip"], "fem"),
+    (["mesh", "fingertip", "--out", "meshed"], "fem,view"),
+    (["regress", "wts-0614-34", "--update"], "fem"),
+    (["validate-force", "gelsight-mini"], "fem"),
+    (["export", "wts-0614-34", "--thickness", "1mm"], "fem"),
+    (["view", "wts-0614-34", *BALL, "--thickness", "1mm"], "fem"),
+    (["datasheet", "wts-0614-34", "--thickness", "1mm"], "fem"),
+    (["calibrate", "a.mcap", "--sensor", "wts-0614-34", "--picture", "left-out.png"], "device,report,fem"),
+    (["calibrate", "data.toml", "--sensor", "wts-0614-34", "--picture", "left-out.png"], "device,report,fem"),
+    (["replay", "a.mcap"], "device"),
+]
+#: Program that answers each list of words on standard input with [exit status, standard output, standard error].
+CHILD = """
+import contextlib, io, json, sys
+from validation.extras import EXTRAS
+sys.modules.update(dict.fromkeys(EXTRAS))
+from validation.cli.entry import main
+
+answers = []
+for words in json.load(sys.stdin):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(words)
+        except SystemExit as left:
+            answers.append([left.code, out.getvalue(), err.getvalue()])
+json.dump(answers, sys.stdout)
+"""
+
+
+@pytest.fixture(scope="module")
+def base_installation(tmp_path_factory):
+    """Answers to `MISSING` by a new process, which has imported no module of an extra, and the files after it."""
+    folder = tmp_path_factory.mktemp("base")
+    (folder / "a.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (folder / "data.toml").write_text(DATA_SET)
+    words = json.dumps([words for words, _ in MISSING])
+    program = [sys.executable, "-c", CHILD]
+    answers = subprocess.check_output(program, input=words, cwd=folder, text=True)  # noqa: S603 - this Python
+    return json.loads(answers), {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("number", range(len(MISSING)), ids=lambda number: " ".join(MISSING[number][0]))
+def test_one_line_names_all_extras_before_any_work(base_installation, number):
+    answers, files = base_installation
+    status, out, err = answers[number]
     assert (status, out) == (OUTSIDE_FAILED, "")
     (line,) = err.splitlines()
-    assert f"not installed; run: python -m pip install 'softcover[{expected}]'" in line
-    assert {path.name for path in tmp_path.iterdir()} == {"a.mcap", "data.toml"}
+    assert f"not installed; run: python -m pip install 'softcover[{MISSING[number][1]}]'" in line
+    assert files == {"a.mcap", "data.toml"}
 
 
 @pytest.mark.parametrize(

@@ -152,14 +152,15 @@ def _evaluate(
     Returns:
         The exit status, see `_choose_status`.
     """
-    from validation.extras import require
+    from validation.extras import REPORT_MODULES, require
     from validation.output_folder import new_folder
     from validation.recordings.importing import list_modules
-    from validation.report import MODULES, write_report
 
     started = time.perf_counter()
     files = recordings.files if recordings else ()
-    require("skfem", *MODULES, *list_modules(file.path for file in files))
+    require("skfem", *REPORT_MODULES, *list_modules(file.path for file in files))
+    from validation.report import write_report
+
     _tell_friction(sensor)
     with new_folder(out) as folder, _interrupt_when_terminated(), Progress() as progress:
         if sensor.body is not None:
