@@ -19,13 +19,15 @@ _SYMMETRIC = 1e-5
 class CurvedCover:
     """Linear response of a curved cover at m points of its surface, over n texels.
 
+    A force on a point is that of a pressure around it, which falls to zero at the neighbouring points.
+
     Attributes:
         points: Positions of the points on the undeformed top, in the array's frame, shape (m, 3) [m].
         normals: Unit normals of the top at the points, outwards, shape (m, 3) [-].
-        influence: Force on each texel, along the texel's normal, per unit force on each point against the point's
+        influence: Force on each texel, along the texel's normal, per unit force on each point against its
             normal, shape (n, m) [-].
-        compliance: Displacement of each point against its normal per unit force on each point against that point's
-            normal, symmetric, shape (m, m) [m/N].
+        compliance: Displacement around each point (weighted mean over its pressure) against its normal, per unit force
+            on each point, symmetric, shape (m, m) [m/N].
         thickness: Mean thickness of the cover [m].
     """
 

@@ -10,7 +10,6 @@ when the node first bears a force, and kept.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from fem_reference.curved_cover.rays import measure_gaps
 from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import ConvergenceError
 from meshes import Indenter
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.array_types import FloatArray, IntArray
 from meshes.solids.facets import facet_shape, split_facet
 from meshes.spatial_pose import SpatialPose
 
@@ -34,8 +33,6 @@ _SOFT = 1e-8
 #: Gap over the deepest overlap below which a hat counts to the area of contact: near a sharp edge the pressure
 #: oscillates, and hats beside large forces are lifted a little [-].
 _CLOSED = 0.02
-#: Share of a node in the area of the top, over the mean share, below which it carries no force (corners of triangles).
-_LEAST_AREA = 1e-3
 #: Search for the first touch: parts of a facet's side, number of facets searched further, points along a side of a
 #: search, number of searches, and size of the next over the distance of the points [-].
 _PARTS, _FACETS, _POINTS, _SEARCHES, _ZOOM = 6, 4, 9, 6, 1.5
@@ -70,11 +67,6 @@ class NormalCompliance:
             found = -np.einsum("kmc,mc->km", moved, self.top.normals, optimize=True)
             self._rows.update(zip(missing, found, strict=True))
         return np.array([self._rows[int(node)] for node in nodes]).reshape(len(nodes), len(self.top.nodes))
-
-    @cached_property
-    def bearing(self) -> BoolArray:
-        """Whether a node of the top can carry a force, shape (m,)."""
-        return np.asarray(self.top.areas > _LEAST_AREA * self.top.areas.mean())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -111,12 +111,7 @@ class GapSampler:
         )
         carries = area > _LEAST_SHARE * whole
         each = np.where(carries, area, np.inf)
-        product = np.einsum("qb,qa,fq->fba", self._shape, self._hat, weight, optimize=True)
-        product /= each[self._cells][:, None, :]
-        rows, columns = (
-            np.broadcast_to(cells, product.shape).ravel() for cells in (self._cells[:, :, None], self._cells[:, None])
-        )
-        spread = sp.csc_matrix((product.ravel(), (rows, columns)), shape=(count, count))
+        spread = _assemble_spread(self._cells, self._shape, self._hat, weight, each)
         return MeanGaps(
             gap=np.where(carries, total / each, np.inf),
             rate=towards / each,
@@ -170,6 +165,33 @@ class PointSampler(GapSampler):
             spread=sp.csc_matrix((values, rows, pointer), shape=(len(self._top.nodes), len(weight))),
             softness=1 / (self._penalty * weight),
         )
+
+
+def _assemble_spread(
+    cells: IntArray, shape: FloatArray, hat: FloatArray, weight: FloatArray, area: FloatArray
+) -> sp.csc_matrix:
+    """Assemble the force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-].
+
+    Args:
+        cells: Nodes of f facets, shape (f, a).
+        shape: Shape functions of the displacement at q points of a facet, shape (q, a) [-].
+        hat: Hats there, shape (q, a) [-].
+        weight: Area of each point, shape (f, q) [m2].
+        area: Area of each hat, shape (m,) [m2].
+    """
+    product = np.einsum("qb,qa,fq->fba", shape, hat, weight, optimize=True) / area[cells][:, None, :]
+    rows, columns = (np.broadcast_to(each, product.shape).ravel() for each in (cells[:, :, None], cells[:, None]))
+    return sp.csc_matrix((product.ravel(), (rows, columns)), shape=(len(area), len(area)))
+
+
+def spread_hats(top: FacetSurface) -> sp.csc_matrix:
+    """Compute the force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-]."""
+    count = top.facets.shape[1]
+    place = split_facet(count, _PARTS)[0]
+    weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * facet_area(count) / len(place)
+    hat = evaluate_hats(count, place)
+    area = np.asarray(np.bincount(top.facets.ravel(), (weight @ hat).ravel(), len(top.nodes)), dtype=float)
+    return _assemble_spread(top.facets, facet_shape(count, place), hat, weight, area)
 
 
 def gauss_points(nodes: int) -> tuple[FloatArray, FloatArray]:

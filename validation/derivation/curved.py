@@ -8,6 +8,7 @@ from fastmodel.curved.cover import CurvedCover
 from fem_reference import result_store
 from fem_reference.curved_cover import texel_responses
 from fem_reference.curved_cover.contact import NormalCompliance
+from fem_reference.curved_cover.pressure_shapes import spread_hats
 from fem_reference.curved_cover.responses import build_solid
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
@@ -18,7 +19,8 @@ from meshes.solids.solid_mesh import SolidMesh
 def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material) -> CurvedCover:
     """Compute the arrays of the fast model on the nodes of the top of one mesh, or read them from the store.
 
-    The cost is one solution per node of the top and per texel.
+    The forces of the fast model are those of the reference's pressures (`pressure_shapes`), one around each node of the
+    top.  The cost is one solution per node of the top and per texel.
 
     Args:
         mesh: Mesh of the cover; its top is the surface on which the fast model solves contact.
@@ -29,19 +31,19 @@ def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material)
         ValueError: If the mesh cannot be used or a texel is not on its base.
     """
     responses = texel_responses(mesh, texels, material)
+    top = responses.finest.top
+    hats = spread_hats(top)
 
     def compute() -> dict[str, FloatArray]:
         compliance = NormalCompliance(build_solid(mesh, material))
-        nodes = np.flatnonzero(compliance.bearing)
-        rows = compliance.rows(nodes)[:, nodes]
-        return {"nodes": nodes.astype(float), "compliance": (rows + rows.T) / 2}
+        rows = hats.T @ (hats.T @ compliance.rows(np.arange(len(top.nodes)))).T
+        return {"compliance": (rows + rows.T) / 2}
 
-    found = result_store.fetch("curved-compliance", {"mesh": mesh.digest, "material": material}, compute)
-    nodes, top = found["nodes"].astype(np.int64), responses.finest.top
+    found = result_store.fetch("curved-hat-compliance", {"mesh": mesh.digest, "material": material}, compute)
     return CurvedCover(
-        points=top.nodes[nodes],
-        normals=top.normals[nodes],
-        influence=responses.finest.normal_influence[:, nodes] * texels.active[:, None],
+        points=top.nodes,
+        normals=top.normals,
+        influence=(responses.finest.normal_influence @ hats) * texels.active[:, None],
         compliance=found["compliance"],
         thickness=compute_volume(mesh) / measure_area(mesh, "base"),
     )

@@ -7,8 +7,10 @@ import pytest
 
 from fastmodel.curved.press import press_curved as press_fast
 from fem_reference.curved_cover import press_curved, texel_responses
+from fem_reference.curved_cover.pressure_shapes import evaluate_hats
 from meshes import Box, Material, Sphere
 from meshes.solids import phalanx
+from meshes.solids.facets import split_facet
 from meshes.spatial_pose import SpatialPose
 from validation.derivation.curved import derive_curved_cover
 
@@ -27,18 +29,25 @@ def mesh(cover):
 
 @pytest.mark.parametrize("direction", [(0, 0, -1.0), (-0.4, 0, -1.0), (0.2, 0.3, -1.0)])
 @pytest.mark.parametrize("shape", [Sphere(radius=5e-3), Box(size=(5e-3, 4e-3, 4e-3))], ids=["ball", "box"])
-def test_presses_equal_those_of_the_reference_on_the_same_mesh(cover, mesh, shape, direction):
+def test_presses_agree_with_those_of_the_reference_on_the_same_mesh(cover, mesh, shape, direction):
+    """Both have the same pressures; the fast model does not cut them at a sharp edge, as the reference does."""
+    close = 1e-2 if isinstance(shape, Sphere) else 5e-2
     fast = derive_curved_cover(mesh, cover.texels, RUBBER)
     pose = SpatialPose.facing(-20e-3 * np.array(direction) + np.array([0, 0, 5e-3]), direction)
     known = press_curved(mesh, cover.texels, RUBBER, shape, pose, depth=0.25e-3)
     found = press_fast(fast, shape, pose, load=known.load)
-    assert np.abs(found.texel_forces - known.texel_forces).sum() < 1e-3 * known.load
-    np.testing.assert_allclose(found.force, known.force, atol=2e-3 * known.load)
+    assert np.abs(found.texel_forces - known.texel_forces).sum() < close * known.load
+    np.testing.assert_allclose(found.force, known.force, atol=close * known.load)
 
 
-def test_influence_is_that_of_the_reference(cover, mesh):
+def test_a_uniform_pressure_presses_on_the_texels_as_in_the_reference(cover, mesh):
     fast = derive_curved_cover(mesh, cover.texels, RUBBER)
     known = texel_responses(mesh, cover.texels, RUBBER).finest
-    np.testing.assert_array_equal(fast.influence, known.normal_influence)
-    np.testing.assert_array_equal(fast.points, known.top.nodes)
+    top = known.top
+    np.testing.assert_array_equal(fast.points, top.nodes)
+    _, parts, _ = top.split(8)
+    hats = np.linalg.norm(parts, axis=2) @ evaluate_hats(9, split_facet(9, 8)[0])
+    forces = np.bincount(top.facets.ravel(), hats.ravel(), len(top.nodes))
+    expected = known.normal_influence @ top.areas
+    np.testing.assert_allclose(fast.influence @ forces, expected, atol=1e-3 * expected.max())
     assert np.linalg.eigvalsh(fast.compliance).min() > 0
