@@ -174,7 +174,7 @@ def _list_variations(measurement: Measurement, curve: Curve) -> dict[str, tuple[
 
 
 def interpolate_force(depth: FloatArray, force: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Return the force over depth as a spline of at most third degree through the logarithms.
+    """Return the force over depth as a spline of at most third degree through the logarithms, beyond its ends a power.
 
     Args:
         depth: Depths of the known forces, shape (n,), at least two different ones; equal depths have equal forces [m].
@@ -182,7 +182,13 @@ def interpolate_force(depth: FloatArray, force: FloatArray) -> Callable[[FloatAr
     """
     x, first = np.unique(np.log(depth), return_index=True)
     spline = make_interp_spline(x, np.log(force[first]), k=min(3, len(x) - 1))
-    return lambda wanted: np.exp(spline(np.log(wanted)))
+    slope = spline.derivative()
+
+    def rise(wanted: FloatArray) -> FloatArray:
+        inside = np.clip(np.log(wanted), x[0], x[-1])
+        return np.asarray(np.exp(spline(inside) + slope(inside) * (np.log(wanted) - inside)))
+
+    return rise
 
 
 def _estimate_scatter(measurement: Measurement, force: FloatArray) -> tuple[float | None, float]:
@@ -248,11 +254,12 @@ def _judge(measurement: Measurement, rows: Sequence[Row]) -> tuple[str, ...]:
         out = [f"The data allow {allowed[0]}, and not the other bound: its error exceeds 2 u_val."]
     else:
         out = [f"The data allow neither bound of friction: both errors exceed 2 u_val; {nearest.name} is nearer."]
-    forces = np.array([row.predicted for row in bounds])
-    beyond = scored & ((measurement.force < forces.min(axis=0)) | (measurement.force > forces.max(axis=0)))
+    errors = np.array([row.error for row in bounds])
+    far = np.abs(errors) > _ALLOWED * np.array([row.u_val for row in bounds])
+    beyond = scored & far.all(axis=0) & ((errors > 0).all(axis=0) | (errors < 0).all(axis=0))
     if beyond.any():
-        depths = ", ".join(f"{1e3 * depth:.3g} mm" for depth in measurement.depth[beyond])
-        out.append(f"The measured force lies outside both bounds at {depths}: no friction between them explains it.")
+        at = ", ".join(f"{1e3 * depth:.3g} mm" for depth in measurement.depth[beyond])
+        out.append(f"At {at}, the measured force lies more than 2 u_val outside both bounds: no friction explains it.")
     if nearest.misfit is not None and nearest.zero_shift is not None:
         before, after = (f"{100 * value:.2g} %" for value in nearest.misfit)
         when = "before" if nearest.zero_shift > 0 else "after"

@@ -135,3 +135,11 @@ def test_repeats_at_one_depth_count_each():
     given = measure(force, depth=depth, fitted=np.array([True, True, False]))
     assert fit_scale(given, np.array([5.0, 5.0, 20.0])) == pytest.approx(1.0)
     assert interpolate_force(depth, np.array([5.0, 5.0, 20.0]))(np.array([1.5e-3])) == pytest.approx([11.25])
+
+
+def test_beyond_the_measured_depths_the_force_goes_on_as_a_power():
+    depth = np.array([0.5, 1.0, 1.5, 2.0]) * 1e-3
+    rise = interpolate_force(depth, np.array([1.0, 3.0, 9.0, 11.0]))
+    for end, inwards in ((depth[0], 1.001), (depth[-1], 0.999)):
+        power = np.log(rise(inwards * end) / rise(end)) / np.log(inwards)
+        assert rise(end / inwards**50) == pytest.approx(rise(end) * inwards ** (-50 * power), rel=1e-3)
