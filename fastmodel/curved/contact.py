@@ -231,7 +231,7 @@ class CurvedReader:
         Where that fails too, the forces of the last step of the search stand.
         """
         found = solve_pressure(self._cover, bodies, loads, self._forces)
-        if not found.settled or _misses(self._cover, found, loads):
+        if not found.settled or misses_load(self._cover, found, loads):
             found = solve_pressure(self._cover, bodies, [load.without_moments() for load in loads])
         return found
 
@@ -276,13 +276,14 @@ class CurvedReader:
         return out
 
 
-def _misses(cover: CurvedCover, found: CurvedPressure, loads: list[Wrench]) -> bool:
-    """Return whether the forces differ from the loads by more than a hundredth along the first directions."""
-    total = found.forces @ cover.normals
-    loads = [load for load, many in zip(loads, found.points, strict=True) if many]
-    wanted = np.sum([load.vector for load in loads], axis=0) if loads else np.zeros(3)
-    direction = wanted / max(float(np.linalg.norm(wanted)), np.finfo(float).tiny)
-    return bool(abs((total - wanted) @ direction) > 1e-2 * sum(load.force for load in loads))
+def misses_load(cover: CurvedCover, found: CurvedPressure, loads: list[Wrench]) -> bool:
+    """Return whether the force of a body that touches differs from its load by more than a hundredth along the load."""
+    for number, load in enumerate(loads):
+        force = np.where(found.owner == number, found.forces, 0.0) @ cover.normals
+        length = float(np.linalg.norm(load.vector))
+        if found.points[number] and abs((force - load.vector) @ load.vector) > 1e-2 * load.force * length:
+            return True
+    return False
 
 
 def find_frame(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[FloatArray, FloatArray]:

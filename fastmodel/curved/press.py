@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from fastmodel.bench import add_geoms
 from fastmodel.contact.panels import Wrench
@@ -20,6 +21,9 @@ from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
 from meshes import Indenter
 from meshes.array_types import FloatArray, IntArray
 from meshes.spatial_pose import SpatialPose
+
+#: Number of neighbours of a point whose distance counts as the spacing of the points [-].
+_NEIGHBOURS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +61,8 @@ def press_curved(
         direction: Direction of motion, any length, shape (3,); that in which the indenter looks if None.
 
     Raises:
-        FastModelError: If the load is not positive, or the contact was not found.
+        FastModelError: If the load is not positive, the contact was not found, or the indenter fits between the points
+            of the cover.
         MissedArrayError: If the indenter never touches the cover.
     """
     if not 0 < load < np.inf:
@@ -69,6 +74,8 @@ def press_curved(
     )
     body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
     found = solve_pressure(cover, [body], [wrench])
+    if not found.points.any():
+        _refuse_small(cover.points, _find_middle(body), outward)
     if not found.settled:
         raise FastModelError(f"the contact under {load:.4g} N was not found; use a smaller load")
     return CurvedPress(
@@ -126,7 +133,7 @@ def _move_to_touch(cover: CurvedCover, body: PosedBody, outward: FloatArray) -> 
         MissedArrayError: If it never does.
     """
     facing = cover.points[cover.normals @ outward > 0]
-    middle = (body.position + np.einsum("pij,pj->pi", body.rotation, body.shape.centres)).mean(axis=0)
+    middle = _find_middle(body)
     # far in front of the cover, so that the whole body lies ahead of every point
     spans = (*np.ptp(cover.points, axis=0), *np.ptp(body.position, axis=0), body.shape.halves.max())
     size = float(max(spans))
@@ -134,5 +141,26 @@ def _move_to_touch(cover: CurvedCover, body: PosedBody, outward: FloatArray) -> 
     ahead = replace(body, position=body.position + start * outward)
     gap = measure_gaps(ahead, facing, np.broadcast_to(outward, facing.shape))
     if not np.isfinite(gap).any():
+        _refuse_small(facing, middle, outward)
         raise MissedArrayError("the indenter never touches the cover; check its position and direction")
     return replace(ahead, position=ahead.position - gap.min() * outward)
+
+
+def _find_middle(body: PosedBody) -> FloatArray:
+    """Return the mean of the centres of a body's solids, shape (3,) [m]."""
+    return np.asarray((body.position + np.einsum("pij,pj->pi", body.rotation, body.shape.centres)).mean(axis=0))
+
+
+def _refuse_small(points: FloatArray, middle: FloatArray, outward: FloatArray) -> None:
+    """Raise a FastModelError if a line against `outward` through the middle of an indenter passes between points."""
+    if len(points) <= _NEIGHBOURS:
+        return
+    flat = points - np.outer((points - middle) @ outward, outward)
+    tree = cKDTree(flat)
+    beside, nearest = tree.query(middle)
+    spacing = float(np.max(tree.query(flat[nearest], _NEIGHBOURS + 1)[0]))
+    if beside <= spacing:
+        raise FastModelError(
+            f"the indenter fits between the points of the fast model, {1e3 * spacing:.2g} mm apart; press by finite "
+            "elements, use a wider indenter, or derive the cover with smaller elements"
+        )

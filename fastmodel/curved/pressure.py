@@ -46,12 +46,14 @@ class CurvedPressure:
         travel: Distance that each body moved along the first direction of its load from the given pose, shape
             (bodies,) [m].
         points: Number of points in contact with each body, shape (bodies,) [-].
+        owner: Number of the body that is nearest to each point, the only one that can press on it, shape (m,) [-].
         settled: Whether contact and position of every body were found within the tolerances.
     """
 
     forces: FloatArray
     travel: FloatArray
     points: IntArray
+    owner: IntArray
     settled: bool
 
 
@@ -92,7 +94,7 @@ def solve_pressure(
         if found and np.abs(change).max() <= _SETTLED * cover.thickness:
             break
     points = np.bincount(owner[touching], minlength=len(bodies))
-    return CurvedPressure(forces=forces, travel=travel, points=points, settled=found)
+    return CurvedPressure(forces=forces, travel=travel, points=points, owner=owner, settled=found)
 
 
 def _solve_without(
@@ -102,10 +104,12 @@ def _solve_without(
     kept = np.flatnonzero(~missed).tolist()
     travel, points = np.zeros(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
     if not kept:
-        return CurvedPressure(forces=np.zeros(len(cover.points)), travel=travel, points=points, settled=False)
+        count = len(cover.points)
+        owner = np.zeros(count, dtype=np.int64)
+        return CurvedPressure(forces=np.zeros(count), travel=travel, points=points, owner=owner, settled=False)
     found = solve_pressure(cover, [bodies[each] for each in kept], [loads[each] for each in kept])
     travel[kept], points[kept] = found.travel, found.points
-    return replace(found, travel=travel, points=points)
+    return replace(found, travel=travel, points=points, owner=np.array(kept)[found.owner])
 
 
 def _measure(cover: CurvedCover, body: PosedBody, outward: FloatArray, travel: float) -> FloatArray:

@@ -181,6 +181,19 @@ def find_touch(top: FacetSurface, indenter: Indenter, pose: SpatialPose, directi
     return best
 
 
+def explain_miss(top: FacetSurface, pose: SpatialPose, direction: FloatArray) -> str:
+    """Say why an indenter does not touch: it passes between the points of the top that are searched, or beside it."""
+    facing = np.flatnonzero(top.normals @ direction < 0)
+    beside = np.linalg.norm(np.cross(top.nodes[facing] - pose.position, direction), axis=1)
+    spacing = float(np.sqrt(np.linalg.norm(top.split(1)[1], axis=2).mean()))
+    if beside.min(initial=np.inf) <= spacing:
+        return (
+            "the indenter is too small for this mesh: it passes between points of the elements, "
+            f"{1e3 * spacing:.2g} mm wide; use a wider indenter or smaller elements"
+        )
+    return "the indenter never touches the cover; check its position and direction"
+
+
 def _search_facet(
     top: FacetSurface, facet: int, start: FloatArray, motion: tuple[Indenter, SpatialPose, FloatArray]
 ) -> float:

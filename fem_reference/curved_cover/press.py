@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.curved_cover.contact import ContactForces, NormalCompliance, find_touch, solve_contact
+from fem_reference.curved_cover.contact import ContactForces, NormalCompliance, explain_miss, find_touch, solve_contact
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_error, texel_responses
@@ -132,7 +132,7 @@ def press_curved(
             progress(f"contact, {compliance.solid.unknowns} unknowns")
         touch = find_touch(compliance.top, indenter, pose, towards)
         if not np.isfinite(touch):
-            raise ValueError("the indenter never touches the cover; check its position and direction")
+            raise ValueError(explain_miss(compliance.top, pose, towards))
         thickness = measure_thickness(mesh)
         deepest = LARGEST_DEPTH * thickness
         sampler = GapSampler(compliance.top, indenter, pose, towards, touch + deepest)

@@ -9,6 +9,7 @@ import pytest
 
 import meshes
 from fastmodel.contact.panels import Wrench
+from fastmodel.curved.contact import misses_load
 from fastmodel.curved.cover import CurvedCover
 from fastmodel.curved.press import pose_indenter, press_curved
 from fastmodel.curved.pressure import solve_pressure
@@ -84,6 +85,18 @@ def test_two_bodies_each_carry_their_load():
     assert up[cover.points[:, 0] > 0].sum() == pytest.approx(0.4, rel=1e-6)
 
 
+def test_bodies_that_exchange_their_loads_are_noticed():
+    cover = dome()
+    bodies = [
+        pose_indenter(Sphere(radius=2e-3), SpatialPose.facing([x, 0, np.sqrt(1e-4 - 16e-6) + 2.5e-3], [0, 0, -1]))
+        for x in (-4e-3, 4e-3)
+    ]
+    loads = [load_of(0.2, (0, 0, -1)), load_of(0.4, (0, 0, -1))]
+    found = solve_pressure(cover, bodies, loads)
+    assert not misses_load(cover, found, loads)
+    assert misses_load(cover, found, loads[::-1])  # the sum of both is the same
+
+
 def test_restart_from_the_solution_changes_nothing():
     cover = dome()
     body = pose_indenter(Sphere(radius=6e-3), SpatialPose.facing([1e-3, 0, 10e-3], [0, 0, -1]))
@@ -95,6 +108,9 @@ def test_restart_from_the_solution_changes_nothing():
 def test_bad_presses_are_named():
     with pytest.raises(MissedArrayError, match="never touches"):
         press_curved(dome(), Sphere(radius=1e-3), SpatialPose.facing([0.1, 0, 0.1], [0, 0, -1]), load=1.0)
+    for place in ([0.29e-3, 0.29e-3, 0.1], [5.54e-3, 0.3e-3, 0.1]):
+        with pytest.raises(FastModelError, match=r"fits between the points .* 0\.5[0-9]* mm apart"):
+            press_curved(dome(), Sphere(radius=5e-5), SpatialPose.facing(place, [0, 0, -1]), load=1e-3)
     with pytest.raises(FastModelError, match="load must be positive"):
         press_curved(dome(), Sphere(radius=1e-3), SpatialPose.facing([0, 0, 0.1], [0, 0, -1]), load=-1.0)
 

@@ -159,6 +159,14 @@ def test_a_box_smaller_than_a_facet_finds_its_force():
     np.testing.assert_allclose(found.base_force, found.force, atol=1e-9)
 
 
+def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
+    for angle in (0.013, 0.21):
+        with pytest.raises(ValueError, match=r"too small for this mesh.* [12]\.?\d* mm wide"):
+            press_curved(MESH, COVER.texels, RUBBER, Sphere(radius=1e-5), at_angle(angle, y=0.3e-3), load=1e-3)
+    with pytest.raises(ValueError, match="never touches"):
+        press_curved(MESH, COVER.texels, RUBBER, Sphere(radius=1e-5), at_angle(0.0, y=7e-3), load=1e-3)
+
+
 def test_a_touch_below_the_resolution_is_refused():
     with pytest.raises(TooShallowError, match="less than the mesh"):
         press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), depth=1e-6)
