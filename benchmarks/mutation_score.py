@@ -12,6 +12,8 @@ mutant whose tests need more than about ten times their processor time counts as
 Neither mutmut nor cosmic-ray fits: mutmut 3 leaves decorated functions out and chooses among its mutants inside the
 process, where numba has compiled one; cosmic-ray changes the files of the tree itself and runs one fixed command.
 
+After changes of tests alone, `--survivors` runs only the mutants that no test has noticed yet.
+
 `--planted` plants the defects of `planted_defects.toml` instead, each of which its tests must notice.
 """
 
@@ -176,6 +178,7 @@ def try_mutant(seed: int, number: int, *, lines: Path, coverage: Path, code: str
                if old["outcome"] == "failed" and all(old[key] == record[key] for key in record)]  # fmt: skip
     tests = chooser.choose(mutant)
     batches = [[name] for name in earlier[-1:] if name in chooser.seconds] + chooser.batches(tests)
+    record["sources"] = hash_code(*PACKAGES)
     if not batches:
         return record | {"outcome": "no test", "test": "", "text": "", "cpu": 0.0, "tests": 0}
     return record | try_change(mutant.path, changed, batches, chooser.seconds) | {"tests": len(tests)}
@@ -211,7 +214,7 @@ def read_equivalent() -> list[dict[str, str]]:
 
 
 def _make_row(name: str, records: list[Record]) -> str:
-    """Make a row of the table: counts, score and its 95 % interval after Clopper and Pearson."""
+    """Make a row of the table: counts, score and its 95 % interval after Wilson."""
     from scipy.stats import binomtest
 
     counts = [sum(record["outcome"] == outcome for record in records)
@@ -219,7 +222,7 @@ def _make_row(name: str, records: list[Record]) -> str:
     killed, tried = counts[0] + counts[1], len(records) - counts[4]
     cells = [name, str(len(records)), *map(str, counts)]
     if tried:
-        low, high = binomtest(killed, tried).proportion_ci(0.95, method="exact")
+        low, high = binomtest(killed, tried).proportion_ci(0.95, method="wilson")
         return " | ".join(["", *cells, f"{100 * killed / tried:.1f} %", f"{100 * low:.1f}..{100 * high:.1f} %", ""])
     return " | ".join(["", *cells, "-", "-", ""])
 
@@ -253,7 +256,11 @@ def main() -> int:
         (__doc__ or "").split("\n\n")[0],
         name="mutation-score",
         cases=300,
-        switches={"--planted": "plant the listed defects", "--known": "use the coverage of other code"},
+        switches={
+            "--survivors": "run no mutant again that tests noticed before the tests changed",
+            "--planted": "plant the listed defects",
+            "--known": "use the coverage of other code",
+        },
     )
     code = hash_code(*PACKAGES, "tests")
     if given.planted:
@@ -268,7 +275,12 @@ def main() -> int:
         wanted = {"first": 0, "cases": len(TEST_FILES), "lines": coverage}
         run_cases(partial(measure_file, lines=coverage), Namespace(**vars(given) | wanted), code)
     work = partial(try_mutant, lines=given.lines, coverage=coverage, code=code)
-    text = write_score(run_cases(work, given, code), code)
+
+    def holds(record: Record) -> bool:
+        noticed = record["outcome"] in ("failed", "time") and record.get("sources") == hash_code(*PACKAGES)
+        return bool(given.survivors) and noticed
+
+    text = write_score(run_cases(work, given, code, holds=holds), code)
     print(text)
     if given.out:
         given.out.write_text(text + "\n")

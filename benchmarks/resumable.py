@@ -62,19 +62,30 @@ def read_options(
     return given
 
 
-def run_cases(work: Callable[[int, int], Record], given: argparse.Namespace, code: str) -> list[Record]:
+def run_cases(
+    work: Callable[[int, int], Record],
+    given: argparse.Namespace,
+    code: str,
+    *,
+    holds: Callable[[Record], bool] = lambda _: False,
+) -> list[Record]:
     """Work on the cases that have no record of this code yet, and return the records of all cases.
 
     Args:
         work: Function of seed and number that returns the record of a case; it runs in processes of its own.
         given: Options of `read_options`.
         code: Hash of the code.
+        holds: Whether a record of other code still holds, so that its case need not run again.
 
     Returns:
         Records in the order of their numbers.
     """
     wanted = range(given.first, given.first + given.cases)
-    done = {record["number"] for record in read_records(given.lines) if record.get("code") == code}
+
+    def usable(record: Record) -> bool:
+        return record.get("code") == code or holds(record)
+
+    done = {record["number"] for record in read_records(given.lines) if usable(record)}
     left = [number for number in wanted if number not in done]
     deadline = time.time() + 60 * given.minutes
     spawn = multiprocessing.get_context("spawn")
@@ -87,7 +98,7 @@ def run_cases(work: Callable[[int, int], Record], given: argparse.Namespace, cod
                 print(f"{count} of {len(jobs)} cases", file=sys.stderr)
     chosen: dict[int, Record] = {}
     for record in read_records(given.lines):
-        number, same = record["number"], record.get("code") == code
+        number, same = record["number"], usable(record)
         if number in wanted and (same or (given.older and chosen.get(number, {}).get("code") != code)):
             chosen[number] = record
     return [chosen[number] for number in sorted(chosen)]

@@ -2,7 +2,11 @@
 
 import ast
 import importlib
+import json
+from argparse import Namespace
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -63,13 +67,14 @@ def test_mutants_of_this_repository_parse(score):
 
 
 def test_tests_are_chosen_by_line_fastest_first_and_kernels_by_their_callers(score):
-    mutant = next(each for each in score.list_mutants(1) if each.path == "meshes/tilt.py" and each.runs)
+    mutants = score.find_mutants(ROOT, ("meshes/surfaces", "fastmodel/contact"))
+    mutant = next(each for each in mutants if each.path == "meshes/surfaces/gap.py" and each.runs)
     bits = f"{1 << mutant.lines[-1]:x}"
     records = [{"tests": {"slow": [2.5, {mutant.path: bits}], "quick": [0.1, {mutant.path: bits}], "other": [0.1, {}]}}]
     chooser = score.Chooser(records)
     assert chooser.choose(mutant) == ["quick", "slow"]
     assert chooser.batches(["quick", "slow"]) == [["quick"], ["slow"]]
-    kernel = next(each for each in score.list_mutants(1) if each.owner == "share_shear" and each.runs)
+    kernel = next(each for each in mutants if each.owner == "share_shear" and each.runs)
     caller = (ROOT / "fastmodel/contact/net_force.py").read_text().splitlines()
     lines = sum(1 << number for number, line in enumerate(caller, start=1) if "share_shear" in line)
     records = [{"tests": {"caller": [0.1, {"fastmodel/contact/net_force.py": f"{lines:x}"}]}}]
@@ -85,8 +90,8 @@ def test_scores_count_time_outs_as_killed_and_leave_out_equivalents(score, monke
     ]
     monkeypatch.setattr(score, "read_equivalent", lambda: [{"path": "meshes/a.py", "before": "x20", "after": "y"}])
     text = score.write_score(records, "code")
-    # 18 of 20: the interval of Clopper and Pearson, from tables
-    assert "| all | 21 | 17 | 1 | 1 | 1 | 1 | 90.0 % | 68.3..98.8 % |" in text
+    # 18 of 20: the interval of Wilson, (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n)
+    assert "| all | 21 | 17 | 1 | 1 | 1 | 1 | 90.0 % | 69.9..97.2 % |" in text
     assert "meshes/a.py:18 (passed, mutant 18)" in text
     assert "x20" not in text
 
@@ -101,3 +106,24 @@ def test_planted_defects_and_equivalent_mutants_fit_the_code(score):
     for entry in score.read_equivalent():
         assert entry["before"] in (ROOT / entry["path"]).read_text()
         assert entry["reason"]
+
+
+def _square(_seed, number):
+    return {"square": number**2}
+
+
+def test_finished_cases_of_the_same_code_and_those_that_still_hold_are_not_run_again(score, monkeypatch, tmp_path):
+    from resumable import run_cases
+
+    def run_here(_method):
+        return SimpleNamespace(Pool=lambda *_, **__: nullcontext(SimpleNamespace(imap_unordered=map)))
+
+    monkeypatch.setattr("multiprocessing.get_context", run_here)
+    lines = tmp_path / "lines"
+    old = [{"number": 0, "code": "new"}, {"number": 1, "code": "old", "noticed": True}, {"number": 2, "code": "old"}]
+    lines.write_text("".join(json.dumps(each) + "\n" for each in old))
+    given = Namespace(first=0, cases=4, seed=1, minutes=1, processes=1, lines=lines, older=False)
+    found = run_cases(_square, given, "new", holds=lambda record: "noticed" in record)
+    assert found[:2] == old[:2]
+    assert [(each["number"], each["square"]) for each in found[2:]] == [(2, 4), (3, 9)]
+    assert all(each["code"] == "new" for each in found[2:])
