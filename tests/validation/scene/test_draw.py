@@ -1,0 +1,173 @@
+"""What the three views of a cover show, without drawing them: what stands where, in which colours, and its captions."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from meshes import TexelArray
+from validation.scene import draw, rendering
+from validation.scene.cover_scene import CoverScene
+
+pyvista = pytest.importorskip("pyvista")
+
+#: Point of contact and largest distance from it that is drawn [mm].
+AT, AROUND = np.array([2.0, 1.0, 2.0]), 4.0
+
+
+@pytest.fixture
+def scene():
+    """A block of 16 x 16 x 2 mm of hexahedra of 1 mm, compressed by 0.05 mm, over 4 x 4 texels."""
+    grid = pyvista.ImageData(dimensions=(17, 17, 3), origin=(-8.0, -8.0, 0.0)).cast_to_unstructured_grid()
+    cells = grid.cells.reshape(-1, 9)[:, 1:]
+    cells = np.where(grid.celltypes[:, None] == pyvista.CellType.VOXEL, cells[:, [0, 1, 3, 2, 4, 5, 7, 6]], cells)
+    position = 1e-3 * np.asarray(grid.points, dtype=float)
+    forces = np.linspace(-0.001, 0.2, 16)
+    return CoverScene(
+        position=position, displacement=position * [0.0, 0.0, -0.025], cells=cells, thickness=2e-3,
+        surface=np.linspace(0.0, 5.0, len(position)), surface_label="pressure [kPa]",
+        inside=np.linspace(0.0, 7.0, len(position)), inside_label="displacement [mm]",
+        texels=TexelArray.grid(4, 4, pitch=4e-3), texel_forces=forces,
+        touched=1e-3 * AT, title="block", limits=1e-3 * AROUND,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def views(monkeypatch, tmp_path):
+    """Return the views of a scene: meshes by their scalars or colour, texts, ruled edges, camera."""
+    monkeypatch.setattr(rendering, "find_window_without_display", lambda: "")
+    drawn = []
+
+    def screenshot(plotter, _path):
+        drawn.extend(map(describe, plotter.renderers))
+        drawn.append(plotter.window_size)
+
+    monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
+
+    def show(scene):
+        drawn.clear()
+        draw.write_picture(scene, tmp_path / "cover.png")
+        return drawn
+
+    return show
+
+
+def describe(renderer):
+    """Copy what a renderer holds, as the plotter is closed after the picture."""
+    meshes, texts = [], []
+    for actor in renderer.actors.values():
+        if isinstance(actor, pyvista.Actor) and isinstance(actor.mapper.dataset, pyvista.DataSet):
+            mapper = actor.mapper
+            meshes.append(
+                SimpleNamespace(
+                    bounds=np.array(mapper.dataset.bounds), points=np.array(mapper.dataset.points),
+                    limits=tuple(mapper.scalar_range), name=mapper.array_name, opacity=actor.prop.opacity,
+                    colour=actor.prop.color.hex_rgb, logarithmic=mapper.lookup_table.log_scale,
+                )
+            )  # fmt: skip
+        elif isinstance(actor, pyvista.CornerAnnotation):
+            texts.append(actor.GetText(2))
+    camera, edges = renderer.camera, renderer.cube_axes_actor
+    return SimpleNamespace(
+        meshes=meshes, texts=texts, ruled=None if edges is None else np.array(edges.bounds),
+        marks=None if edges is None else (edges.n_xlabels, edges.n_ylabels),
+        focus=np.array(camera.focal_point), eye=np.array(camera.position), half=camera.parallel_scale,
+        parallel=camera.parallel_projection,
+        bars=[bar.title for bar in renderer.actors.values() if hasattr(bar, "title")],
+    )  # fmt: skip
+
+
+def test_the_surface_is_cut_off_around_the_contact_and_its_displacements_are_magnified(views, scene):
+    surface = views(scene)[0]
+    body, arrow = surface.meshes
+    # 20 x 0.05 mm would move it by more than 0.35 of the thickness
+    np.testing.assert_allclose(body.bounds, (-2, 6, -3, 5, 0, 2 - 10 * 0.05), atol=1e-5)
+    assert surface.texts == ["block\ncover; displacements x 10"]
+    assert (body.name, surface.bars) == ("surface", ["pressure [kPa]"])
+    assert body.limits == pytest.approx((0, np.quantile(scene.surface[1:], 0.999)))
+    np.testing.assert_allclose(surface.ruled, (-2, 6, -3, 5, 0, 1.6), atol=1e-9)  # in steps of 1, 1 and 0.2 mm
+    assert surface.marks == (9, 9)
+    # the arrow ends a twentieth of the thickness above the point of contact, and is 0.35 of the edge long
+    low, high = 2 + 0.1, 2 + 0.1 + 0.35 * 8
+    np.testing.assert_allclose(arrow.bounds[4:], (low, high), atol=1e-5)
+    np.testing.assert_allclose((arrow.bounds[:4:2] + arrow.bounds[1:4:2]) / 2, AT[:2], atol=1e-5)
+    assert (arrow.bounds[1] - arrow.bounds[0]) / 2 == pytest.approx(0.06 * 2.8, rel=0.05)
+    shaft = arrow.points[arrow.points[:, 2] > high - 1e-5] - [*AT[:2], high]
+    assert np.linalg.norm(shaft, axis=1).max() == pytest.approx(0.02 * 2.8, rel=1e-3)
+    assert 0 < arrow.opacity <= 1
+
+
+def test_the_section_shows_the_half_behind_the_contact(views, scene):
+    section = views(scene)[1]
+    (body,) = section.meshes
+    np.testing.assert_allclose(body.bounds, (-2, 6, 1, 5, 0, 1.5), atol=1e-5)
+    assert section.texts == ["\nsection through (2, 1, 2) mm"]
+    assert (body.name, section.bars, body.logarithmic) == ("inside", ["displacement [mm]"], False)
+    assert body.limits == pytest.approx((0, 7))  # displacements are finite everywhere: all of them have a colour
+
+
+def test_stresses_of_unlike_layers_have_a_logarithmic_scale(views, scene):
+    uneven = dataclasses.replace(scene, inside_label="von Mises stress [kPa]", logarithmic=True)
+    (body,) = views(uneven)[1].meshes
+    high = np.quantile(scene.inside[1:], 0.999)
+    assert body.logarithmic
+    assert body.limits == pytest.approx((1e-4 * high, high))
+
+
+def test_a_bar_on_each_texel_is_as_high_as_its_force(views, scene):
+    texels = views(scene)[2]
+    (bars,) = texels.meshes
+    points = bars.points.reshape(16, 8, 3)
+    heights = points[:, 4:, 2].max(axis=1)
+    np.testing.assert_allclose(heights[1:], 0.3 * 12 * scene.texel_forces[1:] / 0.2, rtol=1e-5)
+    assert heights[0] == pytest.approx(0.01 * 0.3 * 3.6, rel=1e-5)  # flat, not below the base
+    np.testing.assert_allclose(points[:, :4, 2], 0, atol=1e-6)
+    np.testing.assert_allclose(points.mean(axis=1)[:, :2], 1e3 * scene.texels.centres[:, :2], atol=1e-5)
+    np.testing.assert_allclose(np.ptp(points, axis=1)[:, :2], 0.94 * 4, atol=1e-5)
+    assert bars.limits == pytest.approx((0, 200))  # hardly negative forces have the colour of none
+    assert texels.texts == ["\n16 texels, sum 1.592 N"]
+    assert views(dataclasses.replace(scene, texel_forces=-scene.texel_forces[::-1]))[2].meshes[0].limits[0] == -200
+
+
+def test_the_camera_looks_at_all_of_a_view_from_the_front(views, scene):
+    drawn = views(scene)
+    assert drawn[-1] == [2400, 820]
+    for view in drawn[:-1]:
+        body = view.meshes[0]
+        size = np.linalg.norm(np.ptp(body.points, axis=0))
+        towards = view.eye - view.focus
+        np.testing.assert_allclose(towards, 2.5 * size * np.array([0.35, -0.75, 0.55]) / np.sqrt(0.9875), rtol=1e-5)
+        lowered = (body.bounds[::2] + body.bounds[1::2]) / 2 - view.focus
+        assert np.linalg.norm(lowered) == pytest.approx(0.06 * size, rel=1e-5)
+        assert lowered @ towards == pytest.approx(0, abs=1e-5)
+        assert lowered[2] > 0
+        assert view.parallel
+        assert view.half == pytest.approx(0.58 * size, rel=1e-5)
+
+
+def test_without_a_load_the_whole_cover_is_drawn_with_its_edges(views, scene):
+    alone = dataclasses.replace(
+        scene, displacement=0 * scene.position, surface=None, inside=None, texels=None, touched=None, limits=np.inf
+    )
+    surface, section, size = views(alone)
+    assert size == [1600, 820]
+    for view, y in ((surface, -8), (section, 0)):
+        body, edges = view.meshes
+        for bounds in (body.bounds, edges.bounds):
+            np.testing.assert_allclose(bounds, (-8, 8, y, 8, 0, 2), atol=1e-5)
+        assert view.bars == []
+    assert surface.texts == ["block\ncover"]
+    assert section.texts == ["\nsection through (0, 0, 1) mm"]
+
+
+def test_a_file_of_gltf_is_to_scale_and_in_metres(scene, monkeypatch, tmp_path):
+    monkeypatch.setattr(rendering, "find_window_without_display", lambda: "")
+    found = []
+    monkeypatch.setattr(
+        pyvista.Plotter, "export_gltf", lambda plotter, _, inline_data: found.append(describe(plotter.renderer))
+    )
+    draw.write_gltf(scene, tmp_path / "cover.gltf")
+    body, bars = found[0].meshes
+    np.testing.assert_allclose(body.bounds, 1e-3 * np.array([-2, 6, -3, 5, 0, 1.95]), atol=1e-8)
+    assert bars.bounds[5] == pytest.approx(3.6e-3)
