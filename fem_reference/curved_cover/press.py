@@ -149,9 +149,9 @@ def press_curved(
     return _collect(compliance, found[-1], depths[-1], values, texels, mesh, errors, warnings)
 
 
-@lru_cache(maxsize=6)
+@lru_cache(maxsize=3)
 def build_compliance(mesh: SolidMesh, material: Material) -> NormalCompliance:
-    """Build the compliance of the top of a mesh; the last six are kept, with the nodes that touched so far."""
+    """Build the compliance of the top of a mesh; the last three are kept, with the nodes that touched so far."""
     return NormalCompliance(build_solid(mesh, material))
 
 
