@@ -58,7 +58,7 @@ def _split(scores: RecordingScores, split: str, array: TexelArray) -> dict[str, 
         "fitted": ", ".join(next((row.fitted for row in rows if row.fitted), ())),
         "scored": ", ".join(rows[0].per_case),
         "example": example,
-        "images": _images(example, array, (*_SHOWN, null)),
+        "images": draw_example(example, array, (*_SHOWN, null)),
         "parameters": {
             FAST + (", texel gains" if row.texel_gains else ""): row.parameters for row in rows if row.model == FAST
         },
@@ -74,7 +74,17 @@ def _row(row: RecordingRow, null: str) -> dict[str, Any]:
     }
 
 
-def _images(example: RecordingExample, array: TexelArray, names: Sequence[str]) -> dict[str, Any]:
+def draw_example(example: RecordingExample, array: TexelArray, names: Sequence[str]) -> dict[str, Any]:
+    """Draw the recorded image, and those of models with their differences from it, in grey levels.
+
+    Args:
+        example: The images.
+        array: Array of the recorded sensor.
+        names: Models whose images are drawn if the example has them.
+
+    Returns:
+        `images`: name, image and difference or None, of each; `bars`: legends of the two scales, as HTML.
+    """
     recorded = example.recorded.astype(np.float64).ravel()
     shown = {name: example.predicted[name].astype(np.float64).ravel() for name in names if name in example.predicted}
     grey = Scale(

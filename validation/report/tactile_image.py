@@ -127,7 +127,7 @@ def _cell(array: TexelArray, index: int, value: float, scale: Scale) -> str:
 
 def choose_ink(colour: str) -> str:
     """Return black or white, whichever can be read on a colour `#rrggbb`."""
-    return "#000" if _luminance(colour) > _MIDDLE else "#fff"
+    return "#000" if measure_luminance(colour) > _MIDDLE else "#fff"
 
 
 def shorten(value: float) -> str:
@@ -145,7 +145,7 @@ def shorten(value: float) -> str:
 _MIDDLE = 0.179
 
 
-def _luminance(colour: str) -> float:
+def measure_luminance(colour: str) -> float:
     """Return the relative luminance of a colour `#rrggbb` (WCAG 2) [-]."""
     channels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]  # noqa: PLR2004 -- sRGB
