@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference.closed_form import indent, stuck_punch, stuck_shape
-from fem_reference.closed_form.rings import press_with_friction
+from fem_reference.closed_form.rings import _find_contact, _find_slip, press_with_friction
 from meshes import Cylinder, Sphere, TexelArray
 
 ARRAY = TexelArray.grid(3, 3, 3.4e-3)
@@ -52,3 +52,31 @@ def test_shear_obeys_coulombs_law_and_slip_reaches_the_edge(bonded):
     assert share[0] < 0.5
     low, high = (press_with_friction(bonded(0.3), BALL, 2e-4, mu, rings=48).force for mu in (0.05, 1.0))
     assert low < found.force < high
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rings_stick_or_slip_against_their_shear_whatever_the_way_there(seed):
+    """Of every ring: its shear is below the limit and it does not slip, or at the limit and it slips the other way."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(12, 12))
+    matrix = root @ root.T + 0.1 * np.eye(12)
+    wanted, limit = random.normal(size=12), np.maximum(random.uniform(-0.2, 1, 12), 0)
+    shear = _find_slip(matrix, wanted, limit)
+    slip = matrix @ shear - wanted
+    stuck = np.abs(slip) < 1e-9
+    assert (np.abs(shear) <= limit * (1 + 1e-9)).all()
+    assert np.abs(shear[~stuck]) == pytest.approx(limit[~stuck])
+    assert (slip * shear <= 1e-9).all()
+
+
+def test_pressures_push_and_no_ring_overlaps():
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        root = random.normal(size=(12, 12))
+        matrix, wanted = root @ root.T + 0.1 * np.eye(12), random.normal(size=12)
+        pressure, touching = _find_contact(matrix, wanted, wanted > 0)
+        apart = matrix @ pressure - wanted
+        assert (pressure >= 0).all()
+        assert (apart > -1e-9).all()
+        assert pressure @ np.abs(apart) == pytest.approx(0, abs=1e-9)
+        assert (pressure[~touching] == 0).all()

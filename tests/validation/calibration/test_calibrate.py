@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshes import Sphere
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
 from validation.calibration.calibrate import calibrate
 from validation.calibration.hold_out import score_hold_out
+from validation.calibration.observations import Observations, Placement, join_observations
 from validation.json_values import json_text
 
 
@@ -159,3 +161,21 @@ def test_intervals_cover_in_90_to_99_of_100(options):
             covered["poses"].extend(np.abs(values[:2] - [pose.x, pose.y]) <= widths[:2])
     shares = {name: np.mean(values) for name, values in covered.items()}
     assert all(0.9 <= share <= 0.99 for share in shares.values()), shares
+
+
+@pytest.mark.parametrize("creep", [np.arange(4.0), np.empty(0)], ids=["creep", "without creep"])
+def test_chosen_images_keep_all_that_belongs_to_them(creep):
+    rows = np.arange(4.0)
+    seen = Observations(
+        loads=1 + rows, counts=rows[:, None] + [10, 20], measured=rows[:, None] > [0, 2],
+        placements=tuple(Placement(name=str(k), indenter=Sphere(radius=1e-3)) for k in range(4)), groups=tuple("abcd"),
+        temperatures=20 + rows, ages=30 + rows, thresholds=40 + rows, creep=creep,
+    )  # fmt: skip
+    chosen = np.array([False, True, False, True])
+    some, others = seen.select(chosen), seen.select(~chosen)
+    back = join_observations([others, some])
+    for name, values in vars(seen).items():
+        assert np.array_equal(getattr(some, name), values[1::2]), name
+        assert np.array_equal(getattr(back, name), [*values[::2], *values[1::2]]), name
+    with pytest.raises(ValueError, match="no recordings"):
+        join_observations([])
