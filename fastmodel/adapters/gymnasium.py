@@ -263,8 +263,9 @@ def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, 
     }
     for index, frame in enumerate(kept):
         arrays["times"][index], arrays["counts"][index], arrays["images"][index] = frame.time, frame.counts, frame.image
-        if frame.net_force is not None and frame.net_torque is not None:
-            arrays["net_forces"][index], arrays["net_torques"][index] = frame.net_force, frame.net_torque
+        for name, vector in (("net_forces", frame.net_force), ("net_torques", frame.net_torque)):
+            if vector is not None:
+                arrays[name][index] = vector
     return {"made": len(kept), "dropped": len(frames) - len(kept), **arrays}
 
 

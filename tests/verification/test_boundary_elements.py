@@ -139,3 +139,13 @@ def test_a_masked_texel_carries_no_force(bonded, wts):
     assert masked[wts.middle] == 0
     assert np.delete(masked, wts.middle) == pytest.approx(np.delete(forces, wts.middle))
     assert forces.sum() == pytest.approx(found.total_force, rel=0.01)
+
+
+@pytest.mark.parametrize(("cells", "largest"), [(8, 1.0), (8, 0.05), (3, 0.1)])
+def test_cells_shrink_towards_the_edge_and_none_is_larger_than_allowed(cells, largest):
+    nodes = boundary._grade_toward_edge(2.0, cells, largest)
+    steps = np.diff(nodes)
+    assert (nodes[0], nodes[-1]) == pytest.approx((0, 2))
+    assert steps.max() <= largest
+    assert (np.diff(steps) < 0).all()
+    assert len(steps) == cells or steps.max() > 0.95 * largest

@@ -97,6 +97,8 @@ def test_the_force_follows_the_depth():
     assert weight == pytest.approx(long * wide * deep / 2, rel=1e-3)
     assert x / weight == pytest.approx(2 / 3 * long, rel=0.01)
     assert y / weight == pytest.approx(wide / 2, rel=0.01)
+    squares = np.floor((sums[:, 1:] / sums[:, :1] - bounds[0, :2]) / 1e-3)
+    assert sorted(map(tuple, squares)) == [(10 + k, 10 + m) for k in range(12) for m in range(4)]  # one entry each
     moved = spread_depths(corners + np.array([0, 0, 0.5e-3]), _divide(3, 12.0), bounds, (0.2e-3, 0.3e-3, 1e-3))
     np.testing.assert_allclose(moved, sums, rtol=1e-9)  # distance, less radius and margin, is the same
     assert not len(spread_depths(corners + np.array([0, 0, 1e-3]), _divide(3, 12.0), bounds, (0.0, 0.0, 1e-3)))

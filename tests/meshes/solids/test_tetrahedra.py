@@ -100,6 +100,33 @@ def test_slivers_and_coarse_meshes_are_refused():
         check_quality(flat).require()
 
 
+ONE = {
+    "nodes": np.eye(4, 3), "cells": np.array([[0, 1, 2, 3]]), "base": np.array([[0, 1, 2]]),
+    "top": np.array([[0, 1, 3], [1, 2, 3]]), "sides": np.array([[2, 0, 3]]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"nodes": np.eye(4, 2)}, "finite and have the shape"),
+        ({"nodes": np.where(np.eye(4, 3) > 0, np.nan, 0)}, "finite and have the shape"),
+        ({"cells": np.array([[0, 1, 2]])}, "hexahedra of 27 nodes or tetrahedra"),
+        ({"cells": np.zeros((0, 4), int)}, "hexahedra of 27 nodes or tetrahedra"),
+        ({"top": np.array([[0, 1, 3, 2]])}, "facets of the top"),
+        ({"base": np.zeros((0, 3), int)}, "no base"),
+        ({"cells": np.array([[0, 1, 2, 4]])}, "a node that it does not have"),
+        ({"sides": np.array([[2, 0, 4]])}, "a node that it does not have"),
+        ({"top": np.array([[0, 1, -1]])}, "a node that it does not have"),
+    ],
+)
+def test_meshes_that_do_not_fit_together_are_refused(change, words):
+    assert len(SolidMesh(**ONE, source="one").cells) == 1
+    assert len(SolidMesh(**ONE | {"sides": np.zeros((0, 3), int)}, source="one").sides) == 0
+    with pytest.raises(ValueError, match=words):
+        SolidMesh(**ONE | change, source="one")
+
+
 def test_millimetres_are_noticed_before_meshing():
     with pytest.raises(ValueError, match="millimetres taken for metres"):
         fill_with_tetrahedra(1e3 * BOX, 1e3 * BASE, 1.0)

@@ -15,7 +15,7 @@ import fastmodel
 from meshes import TexelArray
 from tests.support.virtual_port import answer_always
 from validation.cli.entry import main
-from validation.recordings import mcap_reader
+from validation.recordings import capture, mcap_reader
 from validation.weiss.sensor import Sensor
 
 pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
@@ -44,6 +44,12 @@ def test_a_recording_is_shown_and_imported_again(plug_in, tmp_path, capsys):
     assert replayed["frames"] == told["frames"]
     assert replayed["setup"]["load"] == pytest.approx(4.903325)
     assert replayed["setup"]["device"]["threshold"] == 9
+    delays = np.sort(mcap_reader.read(path).arrival_delays)
+    assert replayed["arrival_delays"] == {
+        "median_s": pytest.approx(np.median(delays)),
+        "p95_s": pytest.approx(np.interp(0.95 * (len(delays) - 1), np.arange(len(delays)), delays)),
+        "largest_s": delays[-1],
+    }
 
     status, _, errors = _run(capsys, "import", tmp_path / "a.csv", "--out", tmp_path / "b.mcap", "--note", "again")
     assert status == 0
@@ -53,6 +59,25 @@ def test_a_recording_is_shown_and_imported_again(plug_in, tmp_path, capsys):
     assert _run(capsys, "import", tmp_path / "a.csv", "--out", tmp_path / "b.mcap")[0] == 2
     status, _, errors = _run(capsys, "replay", path)
     assert "4.903 N; palm" in errors
+
+
+def test_every_option_of_record_reaches_the_sensor_or_the_recorder(plug_in, tmp_path, capsys, monkeypatch):
+    given = {}
+    record = capture.record
+    monkeypatch.setattr(
+        capture, "record", lambda sensor, path, **options: given.update(options) or record(sensor, path, **options)
+    )
+    port = plug_in()
+    options = ("--seconds", "0.2", "--run-length", "--interval-ms", "20", "--reconnect", "3", "--gain", "77")
+    status, out, _ = _run(capsys, "record", port.name, "--out", tmp_path / "a.mcap", "--note", "x", *options, "--json")
+    assert status == 0
+    assert {name: given[name] for name in ("seconds", "run_length", "interval_ms", "reconnect")} == {
+        "seconds": 0.2, "run_length": True, "interval_ms": 20, "reconnect": 3.0,
+    }  # fmt: skip
+    recording = mcap_reader.read(tmp_path / "a.mcap")
+    assert (np.diff(recording.ticks) >= 20).all()
+    assert recording.setup.device["gain"] == 77
+    assert json.loads(out)["frames"] <= 11
 
 
 def test_a_cut_off_recording_is_completed_in_place(plug_in, tmp_path, capsys):
