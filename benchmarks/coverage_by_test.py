@@ -67,7 +67,7 @@ def _measure(file: str, tree: Path, write: Callable[[dict[str, Any]], None]) -> 
     measured = coverage.Coverage(data_file=None, source=[str(tree / name) for name in PACKAGES], config_file=False)
     measured.start()
     contexts = _Contexts(measured)
-    pytest.main([*PYTEST, file], plugins=[contexts, KeptStore(tree.parent / "store")])
+    pytest.main([*PYTEST, file], plugins=[contexts, KeptStore(tree)])
     measured.stop()
     data = measured.get_data()
     shared: dict[str, dict[str, int]] = {}

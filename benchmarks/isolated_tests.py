@@ -87,11 +87,15 @@ def copied_tree(*, compiled: Path | None = None) -> Iterator[Path]:
 class KeptStore:
     """Pytest plug-in: tests read finite-element results that earlier tests stored.
 
-    Their keys hold a hash of the code, so no result of other code is read.
+    Their keys hold a hash of the code, so no result of other code is read.  What tests write beside the store, such as
+    the results of `tests/support/compute_once.py`, is removed with the copy: those would be results of other code.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, tree: Path) -> None:
+        self._folder = tree / "temporary" / "kept" / "store"
+        self._folder.parent.mkdir(exist_ok=True)
+        if not self._folder.exists():
+            self._folder.symlink_to(tree.parent / "store", target_is_directory=True)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[Any]) -> Iterator[None]:
@@ -139,7 +143,7 @@ def run_tests(
 
     def work(write: Callable[[dict[str, Any]], None]) -> None:
         signal.setitimer(signal.ITIMER_PROF, 4 * CONSTANT + extra)  # importing and collecting
-        store = KeptStore(tree.parent / "store")
+        store = KeptStore(tree)
         for batch in batches:
             clock = _Clock(write, seconds, extra)
             status = pytest.main([*PYTEST, "-x", *batch], plugins=[clock, store])

@@ -13,6 +13,7 @@ from fem_reference import point_spread
 from fem_reference.elements.line import Line, line_matrix
 from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.elements.tensor_product import TensorSolid
+from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, solve_adjoint
 from fem_reference.linear_response.mirror_symmetry import Resolution, mesh_quarter
 from fem_reference.sparse_solver import ConstrainedSystem
@@ -27,6 +28,17 @@ THREE = TexelArray.grid(3, 3, 3.4e-3)
 
 def one_grid(cover, array, resolution=COARSE):
     return SolidInfluence(cover=cover, array=array, grids=(solve_adjoint(cover, array, resolution),))
+
+
+def test_estimates_are_those_of_the_texels_under_their_own_loads(bonded):
+    """The largest error of a texel over the largest force, from the forces of the grids themselves."""
+    cover = replace(bonded(0.45), size=(9e-3, 13e-3))
+    grids = tuple(solve_adjoint(cover, SMALL, Resolution(across=n, through=2)) for n in (0.8, 1.2, 1.7))
+    found = SolidInfluence(cover=cover, array=SMALL, grids=grids)
+    own = np.array([np.diag(found._evaluate(grid, SMALL.centres[:, :2])) for grid in grids])
+    errors = [grid_convergence(list(each), found.sizes) for each in own.T]
+    assert found.error_estimate["peak_texel"] == pytest.approx(max(errors) / own[-1].max(), rel=1e-12)
+    assert found.error_estimate["total_force"] == pytest.approx(np.abs(grids[-1].whole - 1).max(), rel=1e-12)
 
 
 def foil_on_foam(**options):

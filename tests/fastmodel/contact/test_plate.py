@@ -5,7 +5,7 @@ import pytest
 import fastmodel
 from fastmodel import Plate, StateError
 from fastmodel.contact.force_kernels import press_plate, read_contacts
-from fastmodel.contact.plate import PlateReader, transform_poses
+from fastmodel.contact.plate import PlateReader, _sort_touches, transform_poses
 from fastmodel.pose import Pose
 from tests.support.cover_data import WTS
 from tests.support.posed_bodies import GRID
@@ -88,3 +88,15 @@ def test_contact_forces_that_are_not_finite_are_refused():
     data.efc_force[:] = np.nan
     with pytest.raises(StateError, match="not finite"):
         reader.find_contact(data)
+
+
+def test_contacts_go_to_bodies_that_press_to_points_and_to_pulls():
+    """Bodies 0, 1 and 3 of known shape, of which 1 pulls, and two contacts of unknown shape, one of which pulls."""
+    owner = np.array([3, 0, -1, 1, 0, -1])
+    touches = np.column_stack([np.arange(6.0), -np.arange(6.0), [5.0, 1.0, 2.0, -0.5, 3.0, -0.25]])
+    number, pressing, points, pulled = _sort_touches(owner, touches, [1])
+    assert number.tolist() == [1, 0, 0]
+    np.testing.assert_array_equal(pressing, touches[[0, 1, 4]])
+    np.testing.assert_array_equal(points, touches[[2]])
+    assert pulled == -0.75
+    assert pressing[:, 2].sum() + points[:, 2].sum() + pulled == touches[:, 2].sum()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -52,6 +53,22 @@ def test_ends_of_cylinder_and_capsule(kind, top, slanted):
     side = 4.0 if kind == CYLINDER else 5 - np.sqrt(0.75)
     expected = [5 - top, 5 - slanted, 4.0, np.inf if kind == CYLINDER else side]
     np.testing.assert_allclose(measure_gaps(body, points, along), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [CYLINDER, CAPSULE])
+def test_oblique_lines_meet_round_bodies_where_mujocos_rays_do(kind):
+    random = np.random.default_rng(2)
+    along = random.normal(size=(300, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    points = random.uniform(-1.5, 1.5, (300, 3)) * [1, 1, 2] - 9 * along
+    name = {CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER, CAPSULE: mujoco.mjtGeom.mjGEOM_CAPSULE}[kind]
+    size, turn = np.array([1.0, 2.0, 0.0]), np.eye(3).ravel()
+    expected = np.array(
+        [mujoco.mju_rayGeom(np.zeros(3), turn, size, *line, name) for line in zip(points, along, strict=True)]
+    )
+    assert 50 < (expected < 0).sum() < 250
+    found = measure_gaps(round_body(kind, 1.0, 2.0), points, along)
+    np.testing.assert_allclose(found, np.where(expected < 0, np.inf, expected), rtol=1e-9)
 
 
 def test_hull_of_a_cone_is_met_at_its_tip():

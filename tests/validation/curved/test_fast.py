@@ -24,6 +24,8 @@ def test_a_press_by_both_models_states_what_the_fast_one_misplaces(small_pad):
     np.testing.assert_allclose(described["texel_forces"], press.fast.texel_forces)
     np.testing.assert_allclose(described["texel_forces"], press.fem.texel_forces, atol=0.02)
     assert described["misplaced_force"] == press.fast.misplaced
+    apart = np.abs(press.fast.texel_forces - press.fem.texel_forces).sum()
+    assert press.fast.misplaced == pytest.approx(apart / 2 / 0.5)
     assert press_sensor(small_pad, Sphere(radius=4e-3), shape="ball", load=0.5).fast is None
 
 

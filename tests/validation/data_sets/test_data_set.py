@@ -252,3 +252,19 @@ def test_an_unused_folder_of_recordings_is_named(monkeypatch):
     assert describe_unused_recordings() is None
     monkeypatch.setenv("SOFTCOVER_RECORDINGS", "/my recordings")
     assert describe_unused_recordings().endswith("add --recordings '/my recordings'")
+
+
+def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path):
+    for name in ("a1", "a2", "a3", "b1"):
+        record(tmp_path / f"{name}.csv")
+    series = '[[series]]\nname = "%s"\nfiles = ["%s*.csv"]\nloads = {%s}\nuse = "%s"\n'
+    loads = ", ".join(f'"a{k}*" = "{k} N"' for k in (1, 2, 3))
+    one = HEAD + series % ("A", "a", loads, "fit")
+    (split,) = read(tmp_path, one).splits
+    assert (split.name, split.about) == ("A heavier", "A: light loads to heavy ones")
+    (light,), (heavy,) = split.fit, split.score
+    assert (light.series, light.most, heavy.series, heavy.least, split.place) == ("A", 1.0, "A", 2.0, ())
+    (split,) = read(tmp_path, one + series % ("B", "b", '"b*" = "2 N"', "score")).splits
+    assert (split.name, split.about) == ("other series", "A to B")
+    assert [[each.series for each in side] for side in (split.fit, split.place, split.score)] == [["A"], [], ["B"]]
+    assert read(tmp_path, HEAD + series % ("B", "b", '"b*" = "2 N"', "score")).splits == ()
