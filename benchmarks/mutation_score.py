@@ -36,9 +36,9 @@ from resumable import Record, hash_code, read_options, read_records, run_cases, 
 
 HERE = Path(__file__).resolve().parent
 #: Tests that run against one mutant take at most this processor time without it [s].
-BUDGET = 60.0
+BUDGET = 30.0
 #: Tests are collected in batches; limits between them [s].
-BATCHES = (2.0, 15.0)
+BATCHES = (2.0, 10.0)
 #: Processor time that a test may take besides, to compile changed kernels, or to compute finite-element results anew:
 #: kept results are those of unchanged `meshes` and `fem_reference` [s].
 RENEWAL = 120.0
