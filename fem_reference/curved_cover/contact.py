@@ -118,7 +118,7 @@ def solve_contact(
         forces=forces,
         nodal=nodal,
         area=float(gaps.area[closed].sum()),
-        spacing=float(np.sqrt(gaps.area[closed].mean())) if closed.any() else 0.0,
+        spacing=float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0,
         has_edge=bool((gaps.is_cut & (forces > 0)).any()),
         travel=travel,
         load=float(nodal @ rate),

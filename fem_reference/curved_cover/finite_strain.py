@@ -306,6 +306,7 @@ def _combine(  # noqa: PLR0917
     peak = float(np.abs(texel_forces).max())
     added = {
         "texel_forces": _estimate_effect(shares) * load / peak,
+        "misplaced_force": _estimate_effect(shares, summed=True) / 2,
         "total_force": _estimate_effect(shares.sum(axis=1)) * load / abs(float(texel_forces.sum())),
         other: _estimate_effect(stiffer - 1),
         "contact_area": _estimate_effect(areas - areas.mean()) / areas[-1],
@@ -333,8 +334,9 @@ def _combine(  # noqa: PLR0917
     )
 
 
-def _estimate_effect(values: FloatArray) -> float:
-    """Estimate the largest error of the effect of finite strain from its values on one or two meshes."""
+def _estimate_effect(values: FloatArray, *, summed: bool = False) -> float:
+    """Estimate the largest error of the effect of finite strain, or the sum of all, from it on one or two meshes."""
+    size = np.sum if summed else np.max
     if len(values) == 1:
-        return _ONE_MESH * float(np.abs(values).max())
-    return _SAFETY * float(np.abs(values[-1] - values[-2]).max())
+        return _ONE_MESH * float(size(np.abs(values)))
+    return _SAFETY * float(size(np.abs(values[-1] - values[-2])))

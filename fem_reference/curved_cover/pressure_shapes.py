@@ -3,7 +3,9 @@
 The contact pressure is interpolated linearly between the nodes of the top: each quadratic facet is split into four
 parts, on which the shape functions of the pressure (hats) are linear.  Gap and displacement count as their means over a
 hat (mortar method; Puso and Laursen 2004), so that an edge of the indenter moves across a facet without steps in the
-result.  Where a line along the normal does not meet the indenter there is no pressure: hats end at sharp edges.
+result.  Where a line along the normal does not meet the indenter there is no pressure: hats end at sharp edges.  Nor is
+there pressure where the gap is far larger than the overlap elsewhere, as below a steep side beside an edge: such a gap
+would lift the mean gap of a hat whose other part touches.
 """
 
 from __future__ import annotations
@@ -22,13 +24,16 @@ from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split
 from meshes.spatial_pose import SpatialPose
 
 #: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
-_PARTS = 8
+_PARTS = 16
 #: Parts of a facet's side in the search for facets that can be touched [-].
 _SEARCH_PARTS = 6
 #: Number of Gauss points along each side of a quadrilateral, and polynomial order of the quadrature on triangles [-].
 _GAUSS, _ORDER = 4, 5
 #: Share of a hat below the indenter up to which it carries no force, and from which it counts as whole [-].
 _LEAST_SHARE, _WHOLE = 1e-3, 0.999
+#: Gap up to which a point counts fully, and from which it does not count, over the deepest overlap or the distance of
+#: the points, whichever is larger [-]: beside a contact the surface rises by less than the overlap.
+_NEAR, _FAR = 1.0, 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +43,8 @@ class MeanGaps:
     Attributes:
         gap: Mean distance to the indenter along the normals; inf where there is no pressure, shape (m,) [m].
         rate: Mean decrease of the gap per travel of the indenter, shape (m,) [-].
-        area: Area of each hat below the indenter, shape (m,) [m2].
+        area: Area of the part of each hat that can touch, shape (m,) [m2].
+        whole: Area of each whole hat, shape (m,) [m2].
         is_cut: Whether a part of a hat lies beside the indenter, shape (m,).
         spread: Force on each node (row) per unit force of the pressure of each hat (column); the columns of hats with
             pressure sum to 1, shape (m, m) [-].
@@ -47,6 +53,7 @@ class MeanGaps:
     gap: FloatArray
     rate: FloatArray
     area: FloatArray
+    whole: FloatArray
     is_cut: BoolArray
     spread: sp.csc_matrix
     softness: FloatArray | float = 0.0
@@ -103,11 +110,13 @@ class GapSampler:
         count = len(self._top.nodes)
         gap = self._measure(travel)
         covered = np.isfinite(gap)
-        weight = self._weight * covered
+        height = np.where(covered, gap, 0.0)
+        near = np.maximum(np.sqrt(self._weight), -float(gap.min(initial=0.0)))
+        weight = self._weight * covered * np.clip((_FAR - height / near) / (_FAR - _NEAR), 0.0, 1.0)
         rate = -(self._normals @ self._direction)
-        whole, area, total, towards = (
+        whole, below, area, total, towards = (
             np.bincount(self._cells.ravel(), (each @ self._hat).ravel(), count)
-            for each in (self._weight, weight, weight * np.where(covered, gap, 0.0), weight * rate)
+            for each in (self._weight, self._weight * covered, weight, weight * height, weight * rate)
         )
         carries = area > _LEAST_SHARE * whole
         each = np.where(carries, area, np.inf)
@@ -116,7 +125,8 @@ class GapSampler:
             gap=np.where(carries, total / each, np.inf),
             rate=towards / each,
             area=np.where(carries, area, 0.0),
-            is_cut=area < _WHOLE * whole,
+            whole=np.asarray(whole, dtype=float),
+            is_cut=below < _WHOLE * whole,
             spread=spread,
         )
 
@@ -161,6 +171,7 @@ class PointSampler(GapSampler):
             gap=self._measure(travel).ravel(),
             rate=-(self._normals @ self._direction).ravel(),
             area=weight,
+            whole=weight,
             is_cut=np.zeros(len(weight), dtype=bool),
             spread=sp.csc_matrix((values, rows, pointer), shape=(len(self._top.nodes), len(weight))),
             softness=1 / (self._penalty * weight),

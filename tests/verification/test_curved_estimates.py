@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fem_reference import press
 from fem_reference.closed_form.curved import CylinderLayer, SpotLoad, touch_cylinder
@@ -48,6 +49,21 @@ def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(inde
     planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
     known = press(planar, cover.texels, indenter, load=load, at=at)
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
-    assert difference < ours.error_estimate["texel_forces"] < 0.05
-    assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] < 0.1
+    assert difference < ours.error_estimate["texel_forces"] < 0.15
+    misplaced = np.abs(ours.texel_forces - known.texel_forces).sum() / (2 * load)
+    assert misplaced < ours.error_estimate["misplaced_force"] < 0.04
+    assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] < 0.15
     assert abs(ours.contact_area / known.contact_area - 1) < ours.error_estimate["contact_area"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "tilt", "at"), [(4e-3, 5.0, (0.2e-3, 0.1e-3)), (8e-3, 9.9, (-3e-3, 0.1e-3))])
+def test_a_tilted_box_presses_as_on_the_planar_solution(size, tilt, at):
+    cover, load, tilt = flat_pad(size=(14e-3, 14e-3), rows=3), 0.2, np.radians(tilt)
+    box = Box(size=(size, 3e-3, 6e-3))
+    pose = SpatialPose(position=np.array([*at, 5e-3]), rotation=Rotation.from_rotvec([0, tilt, 0]).as_matrix())
+    ours = press_curved(cover.meshes(), cover.texels, RUBBER, box, pose, load=load, direction=[0, 0, -1])
+    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
+    known = press(planar, cover.texels, box, load=load, at=at, tilt=(0.0, tilt))
+    misplaced = np.abs(ours.texel_forces - known.texel_forces).sum() / (2 * load)
+    assert misplaced < ours.error_estimate["misplaced_force"] + known.error_estimate["peak_texel"] < 0.08

@@ -199,16 +199,20 @@ class CampaignResult:
 
 
 def texel_error(estimates: Mapping[str, float]) -> float:
-    """Return the estimated relative error of texel forces [-]: of the largest one, or on a curved cover of any."""
-    return estimates.get("peak_texel", estimates.get("texel_forces", 0.0))
+    """Return the estimated error of texel forces [-]: of the largest one, or on a curved cover the misplaced force."""
+    return estimates.get("peak_texel", estimates.get("misplaced_force", 0.0))
+
+
+def name_texel_error(estimates: Mapping[str, float]) -> str:
+    """Say what `texel_error` is a share of."""
+    return "the peak texel" if "peak_texel" in estimates else "the load, on wrong texels"
 
 
 def describe_reference_error(campaign: CampaignResult) -> str:
     """Describe the mean estimated error of the reference's texel forces in words."""
     if math.isnan(campaign.reference_error):
         return "not known, there is one mesh only"
-    which = "the peak texel" if "peak_texel" in campaign.noise_floor else "any texel, over the peak texel"
-    return f"{100 * campaign.reference_error:.2g} % of {which}"
+    return f"{100 * campaign.reference_error:.2g} % of {name_texel_error(campaign.noise_floor)}"
 
 
 def require_flat(reference: Indentation | CurvedReference) -> Indentation:

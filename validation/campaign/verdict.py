@@ -195,9 +195,9 @@ def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
     if limit is not None and math.isnan(floor):
         doubts.append("the reference's own error is not known, because there is one mesh only")
     elif limit is not None and floor > _RESOLVED * limit:
-        which = "the peak texel" if "peak_texel" in result.noise_floor else "texel forces"
+        which = "of the peak texel" if "peak_texel" in result.noise_floor else "in misplaced force"
         doubts.append(
-            f"the reference's own error of {which}, {100 * floor:.2g} %, is too large for a limit of "
+            f"the reference's own error {which}, {100 * floor:.2g} %, is too large for a limit of "
             f"{100 * limit:.2g} % on misplaced force"
         )
     return doubts

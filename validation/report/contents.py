@@ -18,6 +18,7 @@ from validation.campaign.results import (
     CampaignResult,
     CaseResult,
     describe_reference_error,
+    name_texel_error,
     require_flat,
     texel_error,
 )
@@ -134,8 +135,7 @@ def _tiles(evaluation: Evaluation) -> list[dict[str, str]]:
         {
             "value": "unknown" if math.isnan(floor) else f"{100 * floor:.2g} %",
             "name": "reference error",
-            "small": f"estimate for {'the peak' if 'peak_texel' in campaign.noise_floor else 'any'} texel, mean over "
-            "cases: the noise floor",
+            "small": f"estimate, share of {name_texel_error(campaign.noise_floor)}; mean over cases: the noise floor",
         },
     ]
     if evaluation.recordings is not None and any(row.split == _TILE_SPLIT for row in evaluation.recordings.rows):
@@ -256,7 +256,7 @@ def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Metric], *, cu
             "no spread, misplaced [%]",
             *([] if curved else ["texels lit after the WTS line"]),
             "depth of the reference [mm]",
-            f"{'any texel' if curved else 'peak'} error of the reference [%]",
+            f"{'misplaced force, estimated error' if curved else 'peak error'} of the reference [%]",
         ),
         rows=rows,
     )

@@ -125,7 +125,7 @@ def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -
         "bars": colour_bar(force) + colour_bar(apart),
         "picture": pictures.files.get(case.name),
         "misplaced": fast.score.misplaced_force,
-        "estimate": reference.error_estimate["texel_forces"],
+        "estimate": reference.error_estimate["misplaced_force"],
     }
 
 

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import types
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fem_reference import press
 from fem_reference.curved_cover.contact import find_touch, solve_contact
-from fem_reference.curved_cover.press import build_compliance, press_curved
+from fem_reference.curved_cover.press import _estimate, build_compliance, press_curved
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import measure_gaps
 from fem_reference.errors import PiercedError, TooShallowError
@@ -170,6 +173,38 @@ def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
 def test_a_touch_below_the_resolution_is_refused():
     with pytest.raises(TooShallowError, match="less than the mesh"):
         press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), depth=1e-6)
+
+
+def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():
+    top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2), RUBBER).top
+    tilted = Rotation.from_euler("y", 5, degrees=True).as_matrix()
+    pose = SpatialPose(position=np.array([0.13e-3, 0, 5e-3]), rotation=tilted)
+    down = np.array([0, 0, -1.0])
+    box = Box(size=(4e-3, 3e-3, 6e-3))
+    travel = find_touch(top, box, pose, down) + 0.1e-3
+    gaps = GapSampler(top, box, pose, down, travel).at(travel)
+    carries = np.isfinite(gaps.gap)
+    assert carries.any()
+    assert gaps.gap[carries].max() < 0.2e-3  # twice the overlap; the side is 6 mm high
+    assert np.abs(top.nodes[gaps.gap < 0, 0]).max() > 1.7e-3  # hats at the edge touch
+
+
+@pytest.mark.parametrize(
+    ("changes", "has_edge", "expected"),
+    [
+        ([[3.0, 0, -3], [1.0, 0, -1]], True, 1.5 * 3),
+        ([[3.0, 0, -3], [1.0, 0, -1]], False, 1.5 * 3 / 1.5**2),
+        ([[1.0, -1, 0], [2.0, -1, -1]], False, 1.5 * 2),
+        ([[2.0, -1, -1]], True, 3 * 2),
+    ],
+)
+def test_estimated_misplaced_force_is_half_the_sum_of_changes(changes, has_edge, expected):
+    forces = np.cumsum([[50.0, 30, 20], *changes], axis=0)
+    counts = (8, 27, 91.125)[: len(forces)]  # element sizes 3 : 2 : 1.33
+    meshes = tuple(types.SimpleNamespace(cells=np.empty(round(1000 * each))) for each in counts)
+    contact = types.SimpleNamespace(load=100.0, area=1.0, spacing=0.1, has_edge=has_edge)
+    errors = _estimate(meshes, forces, [contact] * len(meshes), [1.0] * len(meshes), "load")
+    assert errors["misplaced_force"] == pytest.approx(expected / 100)
 
 
 def test_a_deep_press_warns():

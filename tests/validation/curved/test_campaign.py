@@ -98,7 +98,7 @@ def test_fast_model_and_reference_agree_on_one_coarse_mesh(result):
     )
     assert ball["fast"] < 0.002
     assert 0.03 < ball["gaussian"] < ball["no-spread"]
-    assert edge["fast"] < 0.12 < edge["no-spread"]
+    assert edge["fast"] < 0.2 < edge["no-spread"]
     assert result.pooled.keys() == CURVED_MODELS.keys()
 
 
