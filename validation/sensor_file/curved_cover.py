@@ -208,6 +208,10 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
             source=f"tetrahedra of {path.name}",
         )
     quality = check_quality(mesh)
+    if (quality.slivers or quality.inverted) and path.suffix.lower() != ".npz":
+        raise ValueError(
+            "; ".join(quality.faults) + f': write surface = "{table.mesh}" instead of mesh, and its boundary is meshed'
+        )
     return CoverBody(
         source=f"{path.name}, {quality.elements} {quality.kind}",
         thickness=quality.thickness,
@@ -224,7 +228,7 @@ def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> Non
     if abs(total - inside) > _SAME * total:
         raise ValueError(
             f"{name} has tetrahedra that overlap: their volumes sum to {100 * total / inside:.6g} % of that inside "
-            "their boundary; mesh again, for example from its boundary, by surface instead of mesh"
+            "their boundary; write surface instead of mesh, and its boundary is meshed"
         )
 
 

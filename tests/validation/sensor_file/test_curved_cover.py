@@ -8,6 +8,7 @@ import trimesh
 
 from meshes.npz import pack_npz, unpack_npz
 from meshes.solids import fingertip, write_mesh
+from meshes.solids.triangles import enclosed_volume
 from validation.errors import InputError
 from validation.sensor_file import load
 from validation.sensor_file.sensor import has_curved_cover
@@ -163,6 +164,21 @@ def turn_some(nodes, cells):
 
 def tangle(nodes, cells):
     nodes[-1] = [0, 0, 9]
+
+
+def flatten(nodes, cells):
+    nodes[-1] = [0, 0, 4.999]
+
+
+def test_slivers_are_refused_with_a_way_out_that_works(tmp_path):
+    write_base(tmp_path)
+    write_tetrahedra(tmp_path / "cube.tet", flatten)
+    said = refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
+    assert "elements are slivers" in said
+    assert 'write surface = "cube.tet" instead of mesh' in said
+    path = write_sensor(tmp_path, TET.replace("mesh =", "surface ="))
+    (tmp_path / "texels.csv").write_text("x,y,z\n0,0,-5\n3,0,-5\n")
+    assert enclosed_volume(load(path).body.make.args[0].surface) == pytest.approx(1e-6)
 
 
 def test_turned_tetrahedra_are_repaired(tmp_path):
