@@ -56,6 +56,12 @@ def test_a_mesh_around_an_edge_is_finest_there(fine, ratio, edge, beyond):
     assert (steps > 0).all()
     assert steps[at - 1] == pytest.approx(fine)
     assert steps[:at].max() <= 1.5 * ratio * fine * (1 + 1e-9)  # the innermost element takes what is left
+    # towards the edge steps shrink by 1.2^2, beyond the largest inner step they grow by 1.2
+    np.testing.assert_allclose(steps[1 : at - 1], np.minimum(1.2**2 * steps[2:at], ratio * fine), rtol=1e-9)
+    outer = steps[at:-1]
+    growth = np.where(outer[:-1] < ratio * fine * (1 - 1e-9), 1.2**2, 1.2)
+    unclear = np.isclose(outer[:-1], ratio * fine)
+    np.testing.assert_allclose(outer[1:][~unclear], (growth * outer[:-1])[~unclear], rtol=1e-9)
 
 
 @QUICK
