@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 
 import pytest
 
@@ -89,3 +90,23 @@ def test_ranges_are_those_that_the_source_names(name, limits):
 def test_a_symmetric_spread_needs_one_number():
     material = MATERIALS["dragon-skin-30"]
     assert material.modulus_range == pytest.approx((0.5 * 669e3, 1.5 * 669e3))
+
+
+@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+def test_ranges_of_moduli_hold_the_modulus_and_are_those_of_the_source(material):
+    low, high = material.modulus_range
+    modulus = material.youngs_modulus
+    assert 0 < low < modulus < high or (low < modulus == high)
+    if percent := re.search(r"\+-(\d+) %", material.source):
+        assert (low, high) == pytest.approx([(1 + sign * int(percent[1]) / 100) * modulus for sign in (-1, 1)])
+    if factor := re.search(r"a factor of (\d+)", material.source):
+        assert (low, high) == pytest.approx((modulus / int(factor[1]), modulus * int(factor[1])))
+    if ends := re.search(r"(\d[\d.]*)\.\.(\d[\d.]*) (MPa|kPa)", material.source):
+        unit = {"MPa": 1e6, "kPa": 1e3}[ends[3]]
+        assert (low, high) == pytest.approx((float(ends[1]) * unit, float(ends[2]) * unit))
+    if ratios := re.search(r"nu (\d[\d.]*)\.\.(\d[\d.]*)", material.source):
+        middle, half = material.poisson_ratio, material.poisson_spread
+        assert (middle - half, middle + half) == pytest.approx((float(ratios[1]), float(ratios[2])))
+    if material.name.startswith("natural-rubber"):
+        assert (low, high) == pytest.approx((0.85 * modulus, 1.15 * modulus))
+        assert material.poisson_ratio == pytest.approx(0.5 - modulus / 6e9, abs=1e-4)

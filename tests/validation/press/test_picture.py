@@ -85,6 +85,25 @@ def test_files_are_pictures(comparison, tmp_path):
     assert (tmp_path / "press.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_path, monkeypatch):
+    saved = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: saved.append(figure))
+    write_picture(comparison, tmp_path)
+    figure = saved[0]
+    panels = [axes for axes in figure.axes if axes.images]
+    bars = [axes for axes in figure.axes if axes.get_xlabel() == "mN"]
+    assert (len(panels), len(bars)) == (3, 3)
+    for axes, (title, forces) in zip(panels, list_images(comparison), strict=True):
+        (image,) = axes.images
+        np.testing.assert_allclose(image.get_array(), 1e3 * forces.reshape(14, 6), atol=1e-12)
+        assert image.origin == "lower"
+        signed = title == "difference"
+        top = 1e3 * (np.abs(forces).max() if signed else 83 / 840)
+        assert image.get_clim() == pytest.approx((-top if signed else 0, top))
+        assert axes.get_title() == ("fast - finite elements" if signed else title)
+    assert figure.get_suptitle() == "sphere:radius=5mm on wts-0614-34, 4 N"
+
+
 def test_without_matplotlib_there_is_no_picture(comparison, tmp_path, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert write_picture(comparison, tmp_path) == ()

@@ -42,6 +42,7 @@ def views(monkeypatch, tmp_path):
     def screenshot(plotter, _path):
         drawn.extend(map(describe, plotter.renderers))
         drawn.append(plotter.window_size)
+        assert plotter.off_screen
 
     monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
 
