@@ -333,7 +333,7 @@ class RingContact:
             outside = (radius**2 - middle**2) ** 1.5
             return float(outside - ratio * ((radius**2 - inner**2) ** 1.5 - outside))
 
-        low, high = self._edges[[last, last + 2]] if last + 2 < len(self._edges) else self._edges[[last, last + 1]]
+        low, high = self._edges[[last, last + 2]]
         if miss(low) >= 0 or miss(high) <= 0:
             return float(self._edges[last + 1])
         return float(brentq(miss, low, high))

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from fem_reference import press, press_path
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation.press import _is_far_from_sides
 from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
 from meshes import Cylinder, Sphere, TexelArray
+from meshes.pose import Place, PlanarPose
 from tests.support.rubber import make_cover
 
 
@@ -70,3 +73,11 @@ def test_a_cover_too_wide_for_the_memory_is_solved_on_coarser_grids_or_refused(b
     assert 0.4 * GRIDS[-1].across <= wide[-1].across < GRIDS[-1].across
     with pytest.raises(ValueError, match=r"cover.size: 3000 x 3000 mm .* use a size of at most"):
         choose_grids(bonded(0.3, size=(3.0, 3.0)), TexelArray.grid(150, 150, 20e-3))
+
+
+@pytest.mark.parametrize(("at", "far"), [((0, 0), True), ((0, -5e-3), True), ((18e-3, 0), False), ((0, -13e-3), False)])
+def test_a_rubbing_contact_near_any_side_is_not_taken_for_one_on_a_wide_cover(at, far):
+    cover = make_cover(0.45, "linear-elastic", size=(40e-3, 30e-3))
+    path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", friction=0.3)
+    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose(at=at))
+    assert _is_far_from_sides(path, place, None) is far

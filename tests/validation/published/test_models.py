@@ -121,11 +121,11 @@ def robwork_code(scene, modulus, mask):
     for step in range(1, 20):
         depth = np.clip(step * 0.05e-3 - gaps, 0, None)
         area = (depth > 0).sum() * PITCH**2
-        misses.append((abs(2.0 / area - modulus * depth.sum() * PITCH**2 / (2e-3 * area)), depth))
+        misses.append((abs(scene.load / area - modulus * depth.sum() * PITCH**2 / (2e-3 * area)), depth))
         if len(misses) > 1 and misses[-1][0] > misses[-2][0]:
             misses.pop()
             break
-    force = misses[-1][1] / misses[-1][1].sum() * 2.0
+    force = misses[-1][1] / misses[-1][1].sum() * scene.load
     # one texel of the mask is a third of its width: 5 of 15 samples
     samples = [4 * (k / 15 - 0.5) for k in range(15)]
     value = [[max(1.224299065420561 / (1 + x * x + y * y) - 0.3476635514018692, 0) for x in samples] for y in samples]
@@ -133,7 +133,7 @@ def robwork_code(scene, modulus, mask):
     blocks /= blocks.sum()
     out = spread(force, lambda x, y: blocks[y + 1, x + 1] if max(abs(x), abs(y)) <= 1 else 0.0)
     out = np.minimum(out, 250e3 * PITCH**2)
-    return out * 2.0 / out.sum()
+    return out * scene.load / out.sum()
 
 
 def on_texels(scene, forces):
@@ -287,6 +287,15 @@ def test_indenter_between_all_texel_centres_is_not_seen(scene, name):
     texels, outside = PUBLISHED[name].predict(unseen, **PUBLISHED[name].shipped)
     assert not texels.any()
     assert outside == scene.load
+
+
+def test_forces_of_robworksim_end_at_its_largest_pressure(scene):
+    heavy = dataclasses.replace(scene, case=dataclasses.replace(scene.case, load=9.0))
+    values = PUBLISHED["robworksim-later"].shipped
+    texels, _ = PUBLISHED["robworksim-later"].predict(heavy, **values)
+    expected = robwork_code(heavy, **values)
+    assert np.isclose(expected, expected.max()).sum() > 1  # several texels are at the limit
+    np.testing.assert_allclose(texels, expected, rtol=1e-9)
 
 
 def test_mask_of_robworksim_has_a_unit_sum_at_any_width():
