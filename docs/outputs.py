@@ -67,7 +67,8 @@ OF_THIS_MACHINE = (
 )
 #: Lines of progress, which depend on the speed of the machine and on what is in the store.
 _PROGRESS = re.compile(
-    r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^the result store .*\n?|^.*ompil.*\n?|^ *[\d.]+ s  \d+ frames.*\n?",
+    r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^all reference solutions .*\n?|^the result store .*\n?|^.*ompil.*\n?"
+    r"|^ *[\d.]+ s  \d+ frames.*\n?",
     flags=re.MULTILINE,
 )
 #: Keys of stored results, which depend on the version of the code.
