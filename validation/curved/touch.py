@@ -19,6 +19,8 @@ from validation.errors import InputError
 
 #: Largest distance of a wanted place from the top, over the thickness of the cover [-].
 _OFF_TOP = 1.0
+#: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
+_BESIDE = 0.25
 #: Length of a direction below which it is none [-].
 _TINY = 1e-9
 
@@ -95,6 +97,7 @@ def find_touch_place(
     if at is None:
         middle = find_middle(texels)
         wanted = find_above(top, texels)[[middle]]
+        _require_above(wanted[0] - texels.centres[middle], texels.normals[middle], thickness, middle)
     else:
         wanted = np.array([_complete(at, texels, thickness)])
     weights, distance = top.locate(wanted)
@@ -113,6 +116,16 @@ def find_touch_place(
     if not length > _TINY:
         raise InputError("--direction: must not be zero; write for example --direction=0,0,-1")
     return Touch(point=point, direction=towards / length, yaw=yaw)
+
+
+def _require_above(offset: FloatArray, normal: FloatArray, thickness: float, texel: int) -> None:
+    """Refuse a point of the top that is not above a texel along its normal: the base there has no top, or two."""
+    beside = float(np.linalg.norm(offset - (offset @ normal) * normal))
+    if beside > _BESIDE * thickness:
+        raise InputError(
+            f"--at: is needed: texel {texel}, the nearest to the middle of all, has no surface of the cover above it "
+            f"(the nearest point is {1e3 * beside:.2g} mm beside its normal); write for example --at=0mm,2mm,8mm"
+        )
 
 
 def find_middle(texels: TexelArray) -> int:

@@ -1,5 +1,6 @@
 """Presses of curved covers from a sensor's description."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -55,6 +56,10 @@ def test_places_and_directions(small_pad):
     np.testing.assert_allclose(touch.pose.rotation[:, 2], [0, -0.6, 0.8], atol=1e-12)
     with pytest.raises(InputError, match="mm from the cover"):
         find_touch_place(mesh, texels, at=(0.0, 0.0, 9e-3))
+    turned = np.tile([0.8, 0.0, 0.6], (texels.count, 1))
+    away = dataclasses.replace(texels, normals=turned, centres=texels.centres + np.array([3e-3, 0, 0]))
+    with pytest.raises(InputError, match=r"texel 4, .* has no surface of the cover above it"):
+        find_touch_place(mesh, away)
     tip = CURVED["fingertip"]
     with pytest.raises(InputError, match="three lengths"):
         find_touch_place(tip.body.meshes()[0], tip.array, at=(0.0, 0.0))
