@@ -48,22 +48,34 @@ SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "box 12 x 12 mm": (Box(size=(12e-3, 12e-3, 6e-3)), 0.0, 1.0),
     "edge of a box": (Box(size=(8e-3, 14e-3, 8e-3)), np.pi / 4, 0.15),
 }
-#: Presses of `estimates`: name, indenter, load [N], places [mm], yaw and tilt about y [deg].
-FLAT_PLACES = ((0.0, 0.0), (0.2, 0.1), (0.5, 0.33), (1.3, -0.9), (4.5, 1.0))
-FLAT: tuple[tuple[str, Indenter, float, tuple[tuple[float, float], ...], float, float], ...] = (
-    ("ball 3 mm", Sphere(radius=3e-3), 0.3, FLAT_PLACES, 0.0, 0.0),
-    ("ball 8 mm", Sphere(radius=8e-3), 0.5, FLAT_PLACES, 0.0, 0.0),
-    ("box 4 x 3 mm", Box(size=(4e-3, 3e-3, 6e-3)), 0.5, FLAT_PLACES, 0.0, 0.0),
-    ("box 6 x 6 mm", Box(size=(6e-3, 6e-3, 6e-3)), 1.0, FLAT_PLACES, 0.0, 0.0),
-    ("box 4 x 3 mm, yaw 30", Box(size=(4e-3, 3e-3, 6e-3)), 0.3, ((0.4, 0.7), (2.1, -1.3)), 30.0, 0.0),
-    ("box 2.5 mm", Box(size=(2.5e-3, 2.5e-3, 6e-3)), 0.2, ((0.0, 0.0), (0.35, 0.8)), 20.0, 0.0),
-    ("box 8 x 2 mm", Box(size=(8e-3, 2e-3, 6e-3)), 0.5, ((0.3, 0.2), (-0.6, 0.45)), 40.0, 0.0),
-    ("box 12 x 12 mm", Box(size=(12e-3, 12e-3, 6e-3)), 1.0, ((0.3, 0.2), (3.0, 2.0)), 15.0, 0.0),
-    ("cylinder 2 mm", Cylinder(radius=2e-3), 0.3, ((0.3, 0.2), (-1.0, 0.6)), 0.0, 0.0),
-    ("box 6 x 6 mm, tilted 9", Box(size=(6e-3, 6e-3, 6e-3)), 0.3, ((0.2, 0.1), (-1.2, 0.7)), 30.0, 9.0),
-    ("box 4 x 3 mm, tilted 5", Box(size=(4e-3, 3e-3, 6e-3)), 0.2, ((0.2, 0.1), (-0.6, 0.45)), 10.0, 5.0),
-    ("box 8 x 14 mm, tilted 9.9", Box(size=(8e-3, 14e-3, 8e-3)), 0.3, ((-3.0, 0.1), (-2.3, 0.1)), 25.0, 9.9),
-)
+#: Presses of `estimates`: name, indenter, load [N], place [mm], yaw and tilts about x and y [deg].
+FLAT: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float, float]]] = [
+    (name, indenter, load, place, 0.0, (0.0, 0.0))
+    for name, indenter, load in (
+        ("ball 3 mm", Sphere(radius=3e-3), 0.3),
+        ("ball 8 mm", Sphere(radius=8e-3), 0.5),
+        ("box 4 x 3 mm", Box(size=(4e-3, 3e-3, 6e-3)), 0.5),
+        ("box 6 x 6 mm", Box(size=(6e-3, 6e-3, 6e-3)), 1.0),
+    )
+    for place in ((0.0, 0.0), (0.2, 0.1), (0.5, 0.33), (1.3, -0.9), (4.5, 1.0))
+] + [
+    ("box 4 x 3 mm", Box(size=(4e-3, 3e-3, 6e-3)), 0.3, (0.4, 0.7), 30.0, (0.0, 0.0)),
+    ("box 4 x 3 mm", Box(size=(4e-3, 3e-3, 6e-3)), 0.3, (2.1, -1.3), 70.0, (0.0, 0.0)),
+    ("box 2.5 x 2.5 mm", Box(size=(2.5e-3, 2.5e-3, 6e-3)), 0.2, (0.0, 0.0), 0.0, (0.0, 0.0)),
+    ("box 2.5 x 2.5 mm", Box(size=(2.5e-3, 2.5e-3, 6e-3)), 0.2, (0.35, 0.8), 20.0, (0.0, 0.0)),
+    ("box 8 x 2 mm", Box(size=(8e-3, 2e-3, 6e-3)), 0.5, (0.3, 0.2), 0.0, (0.0, 0.0)),
+    ("box 8 x 2 mm", Box(size=(8e-3, 2e-3, 6e-3)), 0.5, (-0.6, 0.45), 40.0, (0.0, 0.0)),
+    ("box 12 x 12 mm", Box(size=(12e-3, 12e-3, 6e-3)), 1.0, (0.3, 0.2), 0.0, (0.0, 0.0)),
+    ("box 12 x 12 mm", Box(size=(12e-3, 12e-3, 6e-3)), 1.0, (3.0, 2.0), 15.0, (0.0, 0.0)),
+    ("cylinder 2 mm", Cylinder(radius=2e-3), 0.3, (0.3, 0.2), 0.0, (0.0, 0.0)),
+    ("cylinder 3 mm", Cylinder(radius=3e-3), 0.5, (-1.0, 0.6), 0.0, (0.0, 0.0)),
+    ("box 6 x 6 mm", Box(size=(6e-3, 6e-3, 6e-3)), 0.3, (0.2, 0.1), 0.0, (0.0, 9.0)),
+    ("box 6 x 6 mm", Box(size=(6e-3, 6e-3, 6e-3)), 0.3, (-1.2, 0.7), 30.0, (0.0, 9.0)),
+    ("box 6 x 6 mm", Box(size=(6e-3, 6e-3, 6e-3)), 0.3, (0.7, -0.4), 0.0, (7.0, 7.0)),
+    ("box 4 x 3 mm", Box(size=(4e-3, 3e-3, 6e-3)), 0.2, (0.2, 0.1), 10.0, (0.0, 5.0)),
+    ("box 8 x 14 mm", Box(size=(8e-3, 14e-3, 8e-3)), 0.3, (-3.0, 0.1), 0.0, (0.0, 9.9)),
+    ("box 8 x 14 mm", Box(size=(8e-3, 14e-3, 8e-3)), 0.3, (-2.3, 0.1), 25.0, (0.0, 9.9)),
+]  # fmt: skip
 #: A length [m] or relative error [-] that counts as zero.
 SMALL = 1e-9
 #: Places of the 40 presses: a point on the line of motion [mm], and the direction of motion.
@@ -221,22 +233,20 @@ def compare_estimates() -> None:
     )
     cover = flat_pad(size=(14e-3, 14e-3), rows=3)
     planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(14e-3, 14e-3))
-    print("| shape | place [mm] | misplaced force: error, estimate [%] | texel forces | depth | contact area |")
+    print(
+        "| shape | place [mm], yaw, tilts [deg] | misplaced force: error, estimate [%] | texel forces | depth | area |"
+    )
     print("|---|---|---|---|---|---|")
-    for (name, indenter, load, _, yaw, tilt), (x, y) in ((case, place) for case in FLAT for place in case[3]):
-        turn = Rotation.from_euler("ZY", [yaw, tilt], degrees=True).as_matrix()
-        pose = SpatialPose(position=np.array([1e-3 * x, 1e-3 * y, 5e-3]), rotation=turn)
+    for name, indenter, load, (x, y), yaw, tilts in FLAT:
+        turn = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_rotvec([*tilts, 0.0], degrees=True)
+        pose = SpatialPose(position=np.array([1e-3 * x, 1e-3 * y, 5e-3]), rotation=turn.as_matrix())
         down = [0.0, 0.0, -1.0]
         found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, direction=down)
+        about_x, about_y = np.radians(tilts).tolist()
         exact = press(
-            planar,
-            cover.texels,
-            indenter,
-            load=load,
-            at=(1e-3 * x, 1e-3 * y),
-            yaw=float(np.radians(yaw)),
-            tilt=(0.0, float(np.radians(tilt))),
-        )
+            planar, cover.texels, indenter, load=load, at=(1e-3 * x, 1e-3 * y), yaw=float(np.radians(yaw)),
+            tilt=(about_x, about_y),
+        )  # fmt: skip
         difference = np.abs(found.texel_forces - exact.texel_forces)
         errors = {
             "misplaced_force": difference.sum() / (2 * load),
@@ -246,7 +256,8 @@ def compare_estimates() -> None:
         }
         ratios.append([found.error_estimate[key] / max(error, SMALL) for key, error in errors.items()])
         cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in errors.items())
-        print(f"| {name} | {x:g}, {y:g} | {cells} |", flush=True)
+        place = f"{x:g}, {y:g}; {yaw:g}; {tilts[0]:g}, {tilts[1]:g}"
+        print(f"| {name} | {place} | {cells} |", flush=True)
     covered, median = 100 * (np.array(ratios) >= 1).mean(axis=0), np.median(ratios, axis=0)
     print(
         "\nestimate at least the error, and median of estimate over error: "
