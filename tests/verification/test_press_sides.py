@@ -11,7 +11,7 @@ from fem_reference import press
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
-from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
+from meshes import Box, Cover, Layer, Material, Prism, Sphere, TexelArray
 from meshes.pose import PlanarPose
 
 PAD, THICKNESS = (8e-3, 6e-3), 4e-3
@@ -114,6 +114,9 @@ def test_symmetry_is_seen_in_the_pose():
     assert find_mirror_planes(bar, PlanarPose()) == (True, True)
     assert find_mirror_planes(bar, PlanarPose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
     assert find_mirror_planes(bar, PlanarPose(yaw=0.3)) == (False, False)
+    arrow = Prism(points=((0.0, 6e-3), (-5e-3, -4e-3), (5e-3, -4e-3)))
+    for turns, expected in enumerate([(True, False), (False, True), (True, False), (False, True)]):
+        assert find_mirror_planes(arrow, PlanarPose(yaw=turns * np.pi / 2)) == expected
 
 
 def test_pose_there_and_back():
