@@ -224,7 +224,7 @@ def indent(
     if bracket is None:
         reason = f"the contact reaches the rim of the {type(shape).__name__}"
         raise ValueError(reason if widest == rim else _describe_unresolved(cover))
-    a = float(np.exp(brentq(miss, *bracket, xtol=1e-11, rtol=1e-14)))
+    a = float(np.exp(brentq(miss, *bracket, rtol=1e-14)))
     return _require_push(_Equation(cover, a, nodes).solve(a, profile))
 
 

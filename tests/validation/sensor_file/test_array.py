@@ -48,3 +48,13 @@ def test_bad_table_of_texels(sensor, tmp_path, text, faults):
 def test_mask_switches_texels_off(sensor):
     description = load(sensor(GOOD.replace("rows = 3", "rows = 3\nmask = ['01', '11', '11']")))
     assert description.array.active.tolist() == [False, True, True, True, True, True]
+
+
+def test_a_table_of_positions_may_have_200_bytes_for_each_of_the_most_texels(sensor, tmp_path, faults):
+    path = sensor(GOOD.replace("rows = 3", "rows = 3\npositions = 'texels.csv'"))
+    text = "x,y,z\n" + "".join(f"{i * 1e-2},{i * 2e-3},0\n" for i in range(6))
+    full = text[:-1] + " " * (200 * 10_000 - len(text)) + "\n"
+    (tmp_path / "texels.csv").write_text(full)
+    assert load(path).array.count == 6
+    (tmp_path / "texels.csv").write_text(full + "\n")
+    assert "has more than the 1.907 MiB accepted" in faults(path)[0]
