@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from meshes import read_stl
 from meshes.surfaces import convex_hulls
@@ -52,3 +53,15 @@ def test_of_too_many_corners_the_outermost_are_kept(write_stl, monkeypatch):
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     extent = ((corners - [0, 0, 5e-3]) @ directions.T).max(axis=0)
     assert 5e-3 - extent.min() < 0.02 * 5e-3
+
+
+def test_the_corners_that_are_kept_of_a_ball_are_spread_evenly():
+    """Below its middle no point is farther from a kept corner than 1.6 times the reach of a hexagonal lattice."""
+    random = np.random.default_rng(0)
+    points = random.normal(size=(30_000, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    kept = convex_hulls._keep_outermost(points)
+    assert 0.9 * convex_hulls.MOST_CORNERS < len(kept) <= convex_hulls.MOST_CORNERS
+    apart = cKDTree(kept).query(points[points[:, 2] < 0])[0].max()
+    share = 2 * np.pi / (0.8 * convex_hulls.MOST_CORNERS)  # area of the lower half per direction below the middle
+    assert apart < 1.6 * np.sqrt(2 * share / (3 * np.sqrt(3)))
