@@ -35,6 +35,8 @@ _LARGE = (
 )
 #: A test may take this many times the processor time that it takes without a mutant, plus a constant [s].
 FACTOR, CONSTANT = 10.0, 15.0
+#: Further time for fixtures, which the test that comes first computes for all others [s].
+SHARED = 60.0
 #: Limit for a whole run, as it may also wait for something for ever [s, wall].
 WALL = 900.0
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "CI": "1"}
@@ -115,11 +117,19 @@ class _Clock:
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self._write({"test": item.nodeid})
-        limit = FACTOR * self._seconds.get(item.nodeid, 10 * CONSTANT) + CONSTANT + self._extra
-        signal.setitimer(signal.ITIMER_PROF, limit)
+        signal.setitimer(signal.ITIMER_PROF, self._limit(item) + SHARED)
         result = yield
         signal.setitimer(signal.ITIMER_PROF, 0)
         return result
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
+        signal.setitimer(signal.ITIMER_PROF, self._limit(item))
+        return (yield)
+
+    def _limit(self, item: pytest.Item) -> float:
+        """Return the longest processor time of a test without its fixtures [s]."""
+        return FACTOR * self._seconds.get(item.nodeid, 10 * CONSTANT) + CONSTANT + self._extra
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
