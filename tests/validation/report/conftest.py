@@ -15,8 +15,10 @@ CASES = (
 
 
 @pytest.fixture(scope="session")
-def evaluation(wts_derivation):  # whose solutions are read from the store
-    return compute_once("wts-evaluation", lambda: evaluate(load("wts-0614-34"), cases=CASES))
+def evaluation(wts_derivation):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("validation.campaign.evaluation.derive", lambda _sensor, **_: wts_derivation)
+        return compute_once("wts-evaluation", lambda: evaluate(load("wts-0614-34"), cases=CASES))
 
 
 @pytest.fixture(scope="session")
