@@ -75,9 +75,9 @@ def test_every_option_of_record_reaches_the_sensor_or_the_recorder(plug_in, tmp_
         "seconds": 0.2, "run_length": True, "interval_ms": 20, "reconnect": 3.0,
     }  # fmt: skip
     recording = mcap_reader.read(tmp_path / "a.mcap")
-    assert (np.diff(recording.ticks) >= 20).all()
+    assert (np.diff(recording.ticks) >= 19).all()  # whole milliseconds
     assert recording.setup.device["gain"] == 77
-    assert json.loads(out)["frames"] <= 11
+    assert json.loads(out)["frames"] == len(recording.times) > 1
 
 
 def test_a_cut_off_recording_is_completed_in_place(plug_in, tmp_path, capsys):
