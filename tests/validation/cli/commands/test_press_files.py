@@ -15,6 +15,7 @@ from validation.campaign.case import Case
 from validation.campaign.comparison import compare_models_as_far
 from validation.press.curve import trace_curve
 from validation.press.fields_file import write_indentation
+from validation.scene.rendering import RenderingError
 from validation.sensor_file import BUILT_IN
 
 ARRAY = TexelArray.grid(4, 4, pitch=3.4e-3)
@@ -22,8 +23,14 @@ BALL = Sphere(radius=4e-3)
 TOUCH = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "200g", "--model", "fem")
 
 
-def test_out_writes_contact_and_fields_that_others_can_read(softcover, tmp_path):
+def refuse_to_draw():
+    raise RenderingError("no graphics in this test")
+
+
+def test_out_writes_contact_and_fields_that_others_can_read(softcover, tmp_path, monkeypatch):
     pyvista = pytest.importorskip("pyvista")
+    # nothing is drawn in three dimensions, which takes most of the time: `scene/test_draw.py` tests that
+    monkeypatch.setattr("validation.scene.rendering.find_window_without_display", refuse_to_draw)
     folder = tmp_path / "pressed"
     status, out, _ = softcover(*TOUCH, "--out", str(folder), "--json")
     total = json.loads(out)["models"]["fem"]["total_force"]
