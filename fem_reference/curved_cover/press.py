@@ -35,12 +35,9 @@ _EDGE = 0.25
 #: Order with which changes of texel forces between meshes decrease at least, unless a sharp edge ends the pressure:
 #: then the error varies with the place of the edge on the mesh more than with the size of the elements [-].
 _SMOOTH = 2.0
-#: Safety factor on the largest change between successive meshes of half the sum of the texel forces, with which it
-#: covered the error in 34 of 36 single presses on flat pads.  The mean over many presses needs none: without it, it
-#: covered the mean error of each of 5000 draws of 16 of these presses [-].
-SINGLE_PRESS = 1.5
-#: Safety factors on the largest change of one texel, which covered 36 of 36, and of both with two meshes [-].
-_ONE_TEXEL, _TWO_MESHES = 2.5, 3.0
+#: Safety factors on the largest change of texel forces between successive meshes: of one texel, and of half the sum
+#: over all, with which 36 and 34 of 36 estimates covered the errors of presses on flat pads; of both with two meshes.
+_ONE_TEXEL, _SUM, _TWO_MESHES = 2.5, 1.5, 3.0
 #: Rank of the node, by its distance from the indenter, at whose touch the search for a load starts.
 _FIRST_NODES = 4
 #: Assumptions of every result.
@@ -277,7 +274,7 @@ def _estimate(
     edge = contacts[-1].has_edge
     errors = {
         "texel_forces": _estimate_change(changes.max(axis=1), meshes, edge, _ONE_TEXEL) / peak,
-        "misplaced_force": _estimate_change(changes.sum(axis=1) / 2, meshes, edge, SINGLE_PRESS) / contacts[-1].load,
+        "misplaced_force": _estimate_change(changes.sum(axis=1) / 2, meshes, edge, _SUM) / contacts[-1].load,
     }
     for name, values in single.items():
         errors[name] = estimate_error(values, meshes, least=_ORDER) / abs(float(values[-1]))

@@ -178,14 +178,8 @@ class CampaignResult:
 
     @property
     def reference_error(self) -> float:
-        """Estimated error of the reference's texel forces [-]: mean over cases of `texel_error`.
-
-        On a curved cover it is the error of the mean, without the safety factor of a single press.
-        """
-        from fem_reference.curved_cover.press import SINGLE_PRESS
-
-        error = texel_error(self.noise_floor)
-        return error if "peak_texel" in self.noise_floor else error / SINGLE_PRESS
+        """Mean over cases of the estimated error of the reference's texel forces [-]."""
+        return texel_error(self.noise_floor)
 
     def as_json(self) -> dict[str, Any]:
         """Return all results of the campaign as a dictionary of JSON values."""
