@@ -35,6 +35,8 @@ _MOST_LINES = 5
 #: second where the first cannot be compared.  An uneven seat misplaces the smaller a share of a load the heavier it is,
 #: so that the heaviest images show best what still heavier ones look like; without it all images count [-].
 _EXTRAPOLATION_POWERS = (1.0, 8.0)
+#: The same power elsewhere, with and without seating heights, which explain the images of light loads [-].
+_SEATED_POWER, _UNSEATED_POWER = 0.0, 1.0
 #: Tolerance for loads to count as equal [-].
 _SAME_LOAD = 1e-6
 
@@ -88,7 +90,6 @@ def score_recordings(
         rows=tuple(row for table in tables for row in table.rows),
         examples=tuple(table.make_example() for table in tables),
         about={name: method.about for name, method in methods.items()}
-        | {_SEATED: "as the fast model with texel gains, and a seating height per texel"}
         | {table.split.name: table.split.about for table in tables},
         notes={table.split.name: (compare_with_nulls(table.rows), *table.notes) for table in tables},
         files={image.file.name: image.sha256 for image in images},
@@ -105,10 +106,6 @@ def list_methods(sensor: SensorDescription, parameters: Parameters) -> dict[str,
         methods[f"{FAST}, boxes"] = make_fast_method(parameters, "boxes")
     methods["reference"] = make_reference_method(sensor.cover, sensor.array)
     return methods
-
-
-#: Name of the row with seating heights.
-_SEATED = f"{FAST}, seating heights"
 
 
 class _SplitTable:
@@ -132,7 +129,11 @@ class _SplitTable:
         self._shown = max(self._scored, key=lambda image: image.load)
         heavier = min(each.load for each in self._scored) > max(each.load for each in self._fitted)
         self._borrowed: list[str] = []
-        self._power = None if heavier else 1.0
+        # A seating height belongs to the seat of the indenter, so it says nothing about another placement; and the
+        # heavy loads, whose weight an extrapolation raises, do not show it.
+        seats = {image.file.placement.name for image in self._fitted}
+        self._seated = not heavier and all(image.file.placement.name in seats for image in self._scored)
+        self._power = None if heavier else _SEATED_POWER if self._seated else _UNSEATED_POWER
 
     def add_nulls(self) -> None:
         """Add a row for each null model, fitted to the same recordings as the models."""
@@ -166,17 +167,16 @@ class _SplitTable:
                 self._add_row(name, scores, kind="floor")
 
     def add_model(self, name: str, method: ContactMethod) -> None:
-        """Add rows for the forward model with a contact method: without and with texel gains, and seating heights."""
-        options = Options(output_max=float(self._sensor.electronics.output_max))
+        """Add rows for the forward model with a contact method: without gains and heights of texels, and with them."""
+        options = Options(output_max=float(self._sensor.electronics.output_max), heights=self._seated)
         if self._power is None:
             self._power = choose_power(method, observe(self._fitted), options)
         options = replace(options, load_power=self._power)
-        self._add_fit(name, self._fit(method, replace(options, gains=False)))
+        self._add_fit(name, self._fit(method, replace(options, gains=False, heights=False)))
         with_gains = self._fit(method, options)
         self._add_fit(name, with_gains)
         if name == FAST:
             self.notes = (*self._borrowed, *describe_fit(with_gains))
-            self._add_fit(_SEATED, self._fit(method, replace(options, heights=True)))
 
     def make_example(self) -> RecordingExample:
         """Return the recorded and predicted images of the heaviest scored recording."""

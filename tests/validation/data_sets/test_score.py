@@ -64,7 +64,8 @@ def read(data_set, letters):
 
 
 def fit(data_set, *, gains):
-    return fit_forward(uniform_method(), observe(read(data_set, FITTED)), Options(output_max=MOST, gains=gains))
+    options = Options(output_max=MOST, gains=gains, heights=gains, load_power=0.0)
+    return fit_forward(uniform_method(), observe(read(data_set, FITTED)), options)
 
 
 def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, score_set):

@@ -31,7 +31,7 @@ def mesh(cover):
 @pytest.mark.parametrize("shape", [Sphere(radius=5e-3), Box(size=(5e-3, 4e-3, 4e-3))], ids=["ball", "box"])
 def test_presses_agree_with_those_of_the_reference_on_the_same_mesh(cover, mesh, shape, direction):
     """Both have the same pressures; the fast model does not cut them at a sharp edge, as the reference does."""
-    close = 1e-2 if isinstance(shape, Sphere) else 5e-2
+    close = 1e-2 if isinstance(shape, Sphere) else 8e-2
     fast = derive_curved_cover(mesh, cover.texels, RUBBER)
     pose = SpatialPose.facing(-20e-3 * np.array(direction) + np.array([0, 0, 5e-3]), direction)
     known = press_curved(mesh, cover.texels, RUBBER, shape, pose, depth=0.25e-3)
