@@ -52,12 +52,12 @@ def _tabulate_requirements(evaluation: Evaluation) -> PageTable:
     rows = []
     for each in evaluation.verdict.findings:
         name, unit, factor = describe_metric(each.metric)
-        ends = "" if each.low == each.high else f"{factor * each.low:.3g} to {factor * each.high:.3g}"
+        ends = "" if each.low == each.high else f"{factor * each.low:.3g} to {factor * each.high:.3g} {unit}".strip()
         limit = f"{factor * each.limit:.3g} {unit}".strip()
         rows.append(
             [
                 Cell(text=name, small=each.over),
-                number(each.value, factor, small=ends),
+                number(each.value, factor, small=ends, unit=unit),
                 Cell(text=limit, value=each.limit),
                 Cell(text=_STATUS[each.status], bold=each.status != "met"),
             ]

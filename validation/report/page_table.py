@@ -46,7 +46,7 @@ class PageTable:
     texts: tuple[int, ...] = ()
 
 
-def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str = "") -> Cell:
+def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str = "", unit: str = "") -> Cell:
     """Make the cell of a number; a dash if it is None or NaN.
 
     Args:
@@ -54,10 +54,11 @@ def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str
         factor: Factor to the printed unit [-].
         digits: Number of significant digits [-].
         small: A second, smaller line.
+        unit: Printed unit, where the heading of the column does not name it.
     """
     if value is None or math.isnan(value):
         return Cell(text="\u2013", small=small)
-    return Cell(text=_format(factor * value, digits), value=value, small=small)
+    return Cell(text=f"{_format(factor * value, digits)} {unit}".strip(), value=value, small=small)
 
 
 def interval(pooled: Pooled, metric: Metric) -> Cell:

@@ -182,6 +182,23 @@ def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evalua
         assert float(row[14][1][0]) == pytest.approx(100 * result.reference.error_estimate["peak_texel"], rel=0.05)
 
 
+def test_the_table_of_requirements_prints_each_value_with_its_interval_and_unit(page, evaluation):
+    _, *rows = page.tables["requirements"]
+    for row, finding in zip(rows, evaluation.verdict.findings, strict=True):
+        factor = 1e3 if finding.metric.endswith("_m") else FACTORS.get(finding.metric, 1)
+        found, *interval = row[1][1]
+        number, *unit = found.split()
+        assert float(row[1][0]) == finding.value
+        assert is_printed(number, factor * finding.value)
+        assert unit == (["%"] if factor == 100 else row[2][1][0].split()[1:])
+        for text in interval:
+            low, _, high, *other = text.split()
+            assert is_printed(low, factor * finding.low)
+            assert is_printed(high, factor * finding.high)
+            assert other == unit
+        assert is_printed(row[2][1][0].split()[0], factor * finding.limit)
+
+
 def test_the_section_on_verification_prints_each_estimate_in_percent(page, evaluation):
     errors = [*evaluation.derivation.error_estimate.items(), *evaluation.campaign.noise_floor.items()]
     errors = [(name.replace("_", " "), value) for name, value in errors]
