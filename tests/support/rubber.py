@@ -27,13 +27,13 @@ def make_cover(poisson_ratio: float, model: str = "neo-hookean", *, thickness: f
     return Cover(layers=(layer,), **options)
 
 
-def make_solid(kind: str, poisson_ratio: float = 0.45) -> Solid:
-    """A small "block" or "ring" of elements, in units of one."""
+def make_solid(kind: str, poisson_ratio: float = 0.45, *, direct: float = 0.0) -> Solid:
+    """A small "block" or "ring" of elements, in units of one; `direct` as in `Solid.from_cover`."""
     ring = skfem.MeshQuad().refined(2).translated((0.5, 0.0))
     mesh = ring if kind == "ring" else skfem.MeshHex().refined(1)
     elements = prepare_elements(mesh, axisymmetric=kind == "ring")
     cover = make_cover(poisson_ratio)
-    return Solid.from_cover(elements, cover, Units.of(cover))
+    return Solid.from_cover(elements, cover, Units.of(cover), direct=direct)
 
 
 def count_unknowns(solid: Solid) -> int:

@@ -13,10 +13,11 @@ from fem_reference.finite_strain.loading_path import Units
 from tests.support.rubber import count_unknowns, draw_state, make_cover, make_solid
 
 
+@pytest.mark.parametrize("direct", [0.0, 2.0])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 @pytest.mark.parametrize("kind", ["ring", "block"])
-def test_force_and_tangent_are_derivatives_of_the_energy(kind, nu):
-    solid = make_solid(kind, nu)
+def test_force_and_tangent_are_derivatives_of_the_energy(kind, nu, direct):
+    solid = make_solid(kind, nu, direct=direct)
     state, direction = draw_state(solid, 0.02), draw_state(solid, 1.0, seed=1)
     force, tangent = solid.linearise(state)
     step = 1e-6
@@ -25,6 +26,24 @@ def test_force_and_tangent_are_derivatives_of_the_energy(kind, nu):
     change = (solid.linearise(ahead)[0] - solid.linearise(behind)[0]) / (2 * step)
     assert change == pytest.approx(tangent @ direction, abs=1e-6 * np.abs(change).max())
     assert abs(tangent - tangent.T).max() < 1e-12 * abs(tangent).max()
+
+
+@pytest.mark.parametrize("direct", [0.0, 2.0])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("kind", ["ring", "block"])
+def test_the_cauchy_stress_does_the_work_of_the_nodal_forces(kind, nu, direct):
+    solid = make_solid(kind, nu, direct=direct)
+    elements = solid.elements
+    state, motion = draw_state(solid, 0.02), draw_state(solid, 1.0, seed=1)
+    motion[elements.displacements :] = 0  # mean pressures
+    gradients = [np.zeros((*elements.weight.shape, 3, 3)) for _ in range(2)]
+    for gradient, moved in zip(gradients, (state, motion), strict=True):
+        for entry, (i, j) in zip(np.moveaxis(elements.compute_gradient(moved), -1, 0), elements.places, strict=True):
+            gradient[..., i, j] = entry
+    F = np.eye(3) + gradients[0]
+    spatial = gradients[1] @ np.linalg.inv(F)  # gradient of the motion in the deformed solid
+    power = (solid.cauchy_stress(state) * spatial).sum(axis=(2, 3)) * np.linalg.det(F) * elements.weight
+    assert power.sum() == pytest.approx(solid.linearise(state)[0] @ motion, rel=1e-9)
 
 
 def test_difference_quotients_detect_a_wrong_tangent():
