@@ -174,10 +174,12 @@ class _Pardiso:
     """LDL^T factorisation of symmetric indefinite matrices by MKL's pardiso (matrix type -2).
 
     pypardiso provides one solver object for the whole process, which holds one factorisation.  Here each system has a
-    copy with its own handle; the memory of the factors is released when this object is deleted.
+    copy with its own handle; the memory of the factors is released when this object is deleted.  The order of sums is
+    fixed for a number of threads (MKL's conditional numerical reproducibility), so that results are equal bit by bit.
     """
 
     def __init__(self, upper: sp.csr_matrix) -> None:
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # MKL reads it when it is first called
         import pypardiso
 
         # Creating a PyPardisoSolver searches the disk for MKL (0.2 s); copying the existing solver avoids the search.
@@ -187,8 +189,10 @@ class _Pardiso:
         self._solver.set_matrix_type(-2)
         # Parameters of pardiso by index: 1: no defaults; 2: nested dissection; 8: no iterative refinement, because
         # `SymmetricFactors` refines; 10: perturb pivots below 1e-8; 11, 13: neither scaling nor matching, because these
-        # need the values of the matrix before the symbolic analysis; 21: Bunch-Kaufman pivots.
-        for index, value in ((1, 1), (2, 2), (8, 0), (10, 8), (11, 0), (13, 0), (21, 1)):
+        # need the values of the matrix before the symbolic analysis; 21: Bunch-Kaufman pivots; 34: number of threads
+        # for which the order of sums is fixed.
+        threads = pypardiso.ps.libmkl.MKL_Get_Max_Threads()
+        for index, value in ((1, 1), (2, 2), (8, 0), (10, 8), (11, 0), (13, 0), (21, 1), (34, threads)):
             self._solver.set_iparm(index, value)
         weakref.finalize(self, self._solver.free_memory, everything=True).atexit = False
         self._upper = upper
