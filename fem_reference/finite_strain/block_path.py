@@ -140,7 +140,7 @@ def lay_out_block(
     size = min(1.0, 2 * min(halves)) / elements_per_thickness
     fine = _ON_LINE_ELEMENT * fillet if isinstance(indenter, FlatPunch) else _EDGE_ELEMENT * size
     most = _LARGEST_ELEMENT * size
-    if isinstance(indenter, FlatPunch) and not _is_rectangular(indenter):
+    if isinstance(indenter, FlatPunch) and not is_rectangular(indenter):
         finest = max(half / (1 if mirror else 0.5) for half, mirror in zip(halves, symmetric, strict=True))
         finest /= _MOST_ELEMENTS * elements_per_thickness
         fine = most = max(min(size, _OFF_LINE_ELEMENT * fillet), finest)
@@ -251,7 +251,7 @@ def _unfold(lines: list[FloatArray], values: FloatArray, symmetric: tuple[bool, 
     return lines[0], lines[1], values
 
 
-def _is_rectangular(shape: FlatPunch) -> bool:
+def is_rectangular(shape: FlatPunch) -> bool:
     """Return whether the face of a flat punch is a rectangle along x and y, so that its outline lies on mesh lines."""
     half = np.array(shape.footprint)
     corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]

@@ -103,6 +103,12 @@ class LoadingPath:
         """Whether the friction differs from that of the baseline."""
         return self.friction != self.baseline_friction
 
+    @property
+    def refines_in_turn(self) -> bool:
+        """Whether grids refine the radius of edges and the elements in turn: flat faces that rub, in 3-D."""
+        in_plane = self.cover.size is None and self.indenter.axisymmetric
+        return self.indenter.is_flat and self.has_friction_effect and not in_plane
+
 
 def choose_load_scale(cover: Cover) -> float:
     """Return the load scale with which a cover is solved: small if all layers have small-strain materials, else 1."""

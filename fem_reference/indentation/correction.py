@@ -22,9 +22,11 @@ from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.indentation.grid_solution import (
     BaseForces,
     GridSolution,
+    add_refinements,
     correct_solution,
     extrapolate_solutions,
 )
+from fem_reference.indentation.rounding import SolidGrid
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
@@ -37,8 +39,6 @@ CONTACT_ASSUMPTION = {
     "contact": "tractions and fields of the finest mesh of finite strain and friction, multiplied by one factor to the "
     "total force; their local error is that of this mesh, up to 10 % under edges"
 }
-#: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
-SOLID_GRIDS = (2, 3, 4)
 #: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
 #: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
 LEAST_FRICTION_ERROR, LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
@@ -58,7 +58,8 @@ class BlockModel:
         kind: Kind of the result in the result store.
         inputs: Inputs of the stored result besides loading path and grids.
         pose: Pose of the indenter in the frame of the mesh.
-        lay_out: Function that returns the block to mesh for a number of elements through the cover.
+        grids: The three grids.
+        lay_out: Function that returns the block to mesh on a grid.
         recover_pressure: Function that computes the base pressure of a solved state.
         integrate: Function that returns the forces on and outside the texels due to a base pressure, themselves a
             function of array and pose.
@@ -67,7 +68,8 @@ class BlockModel:
     kind: str
     inputs: Mapping[str, Any]
     pose: PlanarPose
-    lay_out: Callable[[int], Block]
+    grids: Sequence[SolidGrid]
+    lay_out: Callable[[SolidGrid], Block]
     recover_pressure: Callable[[BlockState], BasePressure]
     integrate: Callable[[BasePressure], BaseForces]
 
@@ -106,19 +108,18 @@ def correct_path(
     for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
         limit = extrapolate_solutions(grids) if flat and not path.baseline_friction else grids[-1]
         index = stops.index(solved)
-        out.append(
-            [
-                correct_solution(
-                    limit,
-                    baseline=without,
-                    full=with_effect,
-                    control=path.control,
-                    share=target / solved,
-                    area=grid.area if flat else None,
-                )
-                for without, with_effect, grid in zip(baseline[index], full[index], grids, strict=True)
-            ]
-        )
+        corrected = [
+            correct_solution(
+                limit,
+                baseline=without,
+                full=with_effect,
+                control=path.control,
+                share=target / solved,
+                area=grid.area if flat else None,
+            )
+            for without, with_effect, grid in zip(baseline[index], full[index], grids, strict=True)
+        ]
+        out.append(add_refinements(corrected) if path.refines_in_turn else corrected)
     return out
 
 
@@ -137,33 +138,33 @@ def solve_block_pair(
     def compute() -> dict[str, Any]:
         out: dict[str, Any] = {}
         coarser = None
-        for count in SOLID_GRIDS:
-            block = model.lay_out(count)
+        for number, grid in enumerate(model.grids):
+            block = model.lay_out(grid)
             baseline, full, coarser = press_paired(
                 path,
                 block,
                 approaches,
-                elements_per_thickness=count,
+                elements_per_thickness=grid.count,
                 coarser=coarser,
-                progress=name_grid(progress, count),
+                progress=name_grid(progress, grid.count),
             )
             for name, states in (("baseline", baseline), ("full", full)):
                 for i, state in enumerate(states):
-                    key = f"{name}_{count}_{i}"
+                    key = f"{name}_{number}_{i}"
                     x, y, pressure = model.recover_pressure(state)
                     out |= {f"x_{key}": x, f"y_{key}": y, f"pressure_{key}": pressure}
                     out[f"contact_{key}"] = state.contact
-                    if state.fields is not None and count == SOLID_GRIDS[-1]:
+                    if state.fields is not None and number == len(model.grids) - 1:
                         out |= state.fields.pack(f"fields_{key}")
                     out[f"scalars_{key}"] = np.array(
                         [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
                     )
         return out
 
-    data = result_store.fetch(model.kind, {"path": path, "grids": SOLID_GRIDS, **model.inputs}, compute)
+    data = result_store.fetch(model.kind, {"path": path, "grids": model.grids, **model.inputs}, compute)
     baseline, full = (
         [
-            [_read_solution(data, f"{name}_{count}_{i}", each, model) for count in SOLID_GRIDS]
+            [_read_solution(data, f"{name}_{k}_{i}", 1 / grid.count, each, model) for k, grid in enumerate(model.grids)]
             for i in range(len(path.targets))
         ]
         for name, each in (("baseline", path.baseline), ("full", path))
@@ -171,7 +172,9 @@ def solve_block_pair(
     return baseline, full
 
 
-def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, model: BlockModel) -> GridSolution:
+def _read_solution(
+    data: Mapping[str, FloatArray], key: str, size: float, path: LoadingPath, model: BlockModel
+) -> GridSolution:
     """Build one solution from stored arrays; forces and depth are divided by the load scale of the loading path."""
     load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
     force = load / path.load_scale
@@ -180,7 +183,7 @@ def _read_solution(data: Mapping[str, FloatArray], key: str, path: LoadingPath, 
     normal, *shear = np.array(forces) / path.load_scale
     turn = replace(model.pose, at=(0.0, 0.0))
     return GridSolution(
-        size=1 / float(key.split("_")[1]),
+        size=size,
         total_force=force,
         depth=depth / path.load_scale,
         area=area,

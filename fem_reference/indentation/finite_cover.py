@@ -24,13 +24,12 @@ from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
     CONTACT_ASSUMPTION,
     LEAST_FRICTION_ERROR,
-    SOLID_GRIDS,
     BlockModel,
     correct_path,
     solve_block_pair,
 )
 from fem_reference.indentation.grid_solution import GridStudy
-from fem_reference.indentation.rounding import choose_solid_fillet, scale_fillet, state_rounding
+from fem_reference.indentation.rounding import SolidGrid, choose_edge_safety, choose_solid_grids, state_rounding
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import FlatPunch, TexelArray
 from meshes.array_types import FloatArray
@@ -71,7 +70,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
             "its middle planes; press its middle, bond its base, or take linear-elastic layers"
         )
     accurate = small_strain.study_path(path, place, progress)
-    fillet = choose_solid_fillet(cover.thickness, indenter)
+    grids = choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn)
     points = accurate.solutions[-1][0].contact[:, :2]
     if isinstance(indenter, FlatPunch):
         points = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * indenter.footprint
@@ -79,17 +78,19 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         kind="bounded-press",
         inputs={"pose": pose},
         pose=pose,
-        lay_out=lambda count: lay_out_cover(path, pose, points, count, scale_fillet(fillet, count, SOLID_GRIDS)),
+        grids=grids,
+        lay_out=lambda grid: lay_out_cover(path, pose, points, grid),
         recover_pressure=recover_nodal_pressure,
         integrate=lambda base: partial(integrate_nodal, base),
     )
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, partial(solve_block_pair, model=model, progress=progress)),
+        edge_safety=choose_edge_safety(path, pose),
         least_order=1.0 if path.friction else 2.0,
         least_overlap=OVERLAP,
         least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
         accurate=accurate,
-        assumptions=state_rounding(indenter, fillet) | CONTACT_ASSUMPTION,
+        assumptions=state_rounding(indenter, min(grid.fillet for grid in grids)) | CONTACT_ASSUMPTION,
     )
 
 
@@ -116,29 +117,28 @@ def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> 
     return np.append(force, whole[0] @ pressure @ whole[1] - force.sum())
 
 
-def lay_out_cover(path: LoadingPath, pose: PlanarPose, contact: FloatArray, count: int, fillet: float) -> Block:
+def lay_out_cover(path: LoadingPath, pose: PlanarPose, contact: FloatArray, grid: SolidGrid) -> Block:
     """Choose the element edges of the whole cover, or of its half or quarter, with small elements around the contact.
 
     Args:
         path: Cover, indenter and targets.
         pose: Pose of the indenter in the frame of the array.
         contact: m points whose bounding rectangle contains the contact, in the frame of the indenter, shape (m, 2) [m].
-        count: Number of elements through the cover [-].
-        fillet: Radius of rounded edges of the indenter [m].
+        grid: Number of elements through the cover, and radius of rounded edges of the indenter.
     """
     cover, indenter = path.cover, path.indenter
     unit = path.units.length
     placed = np.stack(pose.to_array(*contact.T)) / unit
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
-    size = min(1.0, float((high - low).min())) / count
+    size = min(1.0, float((high - low).min())) / grid.count
     edge_on_line = isinstance(indenter, FlatPunch) and pose.is_aligned and not indenter.axisymmetric
-    fine = _EDGE * fillet / unit if edge_on_line else _INSIDE * size
+    fine = _EDGE * grid.fillet / unit if edge_on_line else _INSIDE * size
     symmetric = find_mirror_planes(indenter, pose)
     sides = [
         _grade_side((low[i], high[i]), float(ends[i]), fine=fine, coarse=size, symmetric=symmetric[i]) for i in (0, 1)
     ]
-    surface = IndenterSurface(indenter=indenter, fillet=fillet / unit, unit=unit, pose=pose)
+    surface = IndenterSurface(indenter=indenter, fillet=grid.fillet / unit, unit=unit, pose=pose)
     return Block(sides=sides, symmetric=symmetric, size=size, surface=surface, free=True)
 
 

@@ -28,14 +28,20 @@ from fem_reference.indentation.correction import (
     CONTACT_ASSUMPTION,
     LEAST_FRICTION_ERROR,
     LEAST_PAIRED_FRICTION_ERROR,
-    SOLID_GRIDS,
     BlockModel,
     SolvedPair,
     correct_path,
     solve_block_pair,
 )
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
-from fem_reference.indentation.rounding import choose_fillet, scale_fillet, state_rounding
+from fem_reference.indentation.rounding import (
+    SolidGrid,
+    choose_edge_safety,
+    choose_fillet,
+    choose_solid_grids,
+    scale_fillet,
+    state_rounding,
+)
 from fem_reference.linear_response.mesh_reach import choose_reach, choose_solid_reach, warn_of_boundary
 from fem_reference.linear_response.point_spread import PointSpread
 from meshes import TexelArray
@@ -88,6 +94,7 @@ def study_path(
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
     return GridStudy(
         solutions=solutions,
+        edge_safety=choose_edge_safety(path, PlanarPose()),
         least_order=2.0 if corrected and not path.has_friction_effect else 1.0,
         least_overlap=OVERLAP,
         least_error=_choose_least_error(path),
@@ -122,23 +129,23 @@ def _solve_pair(
         baseline, full = (_solve_axisymmetric(each, contact, progress, refinement) for each in (path.baseline, path))
         return baseline, full
     half_x, half_y = indenter.footprint if indenter.is_flat else np.abs(contact[:, :2]).max(axis=0)
-    fillet = choose_fillet(cover.thickness, indenter)
     reach = choose_solid_reach(cover)
 
-    def lay_out_grid(count: int) -> Block:
-        """Return the block to mesh with `count` elements through the cover."""
+    def lay_out_grid(grid: SolidGrid) -> Block:
+        """Return the block to mesh on a grid."""
         return lay_out_block(
             path,
-            elements_per_thickness=count,
+            elements_per_thickness=grid.count,
             contact_half=(float(half_x), float(half_y)),
-            fillet=scale_fillet(fillet, count, SOLID_GRIDS),
+            fillet=grid.fillet,
             reach=reach,
         )
 
     model = BlockModel(
         kind="finite-press",
-        inputs={"fillet": fillet},
+        inputs={},
         pose=PlanarPose(),
+        grids=choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn),
         lay_out=lay_out_grid,
         recover_pressure=recover_gauss_pressure,
         integrate=lambda base: partial(integrate_spline, base),

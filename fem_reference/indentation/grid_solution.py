@@ -74,6 +74,9 @@ class GridStudy:
         solutions: For every target the three solutions, coarsest grid first.
         least_order: Smallest order of convergence that error estimates assume [-].
         most_order: Largest order of convergence that error estimates assume [-].
+        edge_safety: Safety factor on the change from the first to the second solution if this refines only the radius
+            of rounded edges, to half, and the third solution the elements besides (`add_refinements`); 0 if all three
+            refine everything [-].
         extrapolate: Whether a result is the value extrapolated to element size zero with order 1, or else the value on
             the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
             proportional to the element size.
@@ -89,6 +92,7 @@ class GridStudy:
     solutions: Sequence[Sequence[GridSolution]]
     least_order: float
     most_order: float = 4.0
+    edge_safety: float = 0.0
     extrapolate: bool = False
     least_overlap: float = 0.0
     least_error: float = 0.0
@@ -114,8 +118,9 @@ class GridStudy:
         """Estimate the relative discretisation error of `combine(grids, quantity)` [-].
 
         The error of an extrapolated result is its change from the extrapolation of the two coarser grids times a safety
-        factor, but at least a share of the extrapolation itself.  In all other cases the error is the grid convergence
-        index.
+        factor, but at least a share of the extrapolation itself.  If radius and elements are refined in turn, the
+        errors of both are added, each with convergence of order 1.  In all other cases the error is the grid
+        convergence index.
 
         Args:
             grids: Solutions of one target, coarsest grid first.
@@ -129,6 +134,9 @@ class GridStudy:
             coarse, middle, _ = sizes
             before = values[1] + (values[1] - values[0]) * middle / (coarse - middle)
             error = max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2]))
+        elif self.edge_safety:
+            elements = abs(values[2] - values[1]) * sizes[2] / (sizes[1] - sizes[2])
+            error = self.edge_safety * abs(values[1] - values[0]) + _SAFETY * elements
         else:
             error = grid_convergence(values, sizes, least=self.least_order, most=self.most_order)
         return max(error / abs(result), self.least_error)
@@ -192,7 +200,11 @@ def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
     Args:
         solutions: Solutions of one target on several grids, coarsest first.
     """
-    weights = weigh_grids(solutions)
+    return _combine_solutions(solutions, weigh_grids(solutions))
+
+
+def _combine_solutions(solutions: Sequence[GridSolution], weights: Sequence[float]) -> GridSolution:
+    """Compute the weighted mean of force, depth, energy and texel forces; all else is that of the last solution."""
     return replace(
         solutions[-1],
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
@@ -200,6 +212,21 @@ def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
         base_forces=lambda array, pose: _average(solutions, weights, lambda each: each.base_forces(array, pose)),
         energy=float(_average(solutions, weights, lambda each: each.energy)),
     )
+
+
+def add_refinements(solutions: Sequence[GridSolution]) -> list[GridSolution]:
+    """Turn solutions that refine one property each into successive refinements.
+
+    The two refinements are assumed to be independent of each other (combination technique, Griebel et al. 1992).
+    Contact area, overlap, contact points and fields of the last one are those of the solution with smaller elements.
+
+    Args:
+        solutions: A solution, one with edges of smaller radius, and one with smaller elements.
+
+    Returns:
+        The first two solutions, and the second one plus the change from the first one to the third one.
+    """
+    return [*solutions[:2], _combine_solutions(solutions, (-1.0, 1.0, 1.0))]
 
 
 def correct_solution(

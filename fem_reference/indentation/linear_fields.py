@@ -21,6 +21,7 @@ from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.indentation.finite_cover import lay_out_cover
+from fem_reference.indentation.rounding import SolidGrid
 from fem_reference.linear_response import axisymmetric
 from fem_reference.linear_response.mesh_reach import choose_linear_reach, choose_solid_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
@@ -124,7 +125,7 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
 def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose, depth: float) -> CoverFields:
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
-    block = lay_out_cover(path, pose, contact[:, :2], _SOLID_COUNT, size)
+    block = lay_out_cover(path, pose, contact[:, :2], SolidGrid(count=_SOLID_COUNT, fillet=size))
     return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 

@@ -208,7 +208,7 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
         )
     in_plane = path.cover.size is None and path.indenter.axisymmetric
     rubbing = None
-    # Not in three dimensions at finite strain: the estimate does not cover the error there (4.8 % on a pad).
+    # Not in three dimensions at finite strain, where the effect of rounded edges on the correction would be larger.
     if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
         rubbing = no_slip.study_path(path, place, progress)
     if rubbing is None and path.friction and in_plane:

@@ -1,4 +1,4 @@
-"""Choose the radius with which edges and facets of an indenter are rounded, at finite strain or with friction.
+"""Choose grids, and the radius with which edges and facets are rounded, at finite strain or with friction.
 
 A finite-strain solution under a perfectly sharp edge does not converge as the mesh is refined, and the elements must
 resolve a rounded edge.  The radius is therefore as small as the finest grid can resolve; results state the radius.
@@ -7,15 +7,28 @@ resolve a rounded edge.  The radius is therefore as small as the finest grid can
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from fem_reference.finite_strain.block_path import is_rectangular
+from fem_reference.finite_strain.loading_path import LoadingPath
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
+from meshes.pose import PlanarPose
 
 #: Radius of rounded edges over the smaller of cover thickness and half width of the indenter, in axisymmetric meshes
 #: and in three dimensions, where elements are larger [-].
 _FINE, _COARSE = 1 / 20, 1 / 5
+#: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
+SOLID_GRIDS = (2, 3, 4)
+#: Radius of rounded edges, over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
+_WIDE_EDGE, _NARROW_EDGE = 3 / 4, 3 / 8
+#: Safety factors on the change from a radius to half this radius, from which the effect of the rest of the radius is
+#: estimated: of edges on mesh lines, and of others, which the elements resolve less.  Without slip at finite strain in
+#: the r-z plane, where radii down to a fortieth of the thickness can be solved, the rest is 0.9 to 2.1 times the change
+#: (`tests/verification/test_rounded_edges.py`) [-].
+_ON_LINES, _OFF_LINES = 2.0, 3.0
 #: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees; a
 #: point of the face further from the inset outline is on a wall that the inset removes [-].
 _MITER = 2.4
@@ -23,6 +36,55 @@ _MITER = 2.4
 _THINNEST_WALL = 0.05
 #: Number of samples along each side of the footprint with which the wall thickness of a face is measured [-].
 _SAMPLES = 81
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolidGrid:
+    """One of the grids in three dimensions.
+
+    Attributes:
+        count: Number of elements through the cover [-].
+        fillet: Radius of rounded edges of the indenter [m].
+    """
+
+    count: int
+    fillet: float
+
+
+def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -> tuple[SolidGrid, ...]:
+    """Choose the three grids in three dimensions.
+
+    With friction the force rises as the radius of an edge falls, and falls with finer elements.  Refined at once, both
+    hide each other in the differences between the grids.  They are therefore refined in turn: the second grid has edges
+    of half the radius of the first one, the third grid more elements than the first one.
+
+    Args:
+        thickness: Thickness of the cover [m].
+        indenter: Indenter with a flat face or with edges.
+        in_turn: Whether radius and elements are refined in turn.
+
+    Raises:
+        ValueError: As for `choose_solid_fillet`.
+    """
+    fillet = choose_solid_fillet(thickness, indenter)
+    if in_turn:
+        parts = ((SOLID_GRIDS[0], _WIDE_EDGE), (SOLID_GRIDS[0], _NARROW_EDGE), (SOLID_GRIDS[1], _WIDE_EDGE))
+        return tuple(SolidGrid(count=count, fillet=share * fillet) for count, share in parts)
+    return tuple(SolidGrid(count=n, fillet=scale_fillet(fillet, n, SOLID_GRIDS)) for n in SOLID_GRIDS)
+
+
+def choose_edge_safety(path: LoadingPath, pose: PlanarPose) -> float:
+    """Choose the safety factor on the change with the radius of edges; 0 if it is not refined in turn [-].
+
+    Args:
+        path: Cover, indenter and friction.
+        pose: Pose of the indenter in the frame of the mesh.
+    """
+    if not path.refines_in_turn:
+        return 0.0
+    face = path.indenter
+    on_lines = pose.is_aligned and isinstance(face, FlatPunch) and is_rectangular(face)
+    return _ON_LINES if on_lines else _OFF_LINES
 
 
 def choose_fillet(thickness: float, indenter: Indenter) -> float:

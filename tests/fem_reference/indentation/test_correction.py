@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.correction import SOLID_GRIDS, correct_path
+from fem_reference.indentation.correction import correct_path
 from fem_reference.indentation.grid_solution import GridSolution
+from fem_reference.indentation.rounding import SOLID_GRIDS
 from meshes import Box, Roller
 from tests.support.rubber import make_cover
 
@@ -77,3 +78,16 @@ def test_small_loads_of_a_flat_face_are_solved_at_a_larger_one():
 def test_curved_shapes_and_friction_are_solved_as_asked():
     assert record_targets(ROLLER, 1e-6, 2e-6) == [1e-6, 2e-6]
     assert record_targets(FACE, 1e-6, 2e-6, friction=0.3) == [1e-6, 2e-6]
+
+
+def test_faces_that_rub_are_refined_in_turn():
+    """The last solution has the changes of both others from the first one."""
+
+    def scatter(path, approaches):
+        stiff = (1.0, 1.02, 0.99)
+        full = [[make_solution(factor * STIFFNESS * d, d) for factor in stiff] for d in approaches]
+        return [[make_solution(STIFFNESS * d, d) for _ in stiff] for d in approaches], full
+
+    path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(1e-4,), control="depth", friction=0.3)
+    found = correct_path(path, [make_grids(1e-4)], scatter)[0]
+    assert [each.total_force for each in found] == pytest.approx([1.0, 1.02, 1.01])

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from fem_reference.indentation.grid_solution import (
     GridSolution,
     GridStudy,
+    add_refinements,
     correct_solution,
     estimate_spread,
     extrapolate_solutions,
@@ -54,6 +55,21 @@ def test_scaling_is_linear_and_keeps_the_contact_area(force, depth, first, secon
         assert (each.contact[:, :2] == solution.contact[:, :2]).all()
         assert each.area == solution.area
         assert each.energy == pytest.approx(each.total_force * each.depth / 2)
+
+
+@given(radius=st.floats(-0.2, 0.2), elements=st.floats(-0.2, 0.2))
+def test_refinements_in_turn_add_up_and_so_do_their_errors(radius, elements):
+    """Of a force that is linear in both, all of the effect of the elements and of half the radius is left."""
+    sizes, radii = (1 / 2, 1 / 2, 1 / 3), (1.0, 0.5, 1.0)
+    forces = [2 + radius * r + elements * h for r, h in zip(radii, sizes, strict=True)]
+    grids = [make_solution(force, 1.0, size=size) for force, size in zip(forces, sizes, strict=True)]
+    study = GridStudy(solutions=[], least_order=1.0, edge_safety=3.0, assumptions={})
+    solutions = add_refinements(grids)
+    force = 2 + radius / 2 + elements / 3
+    assert [each.total_force for each in solutions] == pytest.approx([*forces[:2], force])
+    assert float(solutions[-1].base_forces(ARRAY, PlanarPose()).sum()) == pytest.approx(force)
+    estimate = study.estimate_error(solutions, lambda each: each.total_force)
+    assert estimate == pytest.approx((3.0 * abs(radius) / 2 + 1.25 * abs(elements) / 3) / force, abs=1e-12)
 
 
 @given(limit=POSITIVE, slope=st.floats(-0.5, 0.5))

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fem_reference import press
-from fem_reference.indentation.rounding import choose_fillet, choose_solid_fillet, scale_fillet, state_rounding
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation.rounding import (
+    choose_edge_safety,
+    choose_fillet,
+    choose_solid_fillet,
+    choose_solid_grids,
+    scale_fillet,
+    state_rounding,
+)
 from meshes import Box, Cylinder, LetterH, Prism, Roller, Sphere
+from meshes.pose import PlanarPose
 from tests.support.rubber import make_cover
 
 HALF = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
@@ -52,6 +62,33 @@ def test_the_radius_is_smaller_than_the_cover_is_thick_and_the_face_is_wide(widt
 def test_the_radius_is_in_proportion_to_the_element_size(count):
     assert scale_fillet(0.1e-3, count, (1, 2, 4)) * count == pytest.approx(0.4e-3)
     assert scale_fillet(0.1e-3, 4, (1, 2, 4)) == 0.1e-3
+
+
+def test_radius_and_elements_are_refined_in_turn_or_at_once():
+    box = Box(size=(4e-3, 4e-3, 4e-3))
+    first, narrow, fine = choose_solid_grids(2e-3, box, in_turn=True)
+    assert (first.count, first.fillet) == (narrow.count, 2 * narrow.fillet) == (2, fine.fillet)
+    assert fine.count == 3
+    at_once = choose_solid_grids(2e-3, box, in_turn=False)
+    assert [grid.count for grid in at_once] == [2, 3, 4]
+    assert [grid.count * grid.fillet for grid in at_once] == pytest.approx([4 * choose_solid_fillet(2e-3, box)] * 3)
+
+
+@pytest.mark.parametrize(
+    ("indenter", "friction", "size", "yaw", "expected"),
+    [
+        (Box(size=(4e-3, 6e-3, 4e-3)), 0.4, (0.02, 0.02), 0.0, 2.0),
+        (Box(size=(4e-3, 6e-3, 4e-3)), 0.4, (0.02, 0.02), 0.1, 3.0),
+        (Box(size=(4e-3, 6e-3, 4e-3)), 0.0, (0.02, 0.02), 0.0, 0.0),
+        (Cylinder(radius=2e-3), np.inf, (0.02, 0.02), 0.0, 3.0),
+        (Cylinder(radius=2e-3), np.inf, None, 0.0, 0.0),  # solved in the r-z plane
+        (Sphere(radius=2e-3), np.inf, (0.02, 0.02), 0.0, 0.0),
+    ],
+)
+def test_the_effect_of_the_radius_is_part_of_the_error_under_faces_that_rub(indenter, friction, size, yaw, expected):
+    cover = make_cover(0.45, size=size)
+    path = LoadingPath(cover=cover, indenter=indenter, targets=(1e-4,), control="depth", friction=friction)
+    assert choose_edge_safety(path, PlanarPose(yaw=yaw)) == expected
 
 
 def test_results_state_what_was_rounded():
