@@ -88,6 +88,10 @@ def _run(words: Sequence[str]) -> int:
         sys.stdout.flush()
     except BrokenPipeError:
         raise
+    except SystemExit as raised:
+        if isinstance(raised.__context__, BrokenPipeError):  # so ends a help page of which only the head is read
+            raise raised.__context__ from None
+        raise
     except Exception as raised:
         error = _clarify(raised, words)
         explanation = explain(error)

@@ -144,7 +144,9 @@ def test_the_keys_of_json_output_are_documented(softcover, words):
     assert set(json.loads(out)) <= documented
 
 
-@pytest.mark.parametrize("words", [["materials"], ["datasheet", "wts-0614-34"], ["doctor", "--json"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "words", [["materials"], ["datasheet", "wts-0614-34"], ["doctor", "--json"], ["--help"]], ids=" ".join
+)
 def test_a_reader_that_ends_early_is_told_nothing(words):
     """The pipe is closed before the command writes, as by `head` after its last line."""
     code = f"from validation.cli import main\nmain({words!r})"
