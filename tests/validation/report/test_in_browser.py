@@ -95,3 +95,41 @@ def test_tables_sort_both_ways(page, index):
     driver.execute_script("arguments[0].click()", header)
     assert column(driver, index) == sorted(before, key=key, reverse=True)
     assert header.get_attribute("aria-sort") == "descending"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1300])
+def test_nothing_keeps_a_reader_out(page, scheme, width):
+    """axe-core finds no serious or critical fault, on a phone and on a desk, in light and in dark."""
+    driver = page[0]
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    driver.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    )
+    try:
+        driver = fresh(page)
+        assert driver.execute_script("return matchMedia('(prefers-color-scheme: dark)').matches") == (scheme == "dark")
+        assert list_barriers(driver) == []
+    finally:
+        driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_a_barrier_would_be_noticed(page):
+    driver = fresh(page)
+    driver.execute_script(
+        "document.querySelector('main, body').insertAdjacentHTML('beforeend', '<img src=\"data:,\">')"
+    )
+    assert [barrier["id"] for barrier in list_barriers(driver)] == ["image-alt"]
+
+
+def list_barriers(driver):
+    """What axe-core calls serious or critical, with the first element of each."""
+    from axe_core_python.selenium import Axe
+
+    return [
+        {"id": each["id"], "where": each["nodes"][0]["html"][:200], "count": len(each["nodes"])}
+        for each in Axe().run(driver)["violations"]
+        if each["impact"] in {"serious", "critical"}
+    ]
