@@ -43,7 +43,7 @@ def open_regular(path: Path) -> IO[bytes]:
         return os.fdopen(handle, "rb")
     os.close(handle)
     if stat.S_ISDIR(kind):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
     raise FileLimitError("is no regular file; accepted: a file, no pipe or device")
 
 

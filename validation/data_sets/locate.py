@@ -53,7 +53,14 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
     chosen = next((each for each in found if each.files), found[0])
     if not chosen.files:
         where = " nor ".join(str(each.folder) for each in found)
-        raise RecordingError("\n".join((*chosen.problems, f"{source.name}: no recordings of it in {where}")))
+        raise RecordingError(
+            "\n".join(
+                (
+                    *chosen.problems,
+                    f"{source.name}: no recordings of it in {where}; give their folder with --recordings",
+                )
+            )
+        )
     return chosen
 
 

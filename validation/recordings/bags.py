@@ -140,6 +140,8 @@ def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> N
         raise MissingExtraError("rosbags") from error
     if not path.exists():
         raise RecordingError(f"{path}: no such file; expected a ROS bag")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise RecordingError(f"{path}: no recording of ROS 2, which is a folder with metadata.yaml")
     size = measure_bag(path)
     budget = MessageBudget(path, size)
     try:

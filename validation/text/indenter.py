@@ -87,7 +87,9 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     shape = _ALIASES.get(shape, shape)
     if shape not in SHAPES:
         example = _EXAMPLES["sphere"]
-        raise InputError(f"{place}: unknown indenter {shape!r}; {nearest(shape, SHAPES)}; for example {example}")
+        raise InputError(
+            f"{place}: unknown indenter {shape!r}; {nearest(shape, [*SHAPES, *_ALIASES])}; for example {example}"
+        )
     known = _parameters(shape)
     faults: list[str] = []
     values: dict[str, Any] = {}

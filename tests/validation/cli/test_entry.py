@@ -156,6 +156,13 @@ def test_a_reader_that_ends_early_is_told_nothing(words):
     assert process.wait() == 141
 
 
+@pytest.mark.parametrize("words", [["derive"], ["regress", "wts-0614-34", "--baseline"], ["mesh"]], ids=" ".join)
+def test_a_folder_in_place_of_a_file_is_named(softcover, tmp_path, words):
+    status, out, err = softcover(*words, str(tmp_path))
+    assert (status, out) == (2, "")
+    assert f"{tmp_path}: is a folder; name a file" in err
+
+
 def test_ctrl_c_is_status_130(softcover, monkeypatch):
     def interrupt(**_):
         raise KeyboardInterrupt

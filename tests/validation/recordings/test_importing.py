@@ -101,7 +101,7 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
     for name, what in (
         (text, "not a recording; accepted: .dsa, .csv, .mcap"),
         (tmp_path / "none.bag", "no such file"),
-        (tmp_path, "not a ROS bag"),
+        (tmp_path, "a folder with metadata.yaml"),
     ):
         with pytest.raises(RecordingError, match=what):
             open_recording(name)

@@ -97,12 +97,17 @@ def emulate(
 
 
 def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbehaviour:
+    from validation.weiss.faults import FAULTS
     from validation.weiss.virtual import Misbehaviour
 
-    try:
-        rates = {name: float(rate) for name, _, rate in (text.partition("=") for text in faults)}
-    except ValueError as error:
-        raise InputError(f"--fault: {error}; write a fault and how often, for example lose=0.01") from error
+    rates = {}
+    for text in faults:
+        name, _, rate = text.partition("=")
+        try:
+            rates[name] = float(rate)
+        except ValueError as error:
+            known = f"accepted: {', '.join(FAULTS)}"
+            raise InputError(f"--fault: {text!r} is no fault and how often, such as lose=0.01; {known}") from error
     spans = tuple(read_time_span("--pause", text, "2:3") for text in pauses)
     try:
         return Misbehaviour(rates=rates, pauses=spans, seed=seed)
