@@ -39,6 +39,23 @@ def test_help_examples_name_options_that_exist(page):
             assert {word.split("=")[0] for word in words if word.startswith("--")} <= known
 
 
+#: Options of texts that may begin with a minus sign; that of a number may always.
+SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--friction", "--thickness", "--mass"}
+
+
+def test_every_option_is_explained_and_a_quantity_may_begin_with_a_minus_sign():
+    for page in PAGES:
+        command = app
+        for word in page:
+            command = command[word]
+        for argument in command.assemble_argument_collection() if command.default_command else ():
+            name, parameter = argument.names[0], argument.parameter
+            assert parameter.help, (page, name)
+            assert parameter.help[0].isupper() or parameter.help[0] == "`", (page, name)
+            assert parameter.help.endswith("."), (page, name)
+            assert bool(parameter.allow_leading_hyphen) == (name in SIGNED), (page, name)
+
+
 def test_help_pages_import_no_heavy_package():
     code = (
         "import contextlib, io, sys\n"

@@ -1,6 +1,7 @@
 """Published models are fitted to presses that are never scored."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -100,18 +101,6 @@ def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
 
 
 @pytest.mark.slow
-def test_masked_texels_measure_nothing(presses):
-    scene = presses[0].scene
-    row = Row(model=PUBLISHED["tegin-2005"], variant=AS_SHIPPED, parameters={})
-    whole = row.predict(scene)
-    active = np.ones(scene.array.count, dtype=bool)
-    active[np.argmax(whole.texels)] = False
-    masked = row.predict(dataclasses.replace(scene, array=dataclasses.replace(scene.array, active=active)))
-    assert masked.outside == pytest.approx(whole.texels.max())
-    assert masked.texels.sum() + masked.outside == pytest.approx(whole.texels.sum())
-
-
-@pytest.mark.slow
 def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepared):
     fitted = choose_calibration(wts, default_cases(wts))
     assert len(fitted) == 3
@@ -124,6 +113,90 @@ def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepar
     with pytest.raises(ValueError, match="must not be scored"):
         prepared.predict(cover, parameters, elsewhere)
     assert [case.name for case in choose_calibration(wts, [elsewhere])] == [case.name for case in fitted[1:]]
+
+
+@pytest.fixture
+def made(scene, bonded):
+    """Three small presses whose texel forces are those of a model with known parameters; the model, and the cover."""
+    model = PUBLISHED["opengrasp-2013"]
+    scenes = [scene, *(dataclasses.replace(scene, case=Case.read(name, "sphere:radius=8mm", f"{load} N"))
+                       for name, load in (("light", 0.7), ("heavy", 4.4)))]  # fmt: skip
+    presses = []
+    for each in scenes:
+        forces = model.predict(each, stiffness=3e8)
+        reference = SimpleNamespace(texel_forces=forces.texels, outside=forces.outside)
+        presses.append(CalibrationPress(scene=each, reference=reference))
+    return model, bonded(0.45), presses
+
+
+def test_a_fit_finds_the_stiffness_that_made_small_presses(made):
+    model, cover, presses = made
+    shipped, fitted = make_rows(model, cover, presses)
+    assert (shipped.variant, fitted.variant, shipped.model, fitted.model) == (AS_SHIPPED, AS_FITTED, model, model)
+    assert shipped.parameters == model.find_shipped(cover)
+    assert fitted.parameters == {"stiffness": pytest.approx(3e8, rel=1e-3)}
+    assert fitted.error < 1e-4
+    assert shipped.error > 0.01
+    assert (shipped.fitted, fitted.fitted) == ((), ("stiffness",))
+    assert (shipped.cases, fitted.cases) == ((), tuple(press.scene.case for press in presses))
+    # half the sum of the distances over the load, and the difference of what is outside: by hand
+    misses = []
+    for press in presses:
+        texels, outside = model.predict(press.scene, **shipped.parameters)
+        missed = np.abs(texels - press.reference.texel_forces).sum() + abs(outside - press.reference.outside)
+        misses.append(missed / 2 / press.scene.load)
+    assert shipped.error == pytest.approx(np.mean(misses))
+    assert [row.variant for row in make_rows(model, cover, presses[:1])] == [AS_SHIPPED]
+    assert len(make_rows(model, cover, presses[:2])) == 2
+    (alone,) = make_rows(model, cover, [])
+    assert np.isnan(alone.error)
+
+
+def test_a_row_as_json_holds_the_model_its_parameters_and_what_it_was_fitted_to(made):
+    model, cover, presses = made
+    row = make_rows(model, cover, presses)[1]
+    assert row.as_json() == {
+        "name": "opengrasp-2013, as fitted", "title": "OpenGrasp (Moisio 2013)", "variant": "as fitted",
+        "contact": "rigid penetration", "rule": model.rule, "certainty": "from a summary of its code",
+        "total": "the load", "not_built": model.in_time, "parameters": row.parameters,
+        "units": {"stiffness": "Pa/m"}, "fitted": ["stiffness"], "fit_misplaced_force": row.error,
+        "fitted_on": [f"sphere:radius=8mm, {press.scene.load:g} N at {press.scene.case.pose}" for press in presses],
+    }  # fmt: skip
+
+
+def test_masked_texels_measure_nothing_in_a_small_press(scene):
+    row = Row(model=PUBLISHED["tegin-2005"], variant=AS_SHIPPED, parameters={})
+    whole = row.predict(scene)
+    active = np.ones(scene.array.count, dtype=bool)
+    active[np.argmax(whole.texels)] = False
+    masked = row.predict(dataclasses.replace(scene, array=dataclasses.replace(scene.array, active=active)))
+    assert masked.outside == pytest.approx(whole.outside + whole.texels.max())
+    assert masked.texels.tolist() == np.where(active, whole.texels, 0.0).tolist()
+
+
+def test_a_press_by_an_indenter_that_is_scored_is_left_out(wts):
+    fitted = choose_calibration(wts, SCORED)
+    assert [(case.shape, case.load) for case in fitted] == [
+        ("sphere:radius=6mm", 3.0), ("cylinder:radius=3.5mm", 2.0), ("sphere:radius=10mm", 1.0)
+    ]  # fmt: skip
+    places = [np.array(case.at) / wts.pitch for case in fitted]
+    np.testing.assert_allclose(places, [(0.35, 0.15), (-0.3, 0.4), (-0.9, -1.6)])
+    elsewhere = dataclasses.replace(fitted[0], load=1.0, at=(0.0, 0.0), name="elsewhere")
+    assert choose_calibration(wts, [elsewhere]) == fitted[1:]
+    check_disjoint(fitted[1:], [elsewhere])
+    with pytest.raises(ValueError, match=r"elsewhere \(sphere:radius=6mm\) must not be scored"):
+        check_disjoint(fitted, [*SCORED, elsewhere])
+
+
+def test_without_presses_every_model_with_known_parameters_has_one_row(wts, cover, parameters):
+    told = []
+    cases = choose_calibration(wts, ())  # all calibration presses are scored
+    found = prepare_models(cover, parameters, cases, progress=told.append)
+    assert told == [f"fit of {model.title}" for model in PUBLISHED.values()]
+    assert [row.name for row in found.rows] == [
+        f"{name}, as shipped" for name, model in PUBLISHED.items() if model.shipped is not None
+    ]
+    found.check_unseen(SCORED)
 
 
 def test_arrays_off_a_grid_and_covers_with_sides_have_no_rows(bonded, cover, parameters):

@@ -1,6 +1,8 @@
 """Every published model gives what its equations give in a few lines of numpy, and stands under its own name."""
 
 import dataclasses
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -230,6 +232,9 @@ EXPECTED = {
     "shimojo-1994": shimojo,
     "exact-layer": exact_layer,
 }
+#: Models without a filter, damper or noise.
+IGNORING_TIME = {"robworksim-2010", "touch-grid", "penalty", "mujoco-tactile", "pezzementi-pressure"}
+IGNORING_TIME |= {"pezzementi-depth", "shimojo-1994", "exact-layer"}
 #: Models whose texels and outside do not add up to the load.
 OWN_TOTAL = {"skinsim-2014", "schunk", "gazebo-ros-tactile"}
 
@@ -257,6 +262,38 @@ def test_table_has_every_model_that_is_checked_here_and_no_two_are_alike(scene):
         found.append((name, texels))
     same = {frozenset((a, b)) for i, (a, x) in enumerate(found) for b, y in found[:i] if np.allclose(x, y, atol=1e-4)}
     assert same <= {frozenset(("tegin-2005", "touch-grid"))}
+
+
+def test_the_table_of_scores_names_the_parameters_units_and_fits_of_every_model(bonded):
+    """`docs/comparison-models.md`: a row as shipped, and one as fitted in which the fitted parameters are bold."""
+    text = (Path(__file__).parents[3] / "docs" / "comparison-models.md").read_text()
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+    shown = {(row[0], row[1]): row[-1] for row in rows if row[1] in ("as shipped", "as fitted")}
+    expected = {}
+    for model in PUBLISHED.values():
+        shipped = model.find_shipped(bonded(0.49))
+        if shipped is not None:
+            parts = [f"{name} {value:.3g} {model.units.get(name, '')}".strip() for name, value in shipped.items()]
+            expected[model.title, "as shipped"] = ", ".join(parts)
+        if model.fitted:
+            found = shown[model.title, "as fitted"]
+            assert re.findall(r"\*\*(\w+)\*\* \S+ ?(\S*?)(?:,|$)", found) == [
+                (name, model.units.get(name, ""))
+                for name in {**(shipped or {}), **model.start, **dict.fromkeys(model.fitted)}
+                if name in model.fitted
+            ]
+            kept = {
+                name: value for name, value in {**(shipped or {}), **model.start}.items() if name not in model.fitted
+            }
+            for name, value in kept.items():
+                assert f"{name} {value:.3g} {model.units.get(name, '')}".strip() in found
+    assert {key: text for key, text in shown.items() if key[1] == "as shipped"} == expected
+    # the filters of the table, which a held load does not show, and the sums that are not the load
+    assert {name for name, model in PUBLISHED.items() if not model.in_time} == IGNORING_TIME
+    totals = {name: model.total.split(" ")[0] for name, model in PUBLISHED.items() if model.total}
+    assert totals == {
+        "schunk": "less", "robworksim-later": "scaled", "skinsim-2014": "amplitude", "mujoco-tactile": "scaled"
+    }  # fmt: skip
 
 
 def test_report_rows_are_those_of_its_figures():

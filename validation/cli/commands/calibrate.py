@@ -33,7 +33,10 @@ _At = Annotated[
         help="Position of the tool's axis in the array's frame; fitted when not given.", allow_leading_hyphen=True
     ),
 ]
-_Yaw = Annotated[str | None, Parameter(help="Yaw of the tool; fitted when neither it nor --at is given.")]
+_Yaw = Annotated[
+    str | None,
+    Parameter(help="Yaw of the tool; fitted when neither it nor --at is given.", allow_leading_hyphen=True),
+]
 _Moved = Annotated[bool, Parameter(help="The tool was put down anew for each recording: fit a pose to each.")]
 _Method = Annotated[
     str,
@@ -45,9 +48,7 @@ _Threshold = Annotated[
     float | None, Parameter(help="Counts that the firmware subtracts; as the labels say when not given.")
 ]
 _Window = Annotated[str, Parameter(help="Average the frames between these times after loading, from:to [s].")]
-_Channel = Annotated[
-    int, Parameter(help="Index of the temperature sensor, negative from the last.", allow_leading_hyphen=True)
-]
+_Channel = Annotated[int, Parameter(help="Index of the temperature sensor, negative from the last.")]
 _Heights = Annotated[bool, Parameter(help="Fit a seating height to each texel.")]
 _Tip = Annotated[str | None, Parameter(help="Radius of a rounded tip: fit the slope of one texel per trial.")]
 _Texel = Annotated[int | None, Parameter(help="Index of the texel under the tip, from 0, row by row.")]

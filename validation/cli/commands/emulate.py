@@ -36,7 +36,7 @@ _Show = Annotated[
     ),
 ]
 _Indenter = Annotated[str, Parameter(help="Shape of the indenter that presses on the fast model.")]
-_Load = Annotated[str, Parameter(help="Largest load of that indenter.")]
+_Load = Annotated[str, Parameter(help="Largest load of that indenter.", allow_leading_hyphen=True)]
 _Rate = Annotated[float, Parameter(help="Frames per second when free-running.")]
 _Fault = Annotated[list[str] | None, Parameter(help="A fault and how often, e.g. lose=0.01; may be repeated.")]
 _Pause = Annotated[list[str] | None, Parameter(help="Send no frames in this time, e.g. 2:3 [s]; may be repeated.")]

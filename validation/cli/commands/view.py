@@ -37,10 +37,7 @@ DISPLAYS = ("auto", "window", "terminal")
 _UNWATCHED_SECONDS = 5.0
 
 _Load = Annotated[str, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
-_Seconds = Annotated[
-    float | None,
-    Parameter(help="Simulated time [s]; on a terminal until Ctrl-C when not given.", allow_leading_hyphen=True),
-]
+_Seconds = Annotated[float | None, Parameter(help="Simulated time [s]; on a terminal until Ctrl-C when not given.")]
 _Display = Annotated[
     str,
     Parameter(help="Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened)."),
