@@ -221,13 +221,14 @@ def centre_of_pressure_error(reference: FloatArray, forces: FloatArray, position
 def second_moments(forces: FloatArray, positions: FloatArray) -> tuple[float, float]:
     """Return the root second central moments of the force distribution along x and y [m].
 
-    A moment is NaN if the sum of the forces is not positive or if its square is negative.
+    A moment is NaN if the sum of the forces is not positive.  Where negative forces around one texel would make its
+    square negative, it is zero.
     """
     total = float(forces.sum())
     if total <= 0:
         return (math.nan, math.nan)
     apart = positions[:, :2] - centre_of_pressure(forces, positions)[:2]
-    x, y = (math.sqrt(value) if value >= 0 else math.nan for value in (forces @ apart**2 / total).tolist())
+    x, y = (math.sqrt(max(value, 0.0)) for value in (forces @ apart**2 / total).tolist())
     return (x, y)
 
 

@@ -26,7 +26,7 @@ from fem_reference.indentation.grid_solution import (
     correct_solution,
     extrapolate_solutions,
 )
-from fem_reference.indentation.rounding import SolidGrid
+from fem_reference.indentation.rounding import SolidGrid, state_rounding
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
 
@@ -45,6 +45,9 @@ LEAST_FRICTION_ERROR, LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
 #: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
 #: smaller depths the effect is below the discretisation error [-].
 _SMALLEST_RESOLVED_DEPTH = 0.04
+#: Depth over the smallest resolved depth below which the effect of finite strain under a flat face, at most
+#: proportional to the depth, is not computed [-].
+_NEGLIGIBLE = 1e-4
 #: Largest requested target, over the smallest resolved target, that is also used to correct the unresolved targets; a
 #: larger one would be too far from these, and the smallest resolved target is solved in addition [-].
 _SHARED_TARGET = 2.0
@@ -82,7 +85,8 @@ def correct_path(
     """Solve a loading path by correcting its small-strain solution without friction or, under flat faces, without slip.
 
     Under a flat face with the friction of the baseline, small loads are corrected by the scaled effect at a larger
-    load, which the grids can resolve.  The contact area under a flat face is that of the small-strain solution.
+    load, which the grids can resolve, or not at all at depths so small that the effect is negligible.  The contact area
+    under a flat face is that of the small-strain solution.
 
     Args:
         path: Cover, indenter, target loads or depths, and friction.
@@ -93,6 +97,8 @@ def correct_path(
     Returns:
         For each target one corrected solution per coarse grid.
     """
+    if _needs_no_correction(path, accurate):
+        return [_keep_accurate(path, grids) for grids in accurate]
     flat = path.indenter.is_flat
     solved_targets = list(path.targets)
     if flat and not path.has_friction_effect:
@@ -106,7 +112,7 @@ def correct_path(
     baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
     out = []
     for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
-        limit = extrapolate_solutions(grids) if flat and not path.baseline_friction else grids[-1]
+        limit = _find_limit(path, grids)
         index = stops.index(solved)
         corrected = [
             correct_solution(
@@ -121,6 +127,36 @@ def correct_path(
         ]
         out.append(add_refinements(corrected) if path.refines_in_turn else corrected)
     return out
+
+
+def state_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]], fillet: float) -> dict[str, str]:
+    """State in words, by topic, what a corrected solution assumes.
+
+    Args:
+        path: Cover, indenter and friction.
+        accurate: Small-strain solutions of every target.
+        fillet: Smallest radius of rounded edges [m].
+    """
+    if _needs_no_correction(path, accurate):
+        return {"strain": "small, because what finite strain adds at this depth is negligible"}
+    return state_rounding(path.indenter, fillet) | CONTACT_ASSUMPTION
+
+
+def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]]) -> bool:
+    """Return whether finite strain has no effect under a flat face that is pressed so little."""
+    if not path.indenter.is_flat or path.has_friction_effect or path.fields:
+        return False
+    return accurate[-1][-1].depth < _NEGLIGIBLE * _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
+
+
+def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
+    """Return the accurate solution of one target from those on its grids."""
+    return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
+
+
+def _keep_accurate(path: LoadingPath, grids: Sequence[GridSolution]) -> list[GridSolution]:
+    """Return the accurate solution of one target, uncorrected, in place of the corrected one on each grid."""
+    return [replace(_find_limit(path, grids), size=grid.size, area=grid.area) for grid in grids]
 
 
 def solve_block_pair(

@@ -22,14 +22,14 @@ from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
-    CONTACT_ASSUMPTION,
     LEAST_FRICTION_ERROR,
     BlockModel,
     correct_path,
     solve_block_pair,
+    state_correction,
 )
 from fem_reference.indentation.grid_solution import GridStudy
-from fem_reference.indentation.rounding import SolidGrid, choose_edge_safety, choose_solid_grids, state_rounding
+from fem_reference.indentation.rounding import SolidGrid, choose_edge_safety, choose_solid_grids
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import FlatPunch, TexelArray
 from meshes.array_types import FloatArray
@@ -90,7 +90,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
         least_overlap=OVERLAP,
         least_error=LEAST_FRICTION_ERROR if path.friction else 0.0,
         accurate=accurate,
-        assumptions=state_rounding(indenter, min(grid.fillet for grid in grids)) | CONTACT_ASSUMPTION,
+        assumptions=state_correction(path, accurate.solutions, min(grid.fillet for grid in grids)),
     )
 
 

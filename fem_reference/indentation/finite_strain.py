@@ -25,13 +25,13 @@ from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.correction import (
-    CONTACT_ASSUMPTION,
     LEAST_FRICTION_ERROR,
     LEAST_PAIRED_FRICTION_ERROR,
     BlockModel,
     SolvedPair,
     correct_path,
     solve_block_pair,
+    state_correction,
 )
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy
 from fem_reference.indentation.rounding import (
@@ -84,11 +84,14 @@ def study_path(
         path = replace(path, baseline_friction=path.friction)
     corrected = path.indenter.is_flat or not path.indenter.axisymmetric or rubbing is not None
     accurate = None
+    fillet = choose_fillet(path.cover.thickness, path.indenter)
+    assumptions = state_rounding(path.indenter, fillet)
     if corrected:
         accurate = rubbing or small_strain.study_path(path, None, progress)
         contact = accurate.solutions[-1][0].contact
         solve = partial(_solve_pair, contact=contact, progress=progress, refinement=refinement)
         solutions = correct_path(path, accurate.solutions, solve)
+        assumptions = state_correction(path, accurate.solutions, fillet)
     else:
         contact = small_strain.estimate_contact(path, None, progress)
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
@@ -99,8 +102,7 @@ def study_path(
         least_overlap=OVERLAP,
         least_error=_choose_least_error(path),
         accurate=accurate,
-        assumptions=state_rounding(path.indenter, choose_fillet(path.cover.thickness, path.indenter))
-        | (CONTACT_ASSUMPTION if corrected else {}),
+        assumptions=assumptions,
         warnings=warn_of_boundary(path.cover),
     )
 

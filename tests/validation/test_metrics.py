@@ -289,3 +289,10 @@ def test_shifted_forces_move_the_centre_of_pressure_by_the_shift(patch, down, ri
     assert score.wasserstein_m == pytest.approx(shift, abs=1e-8)
     assert score.width_error_x_m == pytest.approx(0, abs=1e-8)
     assert (score.peak_error, score.total_force_error) == pytest.approx((0, 0), abs=1e-12)
+
+
+def test_the_width_of_one_texel_among_negative_ones_is_zero():
+    forces = np.zeros((3, 3))
+    forces[1] = [-1e-3, 1.0, -1e-3]
+    positions = TexelArray.grid(3, 3, 2e-3).centres
+    assert metrics.second_moments(forces.ravel(), positions) == (0.0, 0.0)

@@ -69,8 +69,10 @@ def record_targets(shape, *targets, friction=0.0):
     return asked
 
 
-def test_small_loads_of_a_flat_face_are_solved_at_a_larger_one():
+def test_small_loads_of_a_flat_face_are_solved_at_a_larger_one_or_not_at_all():
     assert record_targets(FACE, 1e-6, 2e-6) == pytest.approx([0.04 * 2e-3])
+    assert record_targets(FACE, 1e-9, 7.9e-9) == []  # a ten thousandth of what the grids resolve, and less
+    assert record_targets(FACE, 1e-9, 8.1e-9) == pytest.approx([0.04 * 2e-3])
     assert record_targets(FACE, 1e-6, 0.1e-3) == [0.1e-3]  # a target that is large enough serves both
     assert record_targets(FACE, 1e-6, 0.5e-3) == pytest.approx([0.04 * 2e-3, 0.5e-3])
 

@@ -31,6 +31,17 @@ def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
         press(bonded(0.3), wts, Sphere(radius=5e-3), **request)
 
 
+@pytest.mark.parametrize("friction", [0.0, np.inf])
+def test_a_face_that_hardly_presses_rubber_has_the_solution_of_small_strain(wts, friction):
+    rubber, linear = (
+        press(make_cover(0.45, model), wts, Cylinder(radius=2e-3), depth=5e-9, friction=friction)
+        for model in ("neo-hookean", "linear-elastic")
+    )
+    assert rubber.total_force == pytest.approx(linear.total_force, rel=1e-12)
+    assert rubber.texel_forces == pytest.approx(linear.texel_forces, rel=1e-9, abs=1e-15)
+    assert "negligible" in rubber.assumptions["strain"]
+
+
 def test_results_name_their_assumptions(bonded, wts):
     found = press(bonded(0.3), wts, Cylinder(radius=5e-3), load=0.5)
     assert found.assumptions == {"strain": "small", "friction": "frictionless", "base": "bonded"}
