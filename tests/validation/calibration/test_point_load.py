@@ -13,11 +13,11 @@ TEXEL = 39
 LOADS = np.linspace(0.1, 1.5, 15)
 
 
-def make_trials(slopes, *, top=np.inf):
-    """One image per load and trial, of a texel that reads slope x load - 50 counts, at most `top`."""
+def make_trials(slopes, *, tops=None):
+    """One image per load and trial, of a texel that reads slope x load - 50 counts, at most the trial's `tops`."""
     rows = [(slope, newtons) for slope in slopes for newtons in LOADS]
     counts = np.zeros((len(rows), SENSOR.array.count))
-    counts[:, TEXEL] = [np.clip(slope * newtons - 50, 0, top) for slope, newtons in rows]
+    counts[:, TEXEL] = [np.clip(slope * newtons - 50, 0, (tops or {}).get(slope)) for slope, newtons in rows]
     tip = Placement(name="tip", indenter=read_indenter("tip:radius=1mm", place=""), at=(0.0, 0.0), yaw=0.0)
     nothing = np.full(len(rows), np.nan)
     seen = Observations(
@@ -34,29 +34,31 @@ def make_trials(slopes, *, top=np.inf):
     return seen, seen.groups
 
 
-@pytest.mark.slow
-def test_the_slope_of_each_trial_is_found_and_divided_by_the_share_of_the_cover():
-    slopes = (2000.0, 2100.0, 2300.0)
-    found = calibrate_point_load(*make_trials(slopes), SENSOR, radius=1e-3, texel=TEXEL)
-    assert found.slopes == pytest.approx(slopes)
-    assert found.offsets == pytest.approx([-50] * 3)
-    assert np.isnan(found.saturation_forces).all()
+def test_slopes_saturation_and_the_share_of_the_cover(wts_derivation):
+    """Counts above 97 % of the largest count saturate from three images on; then 85 % ends the line."""
+    slopes = (2000.0, 2100.0, 2300.0, 3000.0, 3100.0)
+    tops = {3000.0: 3000 * LOADS[-3] - 50, 3100.0: 3100 * LOADS[-2] - 50}
+    seen, names = make_trials(slopes, tops=tops)
+    found = calibrate_point_load(seen, names, SENSOR, radius=1e-3, texel=TEXEL)
+    assert found.names == tuple(f"trial {slope}" for slope in slopes)
+    bent, offset = np.polyfit(LOADS, np.minimum(3100 * LOADS - 50, tops[3100.0]), 1)
+    assert found.slopes == pytest.approx([*slopes[:4], bent])
+    assert found.offsets == pytest.approx([-50] * 4 + [offset])
+    assert found.saturation_forces == pytest.approx([np.nan] * 3 + [LOADS[-3], np.nan], nan_ok=True)
     # The share of a tip of 1 mm above the middle of a texel of 3.4 mm under 2 mm of rubber, at the largest load.
-    assert found.share.share == pytest.approx(0.77, abs=0.03)
-    assert found.share.lightest > found.share.share
+    share = found.share
+    assert share.lightest > share.share > share.heaviest > 0.7
+    assert share.share == pytest.approx(0.77, abs=0.03)
+    assert share.radius == 1e-3
+    assert share.largest_load == pytest.approx(LOADS.max())  # the largest count: there the line ends
     applied, texel = (found.estimates[name] for name in ("sensitivity_applied", "sensitivity"))
-    assert applied.value == pytest.approx(np.mean(slopes))
-    # Student's interval of three values.
-    assert applied.high - applied.value == pytest.approx(4.3027 * np.std(slopes, ddof=1) / 3**0.5, rel=1e-4)
-    assert texel.value == pytest.approx(applied.value / found.share.share)
-
-
-@pytest.mark.slow
-def test_images_near_saturation_do_not_bend_the_line():
-    found = calibrate_point_load(*make_trials((3000.0,), top=3000.0), SENSOR, radius=1e-3, texel=TEXEL)
-    assert found.slopes == pytest.approx([3000])
-    assert found.saturation_forces == pytest.approx([3050 / 3000])
-    assert found.estimates == {}
+    assert applied.value == pytest.approx(found.slopes.mean())
+    # Student's interval of five values.
+    assert applied.high - applied.value == pytest.approx(2.7764 * found.slopes.std(ddof=1) / 5**0.5, rel=1e-4)
+    assert texel.value == pytest.approx(applied.value / share.share)
+    assert texel.high == pytest.approx(applied.high / share.share)
+    assert [each.unit for each in (applied, texel)] == ["counts/N applied", "counts/N on the texel"]
+    assert set(found.estimates) == {"sensitivity_applied", "sensitivity"}  # one trial alone has a saturation force
 
 
 def test_a_texel_that_was_not_pressed_is_refused():

@@ -101,7 +101,28 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
         top = 1e3 * (np.abs(forces).max() if signed else 83 / 840)
         assert image.get_clim() == pytest.approx((-top if signed else 0, top))
         assert axes.get_title() == ("fast - finite elements" if signed else title)
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("column", "row")
+        assert image.get_cmap().name == ("RdBu_r" if signed else "viridis")
+        assert axes.get_aspect() == 1
     assert figure.get_suptitle() == "sphere:radius=5mm on wts-0614-34, 4 N"
+    assert figure.get_size_inches() == pytest.approx((2.9 * 4 + 1.5, 4.4))
+    profile = figure.axes[3]
+    assert list(profile.get_gridspec().get_width_ratios()) == [1, 1, 1, 1.7]
+    surface, depth, rest = profile.lines
+    x, z = surface.get_data()
+    extent = 4 * np.sqrt(8 / np.pi)  # four radii of contact [mm]
+    assert extent - 1 < x[-1] <= extent
+    assert x[0] == -x[-1]
+    np.testing.assert_allclose(z, -0.3 * np.exp(-(x**2) / 4), atol=1e-9)
+    assert (set(depth.get_ydata()), set(rest.get_ydata())) == ({-0.3}, {0.0})
+    assert [(each.get_linestyle(), each.get_color()) for each in (depth, rest)] == [(":", "grey"), ("-", "grey")]
+    assert rest.get_linewidth() == 0.6
+    legend = profile.get_legend()
+    assert [text.get_text() for text in legend.texts] == ["surface of the cover", "depth 0.3 mm"]
+    assert not legend.get_frame_on()
+    assert legend.texts[0].get_fontsize() == pytest.approx(8.33, abs=0.01)
+    labels = ["along the indenter's x axis [mm]", "height above rest [mm]", "depth profile"]
+    assert [profile.get_xlabel(), profile.get_ylabel(), profile.get_title()] == labels
 
 
 def test_without_matplotlib_there_is_no_picture(comparison, tmp_path, monkeypatch, caplog):

@@ -1,0 +1,130 @@
+"""What the pictures of matplotlib show: every curve, image, label and limit, against what it stands for."""
+
+import csv
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from matplotlib.colors import to_hex
+
+from meshes import TexelArray
+from meshes.catalogue import MATERIALS
+from validation.calibration.picture import draw_hold_out
+from validation.regression.picture import write_verdict
+from validation.report.material_curve import compute_stress, write_curve
+
+
+@pytest.fixture
+def saved(monkeypatch):
+    """Figures by the name of the file that they are saved to, and the resolutions [dots per inch]."""
+    figures = {}
+
+    def save(figure, path, *, dpi):
+        figures[path.name] = figure
+        assert dpi == 150
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
+    return figures
+
+
+def read_legend(axes):
+    return [text.get_text() for text in axes.get_legend().texts]
+
+
+@pytest.mark.parametrize(("name", "factor", "unit"), [("dragon-skin-30", 1e-3, "kPa"), ("pet", 1e-6, "MPa")])
+def test_a_curve_of_a_material_has_the_range_of_its_modulus_around_it(saved, tmp_path, name, factor, unit):
+    material = MATERIALS[name]
+    assert write_curve(material, tmp_path) == ("material.csv", "material.svg", "material.png")
+    assert list(saved) == ["material.svg", "material.png"]
+    figure = saved["material.svg"]
+    (axes,) = figure.axes
+    assert figure.get_size_inches().tolist() == [6, 4]
+    curve, flat, upright = axes.lines
+    strain, stress = curve.get_data()
+    limits = (-30, 30) if name == "pet" else (-50, 100)
+    np.testing.assert_allclose(strain, np.linspace(*limits, 301), atol=1e-12)
+    np.testing.assert_allclose(stress, factor * compute_stress(material, strain / 100), atol=1e-12)
+    assert (flat.get_ydata(), upright.get_xdata()) == ([0, 0], [0, 0])
+    assert {(each.get_color(), each.get_linewidth()) for each in (flat, upright)} == {("grey", 0.6)}
+    (band,) = axes.collections
+    corners = band.get_paths()[0].vertices
+    expected = [end / material.youngs_modulus * stress[-1] for end in material.modulus_range]
+    at_end = corners[corners[:, 0] == limits[1], 1]
+    assert (at_end.min(), at_end.max()) == pytest.approx(expected)
+    assert corners[:, 0].min() == limits[0]
+    assert (band.get_alpha(), read_legend(axes)) == (0.2, ["range of sources", material.model])
+    assert not axes.get_legend().get_frame_on()
+    assert [axes.get_xlabel(), axes.get_ylabel()] == ["strain [%]", f"nominal stress [{unit}]"]
+    assert axes.get_title() == f"{name}, uniaxial"
+
+
+def test_left_out_recordings_stand_above_their_prediction_and_the_difference(saved, tmp_path):
+    active = np.arange(12) != 5
+    array = TexelArray.grid(4, 3, (2e-3, 3e-3), active=active)
+    loads = np.array([5.0, 1.0, 3.0, 2.0, 4.0, 6.0, 7.0])
+    recorded = np.arange(84.0).reshape(7, 12)
+    predicted = recorded * 1.1 + 3
+    held = SimpleNamespace(loads=loads, recorded=recorded, predicted=predicted, summary="in words")
+    assert draw_hold_out(held, array, tmp_path / "x.png") == tmp_path / "x.png"
+    figure = saved["x.png"]
+    chosen, loads = [1, 2, 0, 6], [1, 3, 5, 7]  # the lightest, the heaviest, and evenly between
+    panels = np.array([axes for axes in figure.axes if axes.images]).reshape(3, 4)
+    bars = [axes for axes in figure.axes if not axes.images]
+    assert [bar.get_ylabel() for bar in bars] == ["counts"] * 3
+    assert figure.get_suptitle() == "left out: in words"
+    assert figure.get_size_inches() == pytest.approx((2.4 * 4 + 1.2, 7.5))
+    top, most = predicted[chosen].max(), (predicted - recorded)[chosen].max()
+    rows = (("recorded", recorded, (0, top)), ("predicted", predicted, (0, top)))
+    for row, (name, values, limits) in zip(
+        panels, (*rows, ("difference", predicted - recorded, (-most, most))), strict=True
+    ):
+        for axes, place, load in zip(row, chosen, loads, strict=True):
+            (image,) = axes.images
+            shown = np.ma.filled(image.get_array(), np.nan)
+            np.testing.assert_array_equal(shown, np.where(active, values[place], np.nan).reshape(4, 3))
+            assert image.get_clim() == pytest.approx(limits)
+            assert image.get_extent() == pytest.approx((-3, 3, -6, 6))
+            assert image.origin == "lower"
+            assert image.get_cmap().name == ("RdBu_r" if name == "difference" else "viridis")
+            assert axes.get_title() == f"{name}, {load} N"
+            assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
+            sizes = [each.get_fontsize() for each in (axes.title, axes.xaxis.label, axes.yaxis.label)]
+            assert sizes == [9, 8, 8]
+
+
+def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_path):
+    dark = np.zeros((1, 6))
+    held = SimpleNamespace(loads=np.array([2.0]), recorded=dark, predicted=dark, summary="")
+    draw_hold_out(held, TexelArray.grid(2, 3, 1e-3), tmp_path / "x.png")
+    images = [axes.images[0] for axes in saved["x.png"].axes if axes.images]
+    assert [image.get_clim() for image in images] == [(0, 1), (0, 1), (-1, 1)]
+
+
+def test_a_dot_of_a_verdict_is_red_to_the_right_of_one(saved, tmp_path):
+    changes = {"b: one": 0.5, "b: two": 1.0, "a: three": 1.5, "a: four": 1e-9, "c: five": np.inf, "c: six": 1e9}
+    assert write_verdict(changes, "some sensor", tmp_path) == ("regress.csv", "regress.svg", "regress.png")
+    with (tmp_path / "regress.csv").open() as file:
+        header, *lines = csv.reader(file)
+    assert header == ["quantity", "change_over_tolerance"]
+    assert {title: float(value) for title, value in lines} == changes
+    figure = saved["regress.svg"]
+    assert figure.get_size_inches() == pytest.approx((7, 1.9))
+    (axes,) = figure.axes
+    within, changed, line = axes.lines
+    assert np.transpose(within.get_data()).tolist() == [[0.5, 1], [1.0, 1], [1e-3, 2]]
+    assert np.transpose(changed.get_data()).tolist() == [[1.5, 2], [1e3, 0], [1e3, 0]]
+    assert [to_hex(each.get_color()) for each in (within, changed)] == [to_hex("tab:blue"), to_hex("tab:red")]
+    assert [(each.get_marker(), each.get_linestyle(), each.get_alpha()) for each in (within, changed)] == [
+        ("o", "None", 0.7), ("x", "None", 0.7)
+    ]  # fmt: skip
+    assert (line.get_xdata(), line.get_linestyle(), line.get_color()) == ([1, 1], ":", "grey")
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["c", "b", "a"]
+    assert axes.get_yticks().tolist() == [0, 1, 2]
+    assert axes.get_xlim() == pytest.approx((5e-4, 2e3))
+    assert (axes.get_xscale(), axes.get_xlabel()) == ("log", "change over tolerance")
+    assert (axes.get_title(), axes.get_ylabel()) == ("regress some sensor", "")
+    assert read_legend(axes) == ["3 within their tolerance", "3 changed"]
+    assert not axes.get_legend().get_frame_on()
