@@ -37,7 +37,7 @@ PURPOSE = {
     "gym": "Gymnasium wrapper",
     "torch": "signal chain on arrays of PyTorch (PyTorch itself not included)",
     "view": "`press --out`: `fields.vtu`",
-    "all": "all of these",
+    "all": "all of these but `docs` and `test`",
     "test": "tests, linters, types",
 }
 

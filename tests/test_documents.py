@@ -96,3 +96,10 @@ def test_the_table_of_times_shows_every_command_that_is_measured():
     text = (DOCS / "how-to" / "how-long.md").read_text()
     for what, command in load_script("how_long").COMMANDS:
         assert f"| {what} | `softcover {command}` | " in text
+
+
+def test_the_table_of_sizes_has_every_extra():
+    table = (DOCS / "installation.md").read_text().partition("<!-- sizes: begin -->")[2]
+    stated = re.findall(r"^\| `softcover(?:\[(\w+)\])?` ", table, re.MULTILINE)
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert sorted(stated) == sorted(["", *extras])
