@@ -11,7 +11,7 @@ import meshes
 from fastmodel.contact.panels import Wrench
 from fastmodel.curved.contact import misses_load
 from fastmodel.curved.cover import CurvedCover
-from fastmodel.curved.press import pose_indenter, press_curved
+from fastmodel.curved.press import find_first_contact, pose_indenter, press_curved
 from fastmodel.curved.pressure import solve_pressure
 from fastmodel.errors import FastModelError, MissedArrayError, ShapeError
 from meshes import Box, Sphere
@@ -136,3 +136,17 @@ def test_cover_belongs_to_an_array():
     dome().check(meshes.TexelArray.grid(2, 2, 5e-3))
     with pytest.raises(ShapeError, match="4 texels; the array has 6"):
         dome().check(meshes.TexelArray.grid(2, 3, 5e-3))
+
+
+@pytest.mark.parametrize("length", [0.5, 3.0])
+def test_the_length_of_the_direction_does_not_change_what_is_touched_first(length):
+    cover, direction = dome(), np.array([0.36, -0.48, -0.8])
+    pose = SpatialPose.facing(-0.05 * direction, direction)
+    found = [
+        find_first_contact(cover, Sphere(radius=4e-3), pose, each, within=1e-3)
+        for each in (direction, length * direction)
+    ]
+    np.testing.assert_array_equal(*found)
+    away = np.linalg.norm(np.cross(cover.points, direction), axis=1)
+    assert 3 < len(found[0]) < len(cover.points) / 4
+    assert away[found[0]].max() < 5e-3

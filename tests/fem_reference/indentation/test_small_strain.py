@@ -62,3 +62,12 @@ def test_a_cover_of_limited_size_needs_a_place():
     )
     with pytest.raises(ValueError, match="depends on the place"):
         solve_path(path, None, None)
+
+
+def test_the_contact_is_estimated_at_the_target_that_a_path_is_meshed_for(ball):
+    path, _ = ball
+    largest, smaller = (estimate_contact(replace(path, targets=(depth,)), None, None) for depth in (0.2e-3, 0.1e-3))
+    both = replace(path, targets=(0.1e-3, 0.2e-3))
+    np.testing.assert_array_equal(estimate_contact(both, None, None), largest)
+    np.testing.assert_array_equal(estimate_contact(replace(both, meshed_for=0.1e-3), None, None), smaller)
+    assert np.hypot(*smaller.T).max() < 0.9 * np.hypot(*largest.T).max()
