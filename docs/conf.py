@@ -48,6 +48,13 @@ def setup(app: Sphinx) -> None:
     """Draw formulas as MathML, which browsers show without scripts or a network; read docstrings as they are meant."""
     app.add_html_math_renderer("mathml", (_draw_inline, None), (_draw_block, None))
     app.connect("autodoc-process-docstring", _translate, priority=600)
+    app.connect("html-page-context", _state_levels, priority=900)
+
+
+def _state_levels(_app: Sphinx, _page: str, _template: str, context: dict[str, object], _tree: object) -> None:
+    """Give the captions of the navigation the level of a heading, which screen readers need and Sphinx leaves out."""
+    tree = str(context.get("furo_navigation_tree", ""))
+    context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
 
 
 def _draw_inline(writer: HTML5Translator, node: nodes.math) -> None:

@@ -37,5 +37,12 @@ def test_no_page_loads_from_a_network(site):
         assert re.findall(r"<link rel=\"stylesheet\"[^>]*href=\"https?:", page.read_text()) == []
 
 
+def test_every_heading_has_a_level_and_every_picture_a_text(site):
+    for page in site.rglob("*.html"):
+        text = page.read_text()
+        assert re.findall(r"<(?![^>]*aria-level)[^>]*role=\"heading\"[^>]*>", text) == []
+        assert re.findall(r"<img(?![^>]*alt=\"[^\"])[^>]*>", text) == []
+
+
 def test_docstrings_stand_with_their_units(site):
     assert "Thickness of the layer [m]" in re.sub(r"<[^>]+>", "", (site / "api" / "meshes.html").read_text())
