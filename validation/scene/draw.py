@@ -6,6 +6,7 @@ The views are the deformed surface, a section through the contact, and the force
 # ruff: noqa: ANN401 -- types of pyvista differ between versions
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +37,11 @@ _VIEW, _VIEW_ROUND = np.array([0.35, -0.75, 0.55]), np.array([0.75, 0.6, 0.5])
 _AMBIENT = 0.5
 #: Height of the bar of the largest texel force, over the largest edge of the array [-].
 _BAR = 0.3
-#: Half of the height of a view, and shift of its middle downwards to leave room for the colour bar, over the diagonal
-#: of what is shown [-].
-_MARGIN, _RAISED = 0.58, 0.06
+#: Shares of the height and the width of a view within which the ruled box lies, and shift of its middle upwards over
+#: half of the height: the rest is for the title, the colour bar and the labels of the edges [-].
+_TALL, _WIDE, _RAISED = 0.7, 0.8, 0.1
+#: Distance of the title of a colour bar from its labels [pixels].
+_APART = 12
 #: Negative force, over the largest force, up to which the colours of forces begin at zero [-].
 _HARDLY = 0.02
 #: Length in the pictures per length in the scene: pictures are in millimetres, glTF is in metres [-].
@@ -274,20 +277,27 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
         low, high, count = _round_edge(float(shown.bounds[2 * axis]), float(shown.bounds[2 * axis + 1]))
         bounds += [low, high]
         counts.append(count)
+    longest = float(np.diff(np.reshape(bounds, (3, 2))).max())
+    if (bounds[5] - bounds[4]) / longest * _INTERVALS < (counts[2] - 1) / 2:
+        counts[2] = 2  # no room for more than its ends
     plotter.show_bounds(
         bounds=bounds, location="outer", ticks="outside", xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]",
         color="#404040", font_size=12, n_xlabels=counts[0], n_ylabels=counts[1], n_zlabels=counts[2],
         minor_ticks=False, fmt="%.4g", show_zaxis=height, show_zlabels=height,
     )  # fmt: skip
-    middle = np.array(shown.center)
+    for bar in plotter.scalar_bars.values():
+        bar.SetVerticalTitleSeparation(_APART)
+    corners = np.array(list(product(*np.reshape(bounds, (3, 2)))))
     view = _find_view(scene)
-    size = float(np.linalg.norm(np.ptp(np.asarray(shown.points), axis=0)))
     up = np.array([0.0, 0.0, 1.0])
     upward = up - (up @ view) * view
-    middle -= _RAISED * size * upward / np.linalg.norm(upward)
-    plotter.camera_position = [middle + 2.5 * size * view, middle, up]
+    upward /= np.linalg.norm(upward)
+    tall, wide = (float(np.ptp(corners @ along)) / 2 for along in (upward, np.cross(upward, view)))
+    half = max(tall / _TALL, wide / _WIDE * _HEIGHT / _WIDTH)
+    middle = corners.mean(axis=0) - _RAISED * half * upward
+    plotter.camera_position = [middle + 2.5 * np.linalg.norm(np.ptp(corners, axis=0)) * view, middle, up]
     plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = _MARGIN * size
+    plotter.camera.parallel_scale = half
 
 
 def _round_edge(low: float, high: float) -> tuple[float, float, int]:
@@ -379,6 +389,6 @@ def _find_force_limits(scene: CoverScene) -> tuple[float, float]:
 def _bar(title: str) -> dict[str, Any]:
     """Return the settings of a colour bar at the bottom of a view."""
     return {
-        "title": title, "color": "black", "vertical": False, "position_x": 0.22, "position_y": 0.03, "width": 0.7,
-        "height": 0.07, "n_labels": 5, "fmt": "%.3g", "title_font_size": 22, "label_font_size": 18,
+        "title": title, "color": "black", "vertical": False, "position_x": 0.22, "position_y": 0.01, "width": 0.7,
+        "height": 0.11, "n_labels": 5, "fmt": "%.4g", "title_font_size": 22, "label_font_size": 18,
     }  # fmt: skip

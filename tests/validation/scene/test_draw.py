@@ -1,6 +1,7 @@
 """What the three views of a cover show, without drawing them: what stands where, in which colours, and its captions."""
 
 import dataclasses
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -132,19 +133,22 @@ def test_a_bar_on_each_texel_is_as_high_as_its_force(views, scene):
 
 
 def test_the_camera_looks_at_all_of_a_view_from_the_front(views, scene):
+    """The ruled box fills most of the view, below the title and above the colour bar, with room for its labels."""
     drawn = views(scene)
     assert drawn[-1] == [2400, 820]
     for view in drawn[:-1]:
-        body = view.meshes[0]
-        size = np.linalg.norm(np.ptp(body.points, axis=0))
         towards = view.eye - view.focus
-        np.testing.assert_allclose(towards, 2.5 * size * np.array([0.35, -0.75, 0.55]) / np.sqrt(0.9875), rtol=1e-5)
-        lowered = (body.bounds[::2] + body.bounds[1::2]) / 2 - view.focus
-        assert np.linalg.norm(lowered) == pytest.approx(0.06 * size, rel=1e-5)
-        assert lowered @ towards == pytest.approx(0, abs=1e-5)
-        assert lowered[2] > 0
+        towards /= np.linalg.norm(towards)
+        np.testing.assert_allclose(towards, np.array([0.35, -0.75, 0.55]) / np.sqrt(0.9875), rtol=1e-5)
         assert view.parallel
-        assert view.half == pytest.approx(0.58 * size, rel=1e-5)
+        right = np.cross([0, 0, 1], towards)
+        right /= np.linalg.norm(right)
+        corners = np.array(list(itertools.product(*view.ruled.reshape(3, 2)))) - view.focus
+        across, up = corners @ right / view.half, corners @ np.cross(towards, right) / view.half
+        assert [up.min() + up.max(), across.min() + across.max()] == pytest.approx([0.2, 0.0], abs=1e-6)
+        filled = np.ptp(up) / 2 / 0.7, np.ptp(across) / 2 * (820 / 800) / 0.8
+        assert max(filled) == pytest.approx(1.0)
+        assert np.linalg.norm(view.eye - view.focus) > np.linalg.norm(corners, axis=1).max()
 
 
 def test_without_a_load_the_whole_cover_is_drawn_with_its_edges(views, scene):
