@@ -246,9 +246,7 @@ class PlateReader:
         contact, sums = self._find_loads(data, read_contacts(data, pyramidal=has_pyramids(self._model)))
         if not np.count_nonzero(sums[2]):
             return None
-        force = contact.beside + sum([load.force for load in contact.loads])
-        if len(contact.points):
-            force += contact.points[:, 2].sum()
+        force = contact.beside + sum([load.force for load in contact.loads]) + contact.points[:, 2].sum()
         if not math.isfinite(force):
             raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
         return contact, sums

@@ -188,3 +188,36 @@ def test_inertia_agrees_with_mujoco(boxes):
     centre, inertia = compute_inertia(boxes, 0.02)
     np.testing.assert_allclose(compiled.ipos, centre, atol=1e-12)
     np.testing.assert_allclose(np.sort(compiled.inertia), np.linalg.eigvalsh(inertia), rtol=1e-6)
+
+
+def test_sdf_holds_mass_inertia_rates_and_colours(boxes):
+    centre, inertia = compute_inertia(boxes, 0.02)
+    root = parse(write_sdf(boxes, name="pad", rate_hz=271.0, mass=0.02))
+    inertial = root.find("model/link/inertial")
+    pose = [float(word) for word in inertial.findtext("pose").split()]
+    np.testing.assert_allclose(pose, [*centre, 0, 0, 0], atol=1e-12)
+    assert float(inertial.findtext("mass")) == 0.02
+    rows = {"x": 0, "y": 1, "z": 2}
+    for entry in inertial.find("inertia"):
+        expected = inertia[rows[entry.tag[1]], rows[entry.tag[2]]]
+        assert float(entry.text) == pytest.approx(expected, abs=1e-9 * inertia.max())
+    link = root.find("model/link")
+    for box, sensor, visual in zip(boxes, link.iterfind("sensor"), link.iterfind("visual"), strict=True):
+        assert (sensor.get("name"), sensor.get("type")) == (f"{box.name}_contact", "contact")
+        assert float(sensor.findtext("update_rate")) == 271.0
+        assert sensor.findtext("contact/topic") == f"pad/{box.name}"
+        for light in ("ambient", "diffuse"):
+            colour = [float(word) for word in visual.findtext(f"material/{light}").split()]
+            np.testing.assert_allclose(colour, box.colour)
+
+
+def test_urdf_names_a_colour_once_and_uses_it_after(boxes):
+    root, colours = parse(write_urdf(boxes, name="pad", mass=0.02)), {}
+    assert root.find("link/inertial/origin").get("rpy") == "0 0 0"
+    for box, visual in zip(boxes, root.iterfind("link/visual"), strict=True):
+        material = visual.find("material")
+        if (colour := material.find("color")) is not None:
+            assert material.get("name") == f"colour{len(colours)}"
+            colours[material.get("name")] = [float(word) for word in colour.get("rgba").split()]
+        np.testing.assert_allclose(colours[material.get("name")], box.colour)
+    assert len(colours) == len({tuple(box.colour) for box in boxes})

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -85,3 +87,19 @@ def test_forces_on_texels_add_up_to_those_on_cells_over_them(window, row, column
     sums = GRID.sum_on_texels(rows, columns, window.ravel())
     inside = GRID.find_texel(rows, columns) >= 0
     assert sums.sum() == pytest.approx(window.ravel()[inside].sum(), abs=1e-12)
+
+
+def test_a_table_of_all_cells_and_texels_is_applied_to_a_window():
+    random = np.random.default_rng(3)
+    array = TexelArray.grid(2, 3, 4e-3, active=np.arange(6) != 1)
+    table = random.uniform(0, 1, (6, 8, 12))
+    grid = CellGrid.over(array, 4, 2)
+    base = BaseForces(dataclasses.replace(cells(array), table=table), grid, array)
+    window = random.uniform(0, 1, (5, 9))
+    found = base.from_window(window, (grid.margin - 1, grid.margin + 4))
+    expected = np.einsum("tij,ij->t", table[:, :4, 4:12], window[1:, :8])  # a row and a column lie in the margin
+    np.testing.assert_allclose(found, np.where(array.active, expected, 0.0))
+    np.testing.assert_allclose(
+        base.from_texels(np.arange(6.0)),
+        np.where(array.active, table.reshape(6, 2, 4, 3, 4).mean(axis=(2, 4)).reshape(6, 6) @ np.arange(6.0), 0.0),
+    )

@@ -7,6 +7,7 @@ import pytest
 import fastmodel
 from fastmodel import CoverContact, Plate
 from fastmodel.pressure.flexes import FlexSurfaces, _divide, spread_depths
+from meshes import TexelArray
 from tests.support.cover_data import parameters
 
 PARAMETERS = parameters(filter=None)
@@ -114,3 +115,23 @@ def test_without_depth_contact_points_stay():
     assert surfaces.spread(0, 1.0, data.flexvert_xpos, 0.0, bounds) is None
     points = surfaces.spread(0, 2.0, data.flexvert_xpos - np.array([0, 0, 1e-3]), 0.0, bounds)
     assert points[:, 2].sum() == pytest.approx(2.0)
+
+
+def test_each_of_two_flexes_presses_with_its_own_force():
+    names = {"left": (-6e-3, 0.03), "right": (6e-3, 0.09)}
+    flexes = "\n".join(
+        f'<flexcomp name="{name}" {CABLE} pos="{x} 0 0.6e-3" mass="{mass}" radius="5e-4">'
+        f'<contact selfcollide="none" condim="3"/>{STIFF}</flexcomp>'
+        for name, (x, mass) in names.items()
+    )
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{flexes}</worldbody></mujoco>")
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    array = TexelArray.grid(5, 12, 3e-3)
+    sensor = fastmodel.attach(spec, "world", parameters(array, filter=None), contact=CoverContact(plate=THICK), every=1)
+    model = spec.compile()
+    run(sensor.bind(model), model, data := mujoco.MjData(model), 300)
+    forces, x = sensor.contact_forces(), array.centres[:, 0]
+    assert data.ncon
+    for sign, (_, mass) in zip((-1, 1), names.values(), strict=True):
+        assert forces[sign * x > 0].sum() == pytest.approx(mass * 9.81, rel=0.05)

@@ -106,6 +106,18 @@ def test_the_pressure_ends_at_the_edge_of_a_box():
     assert given.is_cut[covered].any()
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.3, -0.7])
+def test_a_gap_closes_at_the_cosine_of_the_motion_and_the_normal(tilt):
+    top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(2e-3, layers=2), RUBBER).top
+    direction = np.array([np.sin(tilt), 0, -np.cos(tilt)])
+    pose = SpatialPose.facing(-12e-3 * direction + [0, 0, 2e-3], direction)
+    travel = find_touch(top, BALL, pose, direction) + 0.1e-3
+    given = GapSampler(top, BALL, pose, direction, travel).at(travel)
+    carries = given.area > 0
+    assert carries.sum() >= 3
+    np.testing.assert_allclose(given.rate[carries], np.cos(tilt))
+
+
 def test_load_and_depth_control_agree_and_the_base_bears_the_load():
     pose = at_angle(0.3, y=0.5e-3)
     loaded = press_curved(MESH, COVER.texels, RUBBER, BALL, pose, load=0.5)

@@ -1,11 +1,16 @@
-"""Base forces of blocks at finite strain: a spline of the pressure, integrated over texels at any pose."""
+"""Coarse grids at finite strain against fine ones, and base forces of blocks against integrals by hand."""
+
+import time
 
 import numpy as np
 import pytest
 
+from fem_reference import press_path
+from fem_reference.indentation import finite_strain
 from fem_reference.indentation.finite_strain import integrate_spline
-from meshes import TexelArray
+from meshes import Cylinder, TexelArray
 from meshes.pose import PlanarPose
+from tests.support.rubber import make_cover
 
 ARRAY = TexelArray.grid(2, 3, (4e-3, 5e-3), active=np.arange(6) != 4, texel_size=(3e-3, 4.4e-3))
 
@@ -27,3 +32,24 @@ def test_a_polynomial_pressure_is_integrated_over_oblong_texels_and_the_rest(pos
         assert force == pytest.approx(expected if active else 0.0, rel=1e-4 if inside.all() else 0.08)
     whole = 1e3 * (2 * 16e-3 * 14e-3 + 3e4 * 14e-3 * 2 * (8e-3) ** 3 / 3)
     assert felt.sum() == pytest.approx(whole)
+
+
+def test_coarse_grids_correct_a_flat_face_like_fine_ones(monkeypatch):
+    """The usual grids (6, 9, 13) give 4.8035 N, and 2.4518 N on the middle texel, at 0.3 mm on 2 mm of rubber."""
+    monkeypatch.setattr(finite_strain, "GRIDS", (2, 3, 4))
+    array, started = TexelArray.grid(3, 3, pitch=3.4e-3), time.perf_counter()
+    shallow, deep = press_path(make_cover(0.45), array, Cylinder(radius=2e-3), depths=[0.1e-3, 0.3e-3], fields=True)
+    elapsed = time.perf_counter() - started
+    assert 0.2 * elapsed < shallow.seconds + deep.seconds < elapsed
+    assert deep.total_force == pytest.approx(4.8035, rel=1e-3)
+    assert deep.texel_forces[4] == pytest.approx(2.4518, rel=1e-3)
+    assert 3 < deep.total_force / shallow.total_force < 3.6  # it stiffens
+    for found, depth in ((shallow, 0.1e-3), (deep, 0.3e-3)):
+        assert found.depth == pytest.approx(depth)
+        assert found.texel_forces.sum() + found.outside == pytest.approx(found.total_force, rel=5e-3)
+        assert found.contact[:, 2].sum() == pytest.approx(found.total_force, rel=1e-6)
+        assert found.contact_area == pytest.approx(np.pi * 4e-6, rel=1e-5)
+        fields = found.fields
+        under = (fields.position[:, 2] > 2e-3 - 1e-9) & (fields.position[:, 0] < 1.7e-3)
+        assert under.sum() > 3
+        np.testing.assert_allclose(fields.displacement[under, 2], -depth, rtol=0.02)

@@ -1,15 +1,18 @@
 """Calibration of a made-up sensor: what was put in is found again, inside intervals that cover as often as they say."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from meshes import Sphere
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
+from validation.calibration import calibrate as module
 from validation.calibration.calibrate import calibrate
 from validation.calibration.hold_out import score_hold_out
 from validation.calibration.observations import Observations, Placement, join_observations
+from validation.calibration.parameters import Options
 from validation.json_values import json_text
 
 
@@ -179,3 +182,16 @@ def test_chosen_images_keep_all_that_belongs_to_them(creep):
         assert np.array_equal(getattr(back, name), [*values[::2], *values[1::2]]), name
     with pytest.raises(ValueError, match="no recordings"):
         join_observations([])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 100.0])
+@pytest.mark.parametrize(("ratio", "top", "bends"), [(1.05, 1.2, True), (1.01, 1.2, False), (1.05, 1.4, False)])
+def test_saturation_is_fitted_where_it_is_far_more_likely(monkeypatch, scale, ratio, top, bends):
+    """2 n ln(ratio of residuals) above 10 + 2 ln n, and an end below 1.3 times the largest count."""
+    seen = SimpleNamespace(measured=np.ones((10, 40), dtype=bool), counts=np.array([[1000.0, 10.0]]))
+    assert (800 * np.log(ratio) > 10 + 2 * np.log(400)) == (ratio > 1.02)
+    straight = SimpleNamespace(rms=ratio * scale)
+    bent = SimpleNamespace(rms=scale, curve=SimpleNamespace(output_max=1000 * top))
+    fits = {True: bent, False: straight}
+    monkeypatch.setattr(module, "fit_forward", lambda _method, _seen, options, **_: fits[options.output_max is None])
+    assert module._choose_fit(None, seen, Options(output_max=4095.0)) is (bent if bends else straight)

@@ -9,10 +9,12 @@ import fastmodel
 from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
 from validation.calibration.contact import Pose
 from validation.calibration.forward_fit import fit_forward
+from validation.calibration.identifiability import describe_fit
 from validation.calibration.parameters import Options
 from validation.data_sets import score
 from validation.data_sets.data_set import build_data_set, read_tables
 from validation.data_sets.images import observe, read_images
+from validation.data_sets.null_comparison import compare_with_nulls
 from validation.errors import InputError
 from validation.sensor_file import load
 
@@ -74,6 +76,8 @@ def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, sco
     found, blind = score_set(data_set), score_set(record(tmp_path / "blind", corrupt=SCORED))
     wrong = score_set(record(tmp_path / "wrong", corrupt="G"))
     assert found.problems == ()
+    # what the fitted recordings determine is said of the fast model only, which this one is not
+    assert [len(each) for each in found.notes.values()] == [1]
     assert {name for row in found.rows for name in row.fitted} == {image.file.name for image in read(data_set, FITTED)}
     for gains in (False, True):
         rows = [each.row("between", "uniform", texel_gains=gains) for each in (found, blind, wrong)]
@@ -86,6 +90,15 @@ def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, sco
     for name, image in found.examples[0].predicted.items():
         np.testing.assert_array_equal(image, blind.examples[0].predicted[name])
         assert name == "zeros" or (image != wrong.examples[0].predicted[name]).any()
+
+
+def test_what_the_fitted_recordings_determine_is_said_of_the_fast_model(tmp_path, monkeypatch):
+    data_set = record(tmp_path / "plain")
+    monkeypatch.setattr(score, "list_methods", lambda *_: {score.FAST: uniform_method()})
+    found = score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
+    assert found.notes["between"] == (
+        compare_with_nulls(found.rows), *describe_fit(fit(data_set, gains=True))
+    )  # fmt: skip
 
 
 def predict_nulls(images):

@@ -50,6 +50,10 @@ def test_what_a_file_does_not_state_is_that_of_the_sensor(tmp_path):
     path.write_text(CSV.replace("# rows = 2\n# columns = 3\n", ""))
     found = tables.read(path, sensor=sensor)
     assert found.arrays[0].has_layout_of(sensor)
+    assert open_recording(path, sensor=sensor).arrays[0].has_layout_of(sensor)
+    (tmp_path / "b.csv").write_text(CSV.replace("# rows = 2\n# columns = 3\n", ""))
+    given = open_recording(tmp_path / "b.csv", rows=3, columns=2).arrays[0].texels
+    assert (given.rows, given.columns) == (3, 2)
     assert tables.PITCH_ASSUMED not in found.setup.other
     path.write_text("# pitch = 0.002\n" + CSV)
     stated = tables.read(path, sensor=sensor).arrays[0].texels
