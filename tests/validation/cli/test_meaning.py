@@ -8,7 +8,7 @@ import pytest
 from meshes import Sphere
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.cli.meaning import WIDTH, explain_comparison, print_meaning
+from validation.cli.meaning import WIDTH, explain_comparison, explain_verdict, print_meaning
 from validation.metrics import score
 from validation.sensor_file import BUILT_IN
 
@@ -38,3 +38,12 @@ def test_lines_fit_eighty_columns(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == ""
     assert max(map(len, lines)) <= WIDTH
+
+
+def test_a_verdict_names_the_largest_change_or_the_groups_that_moved():
+    assert explain_verdict({}) == "All 0 quantities are within their tolerances."
+    assert explain_verdict({"a: x": 0.25, "b: y": 1.0, "b: z": 0.5}) == (
+        "All 3 quantities are within their tolerances; the largest change is 1 of its tolerance (b: y)."
+    )
+    moved = explain_verdict({"b: y": 1.5, "a: x": 0.5, "c: z": float("nan"), "b: w": float("inf")})
+    assert moved.startswith("3 of 4 quantities left their tolerances, in: b, c. ")

@@ -1,5 +1,7 @@
 """The virtual sensor without a port: its clock, its answers and the values that it shows."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,7 +19,14 @@ from validation.weiss.faults import FAULTS
 from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.messages import encode_message
 from validation.weiss.parser import Parser
-from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording
+from validation.weiss.virtual import (
+    WTS_0614_34,
+    Misbehaviour,
+    VirtualSensor,
+    show_frames,
+    show_pattern,
+    show_recording,
+)
 
 START = encode_request(Command.START_PERIODIC_FRAMES, 0, 0)
 
@@ -179,3 +188,35 @@ def test_a_sensor_has_a_tag_that_clients_can_change():
     for tag in ("t" * 65, "größe"):
         with pytest.raises(ValueError, match="at most 64 ASCII"):
             VirtualSensor(show_pattern("zero"), tag=tag)
+
+
+def test_patterns_are_what_they_are_called():
+    matrix = dataclasses.replace(WTS_0614_34, columns=3, rows=4)
+    order = np.arange(12)
+    for time in (0.0, 0.7, 2.345):
+        assert np.array_equal(show_pattern("zero", matrix)(time), 0 * order)
+        assert np.array_equal(show_pattern("corner", matrix)(time), [2000] + [0] * 11)
+        assert np.array_equal(show_pattern("ramp", matrix)(time), (40 * order + round(1000 * time)) % 4096)
+        x, y = 1 + np.sin(2 * time), 1.5 * (1 + np.sin(time))
+        blob = 3000 * np.exp(-((order % 3 - x) ** 2 + (order // 3 - y) ** 2) / 4)
+        assert np.array_equal(show_pattern("blob", matrix)(time), np.rint(blob))
+    with pytest.raises(ValueError, match="unknown pattern 'x'; known patterns: blob, ramp, corner, zero"):
+        show_pattern("x")
+
+
+def test_a_playback_shows_each_frame_until_the_next_and_starts_again_after_the_last():
+    times, counts = [10.0, 10.5, 11.5, 12.0], np.arange(8).reshape(4, 2)
+    shown = [0.0, 0.49, 0.5, 1.49, 1.5, 1.99, 2.0, 2.6]
+    frames = [0, 0, 1, 1, 2, 2, 3, 3]
+    loop, once = (show_recording(times, counts, loop=loop) for loop in (True, False))
+    for time, frame in zip(shown, frames, strict=True):
+        assert np.array_equal(loop(time), counts[frame])
+        assert np.array_equal(once(time), counts[frame])
+    duration = 2.0 * 4 / 3  # the last frame is shown for the mean time between frames
+    assert np.array_equal(loop(duration + 0.01), counts[0])
+    assert np.array_equal(loop(3 * duration + 0.6), counts[1])
+    assert np.array_equal(once(100.0), counts[3])
+    assert np.array_equal(show_recording([5.0], counts[:1])(3.0), counts[0])
+    for bad in (([], counts[:0]), ([1.0], counts)):
+        with pytest.raises(ValueError, match="as many times as frames and at least one"):
+            show_recording(*bad)
