@@ -159,6 +159,10 @@ class _Finder:
                 owner = owner if runs else name
             case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
                 owner = owner or name
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)) if not owner:
+                for target, value in zip(names, values, strict=True):
+                    yield from self.mutants(value, ast.unparse(target), lines, runs=runs)
+                return
         for name, value in ast.iter_fields(node):
             if name not in ("annotation", "returns", "decorator_list", "type_params"):
                 for child in value if isinstance(value, list) else [value]:

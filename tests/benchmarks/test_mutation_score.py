@@ -58,6 +58,14 @@ def test_mutants_change_what_runs_and_neither_texts_nor_types(score, tmp_path):
     assert runs == {2: ("LIMIT", False), 3: ("middle", True), 5: ("middle", True), 7: ("middle", True)}
 
 
+def test_constants_in_one_line_have_an_owner_each(score, tmp_path):
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "limits.py").write_text("_LOW, _HIGH = (1, 2), 4\n_ONE, _TWO = range(2)\n")
+    found = score.find_mutants(tmp_path, ("package",))
+    owners = [(mutant.before, mutant.owner) for mutant in found]
+    assert owners == [("1", "_LOW"), ("2", "_LOW"), ("4", "_HIGH"), ("2", "")]
+
+
 @pytest.mark.slow
 def test_mutants_of_this_repository_parse(score):
     mutants = score.list_mutants(1)
