@@ -21,8 +21,11 @@ TIME = re.compile(r"\b\d+\.\d+ s +│")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_prints_what_the_page_shows(softcover, monkeypatch, command):
     monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("validation.cli.progress.LINE_INTERVAL", -1.0)
     code, out, err = softcover(*command.split()[1:])
     assert code == 0
+    is_solved = command.split()[1] == "press"
+    assert bool(re.search(r"^\[ *\d+\.\d s\]( \d+/\d+)? \w", err, flags=re.MULTILINE)) == is_solved
     printed = outputs._PROGRESS.sub("", err) + out
     lines = [TIME.sub("│", line.rstrip()) for line in printed.rstrip().splitlines()]
     assert lines == [TIME.sub("│", line) for line in outputs.read_page()[command].splitlines()]

@@ -16,8 +16,11 @@ def sensor(tmp_path, softcover):
     return tmp_path / "sensor.toml"
 
 
-def test_derive_prints_one_json_object_and_writes_its_files(softcover):
-    status, out, _ = softcover("derive", "wts-0614-34", "--json", "--out", "derived")
+def test_derive_prints_one_json_object_and_writes_its_files(softcover, monkeypatch):
+    monkeypatch.setattr("validation.cli.progress.LINE_INTERVAL", -1.0)
+    status, out, err = softcover("derive", "wts-0614-34", "--json", "--out", "derived")
+    assert err.startswith("[  0.")
+    assert err.endswith("wrote parameters.toml, cover.npz, derive.json, psf.svg, psf.png to derived\n")
     result = json.loads(out)
     assert status == 0
     assert 0.3 < result["psf"]["sigma_x"] < 0.8
