@@ -7,6 +7,7 @@ other code are not used, unless that is asked for.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import multiprocessing
@@ -90,6 +91,7 @@ def run_cases(
     deadline = time.time() + 60 * given.minutes
     spawn = multiprocessing.get_context("spawn")
     with spawn.Pool(given.processes, maxtasksperchild=CASES_PER_PROCESS) as pool, given.lines.open("a") as file:
+        file.write("\n" * (file.tell() > 0))  # after a line that was not finished
         jobs = [(work, deadline, given.seed, number, code) for number in left]
         for count, record in enumerate(pool.imap_unordered(_work_before, jobs), start=1):
             if record is not None:
@@ -122,5 +124,12 @@ def _work_before(job: tuple[Callable[[int, int], Record], float, int, int, str])
 
 
 def read_records(lines: Path) -> list[Record]:
-    """Read the records of a file of JSON lines, none if it does not exist."""
-    return [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
+    """Read the records of a file of JSON lines, none if it does not exist.
+
+    A line that another process is just writing, or that it left behind when it was killed, counts as absent.
+    """
+    records = []
+    for line in lines.read_text().splitlines() if lines.exists() else ():
+        with contextlib.suppress(json.JSONDecodeError):
+            records.append(json.loads(line))
+    return records

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.correction import correct_path
-from fem_reference.indentation.grid_solution import GridSolution
+from fem_reference.indentation.grid_solution import GridSolution, extrapolate_solutions
 from fem_reference.indentation.rounding import SOLID_GRIDS
 from meshes import Box, Roller
 from tests.support.rubber import make_cover
@@ -93,3 +93,23 @@ def test_faces_that_rub_are_refined_in_turn():
     path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(1e-4,), control="depth", friction=0.3)
     found = correct_path(path, [make_grids(1e-4)], scatter)[0]
     assert [each.total_force for each in found] == pytest.approx([1.0, 1.02, 1.01])
+
+
+@pytest.mark.parametrize(("shape", "rubs", "limit"), [(FACE, False, 1.03), (FACE, True, 1.01), (ROLLER, False, 1.01)])
+def test_the_limit_is_extrapolated_under_faces_that_do_not_rub_and_else_that_of_the_finest_grid(shape, rubs, limit):
+    """Forces 1.07, 1.03 and 1.01 on grids of size 3, 2 and 1 lie on a line only from the second on."""
+    friction = 0.3 if rubs else 0.0
+    path = LoadingPath(
+        cover=make_cover(0.45), indenter=shape, targets=(1e-4,), control="depth",
+        friction=friction, baseline_friction=friction,
+    )  # fmt: skip
+    grids = [make_solution(factor * STIFFNESS * 1e-4, 1e-4, size) for factor, size in ((1.07, 4), (1.03, 2), (1.01, 1))]
+
+    def same(_, approaches):
+        one = [[make_solution(STIFFNESS * d, d) for _ in SOLID_GRIDS] for d in approaches]
+        return one, one
+
+    found = correct_path(path, [grids], same)[0]
+    expected = extrapolate_solutions(grids).total_force if shape is FACE and not rubs else 1.01
+    assert [each.total_force for each in found] == pytest.approx([expected] * 3)
+    assert (expected == pytest.approx(1.01)) == (limit == 1.01)

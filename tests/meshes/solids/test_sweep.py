@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from meshes import TexelArray
 from meshes.solids import check_quality, check_texels, fingertip, flat_pad, phalanx, read_mesh, sweep, write_mesh
 from meshes.solids.base_surface import cylinder_surface, flat_surface, join_grids
 from meshes.solids.facets import facet_shape, facet_slope, node_normals, node_places
@@ -128,8 +129,6 @@ def test_a_thickness_that_is_not_positive_is_refused():
     ],
 )
 def test_texels_off_the_base_are_refused(fault, message):
-    from meshes import TexelArray
-
     mesh = flat_pad().mesh(4e-3)
     place = {"centres": np.zeros((1, 3)), "normals": np.array([[0.0, 0, 1]])} | fault
     texels = TexelArray(
@@ -154,3 +153,24 @@ def test_texels_that_touch_share_a_flat_base_without_rest_and_overlap_on_a_cylin
 def test_too_many_elements_are_refused_before_they_are_made(size, words):
     with pytest.raises(ValueError, match=words):
         flat_surface((10e-3, 10e-3), size)
+
+
+@pytest.mark.parametrize(("beyond", "accepted"), [(0.25, True), (0.75, False)])
+def test_a_texel_may_lie_beside_the_base_by_a_tenth_of_the_thickness_and_one_sample(beyond, accepted):
+    """Six samples along each edge of an element; the outermost lies half of their distance inside the base."""
+    cover = flat_pad()
+    mesh = cover.mesh(4e-3)
+    base = mesh.nodes[mesh.base]
+    spacing = np.ptp(base, axis=1).max() / 6
+    half = np.abs(mesh.nodes[:, 0]).max()
+    middle = base.mean(axis=1)
+    y = middle[np.argmax(middle[:, 0]), 1] + spacing / 2
+    at = [half + 0.1 * cover.thickness + beyond * spacing, y, 0.0]
+    one = (1e-3, 1e-3)
+    texels = TexelArray(centres=np.array([at]), normals=np.array([[0.0, 0, 1]]), texel_size=one, pitch=one, rows=1,
+                        columns=1, active=np.ones(1, dtype=bool))  # fmt: skip
+    if accepted:
+        check_texels(mesh, texels)
+    else:
+        with pytest.raises(ValueError, match="off the base: texel 0"):
+            check_texels(mesh, texels)
