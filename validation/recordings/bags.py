@@ -140,9 +140,9 @@ def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> N
         raise MissingExtraError("rosbags") from error
     if not path.exists():
         raise RecordingError(f"{path}: no such file; expected a ROS bag")
+    size = measure_bag(path)
     if path.is_dir() and not (path / "metadata.yaml").exists():
         raise RecordingError(f"{path}: no recording of ROS 2, which is a folder with metadata.yaml")
-    size = measure_bag(path)
     budget = MessageBudget(path, size)
     try:
         with bag_limits(path, size), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
