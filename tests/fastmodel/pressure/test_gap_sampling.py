@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fastmodel.pressure.gap_kernels import sample_body
+from fastmodel.pressure.gap_kernels import _find_windows, _sample_centres, sample_body
 from fastmodel.pressure.gap_sampling import BodyShape, sample_gap
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.posed_bodies import GRID, pose_body
@@ -122,3 +122,19 @@ def test_mirrored_bodies_have_mirrored_samples(x, y, yaw):
     mirrored[left.row, GRID.columns - 1 - left.column] = left.coverage
     assert np.count_nonzero(np.abs(area - mirrored) > 1e-12) <= 2  # points within rounding of an outline
     assert np.abs(area - mirrored).max() <= 1 / 16 + 1e-12
+
+
+def test_centres_are_sampled_in_the_window_and_one_more_cell_on_each_side():
+    at, size = (1.3e-3, -4.4e-3), np.array([7e-3, 4e-3])
+    body = pose_body(Box(size=(*size, 5e-3)), at=at)
+    shape = body.shape.arrays
+    windows, around = _find_windows(body.rotation, body.position, shape[4], shape[5], *GRID.arrays)
+    columns, rows = around[2] - around[0], around[3] - around[1]
+    assert [columns, rows] == pytest.approx(size / GRID.edge, abs=2)
+    body_and_view = (shape, body.shape.edge, body.rotation, body.position), (windows, around, *GRID.arrays[1:])
+    gaps, near, top = _sample_centres(*body_and_view, 1e-3, -np.inf, np.inf)
+    assert gaps.shape == (1, rows + 2, columns + 2)
+    assert near.tolist() == [True]
+    assert top >= 1e-3
+    inner = gaps[0, 2:-2, 2:-2]
+    np.testing.assert_allclose(inner, inner[0, 0], atol=1e-12)  # a level face

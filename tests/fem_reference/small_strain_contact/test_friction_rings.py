@@ -8,7 +8,7 @@ import pytest
 from fem_reference.closed_form.contact import indent
 from fem_reference.closed_form.no_slip import stuck_punch, stuck_shape
 from fem_reference.closed_form.rings import press_with_friction
-from fem_reference.small_strain_contact.friction_rings import RingContact
+from fem_reference.small_strain_contact.friction_rings import RingContact, count_rings
 from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
 from meshes import Cone, Cover, Cylinder, Layer, Material, RoundedTip, Sphere
 
@@ -107,3 +107,13 @@ def test_a_sliding_cover_is_meshed_far_enough_out(ratio, radius):
     cover = make_cover((2e-3, 1e6, ratio), base="sliding")
     found = press_stuck_disk(cover, radius, elements_per_thickness=6).force
     assert found == pytest.approx(stuck_punch(cover, radius).stiffness, rel=1e-4)
+
+
+@pytest.mark.parametrize(("radius", "share"), [(0.5e-3, 1.2), (1e-3, 1.0)])
+def test_rings_extend_a_fifth_beyond_the_contact_and_not_beyond_the_indenter(radius, share):
+    """Both ends are whole numbers of rings: rounding adds none."""
+    tip = RoundedTip(radius=1e-3)
+    assert tip.footprint[0] == 1e-3
+    contact = RingContact(SOFT, tip, contact_radius=radius, count=5)
+    rings = round(share * count_rings(5))
+    np.testing.assert_allclose(contact._edges, np.linspace(0, share * radius / 2e-3, rings + 1), atol=1e-12)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from meshes import read_stl
 from meshes.surfaces import convex_hulls
+from meshes.surfaces.convex_hulls import _Underside
 
 
 def test_two_balls_are_made_of_a_few_hulls_that_are_computed_once(write_stl):
@@ -65,3 +68,19 @@ def test_the_corners_that_are_kept_of_a_ball_are_spread_evenly():
     apart = cKDTree(kept).query(points[points[:, 2] < 0])[0].max()
     share = 2 * np.pi / (0.8 * convex_hulls.MOST_CORNERS)  # area of the lower half per direction below the middle
     assert apart < 1.6 * np.sqrt(2 * share / (3 * np.sqrt(3)))
+
+
+def test_a_cut_lies_one_step_before_the_nearest_wall_and_never_behind_the_point():
+    """A floor of 1 mm with a wall down to 0 at x = 3 mm; points are 1 mm apart along x, and 0.5 mm along y."""
+    x, y = (each.ravel() for each in np.meshgrid(1e-3 * np.arange(6), 0.5e-3 * np.arange(4)))
+    height = np.where(x < 2.5e-3, 1e-3, 0.0)
+    underside = _Underside(
+        x=x, y=y, height=height, levels=np.zeros(1), beside=np.zeros((1, 24)), top=2e-3, step=1e-3, tolerance=1e-6
+    )
+    point = int(np.flatnonzero((x == 0) & (y == 0.5e-3))[0])
+    np.testing.assert_allclose(underside.find_wall(point, 0.0), [2e-3, 0.5e-3])
+    # below another point half a step away: the point itself, not beyond it
+    near = dataclasses.replace(underside, height=np.where(y < 0.2e-3, 0.0, 1e-3))
+    np.testing.assert_allclose(near.find_wall(point, 0.0), [0.0, 0.5e-3])
+    np.testing.assert_allclose(near.find_wall(0, 0.0), [0.0, 0.0])
+    assert underside.find_wall(point, -1.0).tolist() == [0.0, 0.5e-3]
