@@ -288,6 +288,9 @@ def test_the_table_of_scores_names_the_parameters_units_and_fits_of_every_model(
             for name, value in kept.items():
                 assert f"{name} {value:.3g} {model.units.get(name, '')}".strip() in found
     assert {key: text for key, text in shown.items() if key[1] == "as shipped"} == expected
+    assert {title for title, variant in shown if variant == "as fitted"} == {
+        model.title for model in PUBLISHED.values() if model.fitted
+    }
     # the filters of the table, which a held load does not show, and the sums that are not the load
     assert {name for name, model in PUBLISHED.items() if not model.in_time} == IGNORING_TIME
     totals = {name: model.total.split(" ")[0] for name, model in PUBLISHED.items() if model.total}

@@ -1,5 +1,6 @@
 """What `softcover calibrate` prints of a calibration whose numbers all differ."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from validation.calibration.estimates import Estimate
 from validation.calibration.point_load import PointLoadCalibration
-from validation.cli.commands.calibrate import _print, _print_point
+from validation.cli.commands.calibrate import _calibrate_point, _print, _print_point
 from validation.derivation.calibration_tip import TipShare
 
 SHARE = TipShare(radius=1.5e-3, share=0.76, largest_load=1.25, saturation_load=2.5, lightest=0.81, heaviest=0.72)
@@ -81,3 +82,27 @@ def test_of_an_array(printed, name):
         "left-out recordings: image changed 1 %",
         "- a note",
     ]
+
+
+@pytest.mark.parametrize(
+    ("names", "trials"), [(["a", "b"], ["all recordings"] * 2), (["a", "a", "b"], ["a", "a", "b"])]
+)
+def test_recordings_with_a_force_channel_are_a_trial_each(monkeypatch, capsys, names, trials):
+    found = PointLoadCalibration(
+        texel=7, share=SHARE, names=("one",), slopes=np.array([2000.0]), offsets=np.array([-50.0]),
+        saturation_forces=np.array([np.nan]), estimates={},
+    )  # fmt: skip
+    asked = []
+
+    def fit(seen, given, sensor, *, radius, texel):
+        asked.append((seen, given, sensor, radius, texel))
+        return found
+
+    monkeypatch.setattr("validation.calibration.point_load.calibrate_point_load", fit)
+    monkeypatch.setattr("validation.data_sets.images.observe", len)
+    images = [SimpleNamespace(file=SimpleNamespace(name=name)) for name in names]
+    _calibrate_point(images, "sensor", "1.5mm", 7, json=False)
+    assert "Texel 7 under a tip of 1.5 mm" in capsys.readouterr().out
+    _calibrate_point(images, "sensor", "1.5mm", 7, json=True)
+    assert json.loads(capsys.readouterr().out)["tip_share"] == 0.76
+    assert asked == [(len(names), trials, "sensor", pytest.approx(1.5e-3), 7)] * 2
