@@ -194,7 +194,7 @@ def describe_fit(fit: ForwardFit) -> Iterator[str]:
         )
     if fit.outliers:
         yield f"little weight, because their residual is large: {', '.join(fit.outliers)}"
-    yield "the filter's cut-off is not identifiable: steady images are fitted"
+    yield "the filter's cut-off was not examined: the fit takes one mean image of each recording"
 
 
 def _describe_gains(fit: ForwardFit) -> Iterator[str]:

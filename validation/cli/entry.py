@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
 
 import validation
 from validation.cli.failures import DONE, INTERRUPTED, PIPE_CLOSED, explain
@@ -39,6 +39,21 @@ _COMMANDS = {
 }
 
 
+def _convert(wanted: type, tokens: Sequence[Token]) -> object:
+    """Convert the words of one option; cyclopts itself rounds 1.5 to a whole number without a word.
+
+    Raises:
+        ValueError: If an option that counts is given anything but a whole number.
+    """
+    if wanted is int:
+        for token in tokens:
+            try:
+                int(token.value)
+            except ValueError:
+                raise ValueError(f"{token.value!r} is not a whole number") from None
+    return convert(wanted, tokens)
+
+
 app = App(
     name="softcover",
     help=(
@@ -48,7 +63,7 @@ app = App(
     ),
     help_format="markdown",
     version=lambda: validation.__version__,
-    default_parameter=Parameter(negative=()),
+    default_parameter=Parameter(negative=(), converter=_convert),
     suppress_keyboard_interrupt=False,
 )
 for _name, _target in _COMMANDS.items():

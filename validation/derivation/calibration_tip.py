@@ -99,9 +99,15 @@ def compute_tip_share(
     largest = float(loads[-1]) if saturation is None else min(saturation, float(loads[-1]))
     applied = np.linspace(0, largest, _FITTED_LOADS)
     on_texel = applied * np.interp(applied**_EXPONENT, loads**_EXPONENT, shares)
+    share = round(float(applied @ on_texel / (applied @ applied)), _DECIMALS)
+    if not share > 0:
+        raise ValueError(
+            f"a cover of {1e3 * cover.thickness:g} mm puts too little of the tip's force on a texel; give the true "
+            'thickness, or calibrated = "texel force"'
+        )
     return TipShare(
         radius=radius,
-        share=round(float(applied @ on_texel / (applied @ applied)), _DECIMALS),
+        share=share,
         largest_load=largest,
         saturation_load=saturation,
         lightest=lightest,

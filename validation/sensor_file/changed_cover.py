@@ -12,7 +12,7 @@ from meshes.catalogue import MATERIALS
 from meshes.material import MODELS
 from validation.errors import InputError, match_name, nearest
 from validation.sensor_file.faults import KEYS_BY_SYMBOL, list_faults
-from validation.sensor_file.tables import PARAMETERS, MaterialTable
+from validation.sensor_file.tables import LONGEST, PARAMETERS, MaterialTable
 from validation.text.quantity import read_quantity
 
 #: Largest accepted number of characters of one change [-].
@@ -111,8 +111,9 @@ def _change_layer(layer: Layer, change: Mapping[str, str]) -> Layer:
             thickness = read_quantity(text, "length", place="thickness")
         except InputError as error:
             faults += error.faults
-        if thickness <= 0:
-            faults.append(f"thickness: must be positive, not {text!r}; write for example '2mm'")
+        if not 0 < thickness <= LONGEST:
+            wrong = f"must be positive and at most {LONGEST:g} m, not {text!r}"
+            faults.append(f"thickness: {wrong}; write for example '2mm'")
     material = layer.material
     if name is not None:
         found = match_name(name, MATERIALS)
@@ -247,8 +248,10 @@ def _replace_cover(cover: Cover, material: str | None, thickness: str | None) ->
         height = height if thickness is None else read_quantity(thickness, "length", place="--thickness")
     except InputError as error:
         faults += error.faults
-    if height <= 0:
-        faults.append(f"--thickness: must be positive, not {thickness!r}; write for example '2mm'")
+    if not 0 < height <= LONGEST:
+        faults.append(
+            f"--thickness: must be positive and at most {LONGEST:g} m, not {thickness!r}; write for example '2mm'"
+        )
     if faults:
         raise InputError(*faults)
     assumed = cover.assumed and (material is None or thickness is None)

@@ -24,8 +24,8 @@ from validation.text.quantity import Kind, read_quantity
 
 _CONFIG = ConfigDict(extra="forbid")
 
-#: Upper limit on the pitch of texels and on the edge lengths of a cover: larger values must have a wrong unit [m].
-_LONGEST = 1.0
+#: Upper limit on lengths, such as the pitch and the thickness of a layer: larger values must have a wrong unit [m].
+LONGEST = 1.0
 #: Largest radius of a calibration tip: one that is wider presses on several texels of any array [m].
 _WIDEST_TIP = 0.02
 #: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
@@ -54,6 +54,8 @@ def quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
         number = read_quantity(value, kind)
         if positive and number <= 0:
             raise ValueError(f"must be positive, not {value!r}")
+        if kind == "length" and number > LONGEST:
+            raise ValueError(f"must be at most {LONGEST:g} m, not {value!r}")
         return number
 
     return BeforeValidator(convert)
@@ -142,8 +144,8 @@ def _lengths(value: object) -> tuple[float, float]:
     numbers = (read_quantity(pair[0], "length"), read_quantity(pair[1], "length"))
     if min(numbers) <= 0:
         raise ValueError(f"must be positive, not {value!r}")
-    if max(numbers) > _LONGEST:
-        raise ValueError(f"must be at most {_LONGEST:g} m, not {value!r}")
+    if max(numbers) > LONGEST:
+        raise ValueError(f"must be at most {LONGEST:g} m, not {value!r}")
     return numbers
 
 

@@ -84,6 +84,7 @@ def derived(small_pad, tmp_path_factory):
         ),
         (("view", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N", "--method=boxes"), "is curved"),
         (("validate", "DERIVED"), "name the sensor file"),
+        (("press", "flat-pad", "--indenter=ball:radius=4mm", "--load=1N", "--method=boxes"), "--method: is not supp"),
         (("emulate", "port", "--show", "fingertip"), "softcover derive fingertip --out FOLDER"),
     ],
     ids=lambda words: " ".join(words) if isinstance(words, tuple) else "",

@@ -25,6 +25,25 @@ DOCUMENTED_KEYS = Path(__file__).parents[3] / "docs" / "json.md"
 PAGES = [[name] for name in _COMMANDS] + [["store", action] for action in ("list", "verify", "prune")]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load=1N", "--out", "x", "--curve"),
+        ("calibrate", "x.mcap", "--sensor", "wts-0614-34", "--tip=1mm", "--texel"),
+        ("regress", "wts-0614-34", "--seed"),
+        ("import", "x.csv", "--rows"),
+        ("store", "prune", "--keep-latest"),
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize("number", ["1.5", "2.0", "many", "1e3"])
+def test_what_is_counted_is_never_rounded(words, number, softcover):
+    status, out, err = softcover(*words, number)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"softcover: Invalid value for {words[-1]}: {number!r} is not a whole number")
+    assert len(err.splitlines()) == 1
+
+
 @pytest.mark.parametrize("page", PAGES, ids=" ".join)
 def test_help_examples_name_options_that_exist(page):
     command = app
@@ -76,6 +95,7 @@ BAD = [
     (["derive", "wts-0614-34", "--material", "dragonskn-30"], "did you mean 'dragon-skin-30'"),
     (["derive", "wts-0614-34", "--thickness", "2"], "--thickness: '2' has no unit"),
     (["derive", "wts-0614-34", "--thickness=-2mm"], "--thickness: must be positive"),
+    (["derive", "wts-0614-34", "--thickness=5km"], "--thickness: must be positive and at most 1 m, not '5km'"),
     (["derive"], "SENSOR is missing"),
     (["derive", "wts-0614-34", "--thicknes", "2mm"], "--thicknes"),
     (["press", "wts-0614-34", "--indenter", "shpere:radius=5mm", "--load", "1N"], "did you mean 'sphere'"),

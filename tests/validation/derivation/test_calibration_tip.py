@@ -64,6 +64,15 @@ def test_the_share_is_that_of_the_tip_that_was_used(wts_derivation):
     assert compute_tip_share(sensor.cover, sensor.array, wts_derivation.influence, against_texels) is None
 
 
+def test_a_tip_that_leaves_nothing_on_a_texel_is_named_with_the_remedy():
+    from fem_reference import point_spread
+
+    sensor = BUILT_IN["wts-0614-34"]
+    thick = dataclasses.replace(COVER, layers=(dataclasses.replace(COVER.layers[0], thickness=1.0),))
+    with pytest.raises(ValueError, match="a cover of 1000 mm puts too little of the tip's force on a texel; give"):
+        compute_tip_share(thick, sensor.array, point_spread(thick), WTS_0614_34)
+
+
 def test_a_calibration_in_mujoco_gives_back_the_line_as_far_as_cells_resolve_the_tip():
     """Four cells of the fast model carry the tip; they spread its force a little wider than the tip does."""
     parameters = fastmodel.load("wts-0614-34")

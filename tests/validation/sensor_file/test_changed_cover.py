@@ -93,6 +93,7 @@ def test_a_layer_of_a_replaced_cover_can_be_changed():
         ("1:thickness=1mm,thickness=2mm", "thickness is given twice"),
         ("1:thickness=1", "--layer 1: thickness: '1' has no unit"),
         ("1:thickness=0mm", "--layer 1: thickness: must be positive"),
+        ("1:thickness=5km", "--layer 1: thickness: must be positive and at most 1 m, not '5km'"),
         ("1:youngs_modulus=-1MPa", "youngs_modulus: must be positive"),
         ("2:youngs_modulus=0Pa", "youngs_modulus: must be positive"),
         ("1:youngs_modulus=1mm", "is not a unit of pressure"),

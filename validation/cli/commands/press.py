@@ -131,7 +131,8 @@ def press(
     if has_curved_cover(sensor):
         return _press_curved(
             (sensor, material, thickness, layer),
-            unsupported={"--tilt": tilt != _NO_TILT, "--friction": friction, "--accuracy": accuracy, "--curve": curve},
+            unsupported={"--tilt": tilt != _NO_TILT, "--friction": friction, "--accuracy": accuracy, "--curve": curve,
+                         "--method": method != "default"},
             text=PressText(indenter=indenter, at=at, direction=direction, yaw=yaw, strain=strain or "small"),
             force=(load, depth), model=model, out=out, json=json,
         )  # fmt: skip
