@@ -64,6 +64,7 @@ def test_the_share_is_that_of_the_tip_that_was_used(wts_derivation):
     assert compute_tip_share(sensor.cover, sensor.array, wts_derivation.influence, against_texels) is None
 
 
+@pytest.mark.slow
 def test_a_tip_that_leaves_nothing_on_a_texel_is_named_with_the_remedy():
     from fem_reference import point_spread
 

@@ -26,6 +26,8 @@ def init(
     from validation.output_folder import write_text
     from validation.sensor_file import read_template
 
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; name a file, for example {path / 'sensor.toml'}")
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; name another file, or replace it with --force")
     write_text(path, read_template())
