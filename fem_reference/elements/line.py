@@ -73,12 +73,17 @@ class Line:
             powers = np.column_stack([np.zeros(len(points)), powers[:, :-1] * np.arange(1, self.order + 1)])
         return np.asarray(powers @ coefficients)
 
-    def at(self, places: FloatArray) -> FloatArray:
-        """Evaluate the shape functions of all nodes at k positions on the line, shape (k, count)."""
+    def find(self, places: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return nodes and shape functions of the element at each of k positions, shape (k, order + 1) each."""
         element = np.clip(np.searchsorted(self.edges, places, side="right") - 1, 0, len(self.edges) - 2)
         start, length = self.edges[element], np.diff(self.edges)[element]
+        return self.index[element], self.shape(2 * (places - start) / length - 1)
+
+    def at(self, places: FloatArray) -> FloatArray:
+        """Evaluate the shape functions of all nodes at k positions on the line, shape (k, count)."""
         out = np.zeros((len(places), self.count))
-        np.put_along_axis(out, self.index[element], self.shape(2 * (places - start) / length - 1), axis=1)
+        nodes, values = self.find(places)
+        np.put_along_axis(out, nodes, values, axis=1)
         return out
 
     def integral(self, low: float, high: float) -> FloatArray:
@@ -92,6 +97,25 @@ class Line:
         out = np.zeros(self.count)
         np.add.at(out, self.index, part)
         return out
+
+
+def interpolation_matrix(x_line: Line, y_line: Line, x: FloatArray, y: FloatArray) -> sp.csr_matrix:
+    """Create the matrix that interpolates nodal values on the grid of two lines at k positions.
+
+    Args:
+        x_line: Elements along x, with m nodes.
+        y_line: Elements along y, with n nodes.
+        x: x coordinates of the positions, shape (k,) [m].
+        y: y coordinates of the positions, shape (k,) [m].
+
+    Returns:
+        Matrix for nodal values of shape (m, n), flattened, shape (k, m * n).
+    """
+    (along_x, in_x), (along_y, in_y) = x_line.find(x), y_line.find(y)
+    nodes = (along_x[:, :, None] * y_line.count + along_y[:, None, :]).ravel()
+    values = (in_x[:, :, None] * in_y[:, None, :]).ravel()
+    rows = np.repeat(np.arange(len(x)), in_x.shape[1] * in_y.shape[1])
+    return sp.csr_matrix((values, (rows, nodes)), shape=(len(x), x_line.count * y_line.count))
 
 
 def line_matrix(

@@ -26,8 +26,8 @@ from meshes.pose import Place, PlanarPose
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
-#: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which
-#: the sides are neglected under friction, by the base of the cover; and the error of the force that this leaves [-].
+#: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which the
+#: sides are neglected at finite strain and with friction, by the base; and the error of the force that this leaves [-].
 _FAR_SIDES, _SIDES_ERROR = {"bonded": 4.0, "sliding": 15.0}, 1e-3
 
 
@@ -223,9 +223,12 @@ def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None]
 
 
 def _is_far_from_sides(path: LoadingPath, place: Place, progress: Callable[[str], None] | None) -> bool:
-    """Return whether a contact with friction, which is simpler on a wide cover, is not changed by the sides."""
-    cover, indenter = path.cover, path.indenter
-    if cover.size is None or not (cover.small_strain_only and indenter.axisymmetric) or path.fields:
+    """Return whether a contact with friction or at finite strain, simpler on a wide cover, is not changed by sides.
+
+    Fields are asked for up to the sides, so a path with fields is solved with these.
+    """
+    cover = path.cover
+    if cover.size is None or path.fields:
         return False
     wide = replace(cover, size=None)
     radius = np.hypot(*small_strain.estimate_contact(replace(path, cover=wide), None, progress).T).max()

@@ -21,9 +21,10 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
 from fem_reference import result_store
-from fem_reference.elements.line import Line, line_matrix
+from fem_reference.elements.line import Line, interpolation_matrix, line_matrix
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.mirror_symmetry import (
@@ -75,6 +76,10 @@ class AdjointSolution:
     y: Line
     texels: FloatArray
     whole: FloatArray
+
+    def interpolate(self, x: FloatArray, y: FloatArray) -> sp.csr_matrix:
+        """Create the matrix that interpolates flattened nodal values at k positions [thicknesses]."""
+        return interpolation_matrix(self.x, self.y, x, y)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,8 +144,7 @@ class SolidInfluence:
         """
         places = self._check_positions(positions)
         grid = self.grids[-1]
-        x, y = np.abs(places / self.thickness).T
-        whole = np.einsum("kx,ky,xy->k", grid.x.at(x), grid.y.at(y), grid.whole, optimize=True)
+        whole = grid.interpolate(*np.abs(places / self.thickness).T) @ grid.whole.ravel()
         return np.asarray(whole - self.texel_influence(array, places).sum(axis=1))
 
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
@@ -206,11 +210,11 @@ class SolidInfluence:
     def _evaluate(self, grid: AdjointSolution, places: FloatArray) -> FloatArray:
         """Compute the force on each of n texels, active or not, per unit load at k positions [m], shape (k, n) [-]."""
         texels = MirroredTexels.group(self.array, self.thickness)
-        x, y = grid.x.at(np.abs(places[:, 0]) / self.thickness), grid.y.at(np.abs(places[:, 1]) / self.thickness)
+        at_places = grid.interpolate(*np.abs(places / self.thickness).T)
         side = np.where(places < 0, -1.0, 1.0)
         out = np.zeros((len(places), self.array.count))
         for parity, solution in zip(PARITIES, grid.texels, strict=True):
-            value = np.einsum("kx,ky,pxy->kp", x, y, solution, optimize=["einsum_path", (0, 2), (0, 1)])
+            value = at_places @ solution.reshape(len(solution), -1).T
             sign = (side**parity).prod(axis=1)[:, None] * (texels.side**parity).prod(axis=1)
             out += sign * value[:, texels.pair]
         return out

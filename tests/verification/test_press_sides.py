@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from fem_reference import press
+from fem_reference.indentation import press as press_module
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
 from meshes import Box, Cover, Layer, Material, Prism, Sphere, TexelArray
 from meshes.pose import PlanarPose
+from tests.support.rubber import make_cover
 
 PAD, THICKNESS = (8e-3, 6e-3), 4e-3
 BALL = Sphere(radius=4e-3)
@@ -169,3 +171,17 @@ def test_a_pad_held_on_both_faces_is_two_pads_of_half_the_height(bonded):
     rubbing = press(pad(bonded), array, PLATE, depth=0.01 * THICKNESS, friction=0.3)
     assert smooth.total_force < rubbing.total_force < held.total_force
     assert rubbing.assumptions["friction"] == "Coulomb, coefficient 0.3"
+
+
+@pytest.mark.slow
+def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
+    """A ball 0.3 of the thickness deep: the wide cover has the force and the texels of the pad in three dimensions."""
+    request = {"cover": make_cover(0.45, size=(24e-3, 24e-3)), "array": TexelArray.grid(6, 6, 2e-3), "depth": 0.6e-3}
+    wide = press(**request, indenter=BALL)
+    assert "too far" in wide.assumptions["sides"]
+    monkeypatch.setattr(press_module, "_FAR_SIDES", {"bonded": np.inf})
+    solid = press(**request, indenter=BALL)
+    assert "free" in solid.assumptions["sides"]
+    assert wide.total_force == pytest.approx(solid.total_force, rel=1e-3)
+    assert wide.texel_forces == pytest.approx(solid.texel_forces, abs=1e-3 * solid.texel_forces.max())
+    assert wide.error_estimate["contact_area"] < 0.2 * solid.error_estimate["contact_area"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem_reference.elements.line import Line, gauss_points, line_matrix, recover_pressure
+from fem_reference.elements.line import Line, gauss_points, interpolation_matrix, line_matrix, recover_pressure
 
 QUICK = settings(max_examples=50, deadline=None)
 STEPS = st.lists(st.floats(0.1, 2.0), min_size=1, max_size=5)
@@ -95,3 +95,16 @@ def test_the_nodes_of_a_line_lie_where_a_linear_function_has_their_values():
     line = Line(edges=np.array([0.0, 1.0, 3.0]), order=3)
     places = np.linspace(0, 3, 7)
     assert line.at(places) @ line.nodes == pytest.approx(places)
+
+
+@QUICK
+@given(x=STEPS, y=STEPS, order=ORDERS, seed=st.integers(0, 99))
+def test_a_matrix_interpolates_on_the_grid_of_two_lines(x, y, order, seed):
+    """A polynomial of the order of the elements is met exactly at any place, also at the ends."""
+    lines = make_line(x, order), make_line(y, order, start=-1.0)
+    rng = np.random.default_rng(seed)
+    factors = rng.standard_normal((order + 1, order + 1))
+    places = [np.concatenate([line.edges[[0, -1]], rng.uniform(line.edges[0], line.edges[-1], 7)]) for line in lines]
+    values = np.polynomial.polynomial.polygrid2d(lines[0].nodes, lines[1].nodes, factors)
+    found = interpolation_matrix(*lines, *places) @ values.ravel()
+    assert found == pytest.approx(np.polynomial.polynomial.polyval2d(*places, factors), rel=1e-9, abs=1e-8)

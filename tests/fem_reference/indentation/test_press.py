@@ -9,7 +9,7 @@ from fem_reference import press, press_path
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.press import _is_far_from_sides
 from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
-from meshes import Cylinder, Sphere, TexelArray
+from meshes import Box, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, PlanarPose
 from tests.support.rubber import make_cover
 
@@ -87,8 +87,23 @@ def test_a_cover_too_wide_for_the_memory_is_solved_on_coarser_grids_or_refused(b
 
 
 @pytest.mark.parametrize(("at", "far"), [((0, 0), True), ((0, -5e-3), True), ((18e-3, 0), False), ((0, -13e-3), False)])
-def test_a_rubbing_contact_near_any_side_is_not_taken_for_one_on_a_wide_cover(at, far):
-    cover = make_cover(0.45, "linear-elastic", size=(40e-3, 30e-3))
-    path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", friction=0.3)
+@pytest.mark.parametrize(
+    ("model", "indenter", "friction"),
+    [
+        ("linear-elastic", Sphere(radius=4e-3), 0.3),
+        ("neo-hookean", Sphere(radius=4e-3), 0.0),
+        ("neo-hookean", Box(size=(1e-3, 2e-3, 3e-3)), np.inf),
+    ],
+)
+def test_a_contact_near_any_side_is_not_taken_for_one_on_a_wide_cover(at, far, model, indenter, friction):
+    cover = make_cover(0.45, model, size=(40e-3, 30e-3))
+    path = LoadingPath(cover=cover, indenter=indenter, targets=(1e-4,), control="depth", friction=friction)
     place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose(at=at))
     assert _is_far_from_sides(path, place, None) is far
+
+
+def test_fields_are_computed_up_to_the_sides():
+    cover = make_cover(0.45, size=(40e-3, 30e-3))
+    path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", fields=True)
+    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose())
+    assert not _is_far_from_sides(path, place, None)
