@@ -36,9 +36,11 @@ _LEAST_BACK, _MOST_BACK = 0.1, 0.9
 _SMALLEST_STEP = 1 / 256
 #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
 _LAST_STEP = 1.3
-#: Factor by which the step along a loading path grows after an easy step, and number of Newton iterations below which
-#: a step counts as easy [-].
-_GROWTH, EASY_ITERATIONS = 1.8, 8
+#: Factors by which the step along a loading path grows after an easy step, before and after the first failed step.  A
+#: step that failed is near the longest that converges, and most of a path's time would go into further failures [-].
+_GROWTH, _CAREFUL_GROWTH = 1.8, 1.2
+#: Number of Newton iterations below which a step counts as easy [-].
+EASY_ITERATIONS = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,7 +177,7 @@ def walk_to(
     Raises:
         PathConvergenceError: If a step fails even after repeated halving.
     """
-    before, here, extrapolates = None, start, True
+    before, here, extrapolates, growth = None, start, True, _GROWTH
     while (done := getattr(here, control)) != target:
         aim = target if abs(target - done) <= _LAST_STEP * step else done + np.sign(target - done) * step
         try:
@@ -185,7 +187,7 @@ def walk_to(
             if extrapolates and before is not None:
                 extrapolates = False  # once more from the last equilibrium itself
                 continue
-            step = abs(aim - done) / 2
+            step, growth = abs(aim - done) / 2, _CAREFUL_GROWTH
             if step < abs(done or target) * _SMALLEST_STEP:
                 raise PathConvergenceError(
                     f"no convergence beyond {describe(here)}: {error}",
@@ -195,7 +197,7 @@ def walk_to(
                 ) from error
             continue
         before, here, extrapolates = here, reached, True
-        step = min(step * (_GROWTH if here.iterations - before.iterations < easy else 1.0), longest)
+        step = min(step * (growth if here.iterations - before.iterations < easy else 1.0), longest)
     return here
 
 

@@ -8,14 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from fem_reference.errors import ConvergenceError, IncompletePathError, TooShallowError
-from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.result import Indentation
 from fem_reference.materials.stability import describe_instability
 
 #: Load or depth that is solved again on all grids, over the largest one that the failed solution reached, in successive
-#: attempts: finer grids may stop earlier under sharp tips.  One attempt in three dimensions, where it takes long [-].
-_WITHIN = (0.97, 0.9, 0.75, 0.5)
+#: attempts: finer grids may stop earlier.  The load rises steeply at last, so less of it costs little of the depth, and
+#: the finer grids then start from the solutions of the coarser ones.  One attempt in three dimensions [-].
+_WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
+#: Load or depth over that of the next target above which a target is left out of the part that is solved again [-].
+_LEAST_SPACING = 0.97
 #: Part of the first target that is tried if the failed solution reached nothing [-].
 _PART = 0.2
 
@@ -39,7 +42,8 @@ def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentat
     if isinstance(failure, TooShallowError) or _is_linear(path):
         raise IncompletePathError(_explain(path, failure, []), []) from failure
     first, part = failure, path
-    for within in _WITHIN if path.indenter.axisymmetric else _WITHIN[:1]:
+    shares = _WITHIN[path.control]
+    for within in shares if path.indenter.axisymmetric else shares[:1]:
         part = _shorten(part, failure, within)
         # The first attempt is meshed for what was reached; later ones keep this mesh, because smaller elements stop
         # earlier under a sharp tip.
@@ -63,7 +67,7 @@ def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
         value = within * (error.load if path.control == "load" else error.depth)
     if not 0 < value < path.targets[-1]:
         return replace(path, targets=(_PART * path.targets[0],))
-    kept = tuple(target for target in path.targets if target < _WITHIN[0] * value)
+    kept = tuple(target for target in path.targets if target < _LEAST_SPACING * value)
     return replace(path, targets=(*kept, value))
 
 

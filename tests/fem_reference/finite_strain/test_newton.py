@@ -151,6 +151,14 @@ def test_easy_steps_grow_and_hard_ones_do_not():
     assert hard[:-1] == pytest.approx(np.ones(len(hard) - 1))
 
 
+def test_steps_grow_less_once_one_has_failed():
+    steps = np.diff(walk(100.0, longest_step=3.0))
+    ratio = steps[1:-1] / steps[:-2]
+    shorter = int(np.argmax(ratio < 1))
+    assert ratio[:shorter] == pytest.approx(1.8)
+    assert ratio[shorter:].max() == pytest.approx(1.2)
+
+
 def test_no_step_is_longer_than_allowed():
     assert np.diff(walk(30.0, longest=2.0)).max() <= 1.3 * 2.0
 

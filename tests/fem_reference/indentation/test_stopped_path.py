@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from fem_reference import IncompletePathError, press_path
 from fem_reference.errors import ConvergenceError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.stopped_path import solve_as_far
-from meshes import Cylinder
+from meshes import Cylinder, Sphere
 from tests.support.rubber import make_cover
 
 
@@ -22,6 +25,30 @@ def test_a_path_that_stops_returns_its_results(wts):
     for each in (first, last):
         assert each.texel_forces.sum() + each.outside == pytest.approx(each.total_force, rel=2e-3)
     assert "\n" not in str(stopped.value)
+
+
+@pytest.mark.parametrize(
+    ("control", "last"), [("load", (0.9 * 4.0, 0.75 * 2.0, 0.5 * 2.0)), ("depth", (0.97 * 3.0, 0.9 * 1.0, 0.75 * 1.0))]
+)
+def test_less_is_tried_until_all_grids_converge(control, last):
+    """What a failed attempt reached, in newtons and metres, limits the next one; smaller targets are kept."""
+    path = LoadingPath(
+        cover=make_cover(0.45), indenter=Sphere(radius=1e-3), targets=(0.1, 9.0), control=control, friction=0.0
+    )
+    tried = []
+
+    def solve(part):
+        tried.append(part.targets)
+        if len(tried) == 4:
+            return [SimpleNamespace(total_force=part.targets[-1], depth=1e-3)]
+        first = len(tried) == 1
+        raise PathConvergenceError("stopped", cause="too far", load=4.0 if first else 2.0, depth=3.0 if first else 1.0)
+
+    with pytest.raises(IncompletePathError, match="too far; press less"):
+        solve_as_far(path, solve)
+    assert tried[0] == (0.1, 9.0)
+    for part, value in zip(tried[1:], last, strict=True):
+        assert part == pytest.approx((0.1, value))
 
 
 @pytest.mark.parametrize(
