@@ -79,6 +79,7 @@ class ContactForces:
             negative; shape (m,) [N].
         area: Area of the hats in contact, those included that are lifted by less than 2 % of the depth [m2].
         spacing: Mean distance of the nodes in contact [m].
+        half_width: Half the smaller width of the contact, by the second moments of its area; a disk's radius [m].
         has_edge: Whether an edge of the indenter ends the pressure.
         travel: Distance by which the indenter moved from its pose, along its direction [m].
         load: Force of the indenter on the cover along its direction [N].
@@ -89,6 +90,7 @@ class ContactForces:
     nodal: FloatArray
     area: float
     spacing: float
+    half_width: float
     has_edge: bool
     travel: float
     load: float
@@ -114,16 +116,34 @@ def solve_contact(
     closed = remaining < -_CLOSED * gaps.gap.min(initial=0.0)
     rate = -(compliance.top.normals @ direction)
     nodal = gaps.spread @ forces
+    spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
+    places = (gaps.spread.T @ compliance.top.nodes)[closed]  # where the force of each hat acts
     return ContactForces(
         forces=forces,
         nodal=nodal,
         area=float(gaps.area[closed].sum()),
-        spacing=float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0,
+        spacing=spacing,
+        half_width=_measure_half_width(places, gaps.area[closed], spacing),
         has_edge=bool((gaps.is_cut & (forces > 0)).any()),
         travel=travel,
         load=float(nodal @ rate),
         stiffness=float((gaps.spread @ change) @ rate),
     )
+
+
+def _measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
+    """Measure half the smaller width of a contact: twice the root of its smaller second moment, a disk's radius [m].
+
+    Args:
+        nodes: Places of the k hats in contact, shape (k, 3) [m].
+        area: Area of each, shape (k,) [m2].
+        spacing: Mean width of a hat [m].
+    """
+    if not area.sum() > 0:
+        return 0.0
+    moments = np.cov(nodes.T, aweights=area, ddof=0)
+    across = float(np.linalg.eigvalsh(moments)[1])  # the smallest is that along the normal
+    return 2 * float(np.sqrt(max(across, 0.0) + spacing**2 / 12))
 
 
 def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -23,6 +23,7 @@ from fem_reference.curved_cover.press import (
     build_compliance,
     choose_target,
     press_curved,
+    warn_of_errors,
 )
 from fem_reference.curved_cover.pressure_shapes import PointSampler, evaluate_hats, gauss_points
 from fem_reference.curved_cover.responses import check_meshes, project_texels, texel_responses
@@ -311,6 +312,7 @@ def _combine(  # noqa: PLR0917
         other: _estimate_effect(stiffer - 1),
         "contact_area": _estimate_effect(areas - areas.mean()) / areas[-1],
     }
+    errors = {name: error + added[name] for name, error in accurate.error_estimate.items()}
     scale = load / last.load
     base_force = scale * last.base_force
     return replace(
@@ -328,9 +330,9 @@ def _combine(  # noqa: PLR0917
         contact_forces=scale * last.contact_forces,
         displacement=last.displacement,
         mesh=last.mesh,
-        error_estimate={name: error + added[name] for name, error in accurate.error_estimate.items()},
+        error_estimate=errors,
         assumptions={**accurate.assumptions, **assumptions},
-        warnings=(),
+        warnings=warn_of_errors(errors),
     )
 
 

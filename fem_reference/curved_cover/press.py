@@ -29,9 +29,12 @@ _BISECT = 5
 LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
 #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
 _ORDER = 1.0
-#: Smallest estimated error of depth and load under an indenter with a sharp edge, where the pressure is singular, over
-#: the distance of the nodes in radii of the contact; it covered the depth in 33 of 36 presses on flat pads [-].
-_EDGE = 0.25
+#: Smallest estimated errors of depth and load: the first times the distance of the nodes over half the smaller width of
+#: the contact where a sharp edge ends the pressure, which is singular there, and the second times its square elsewhere.
+#: Above the third, depth, load and area are not resolved: on flat pads the depth was up to eight times too large [-].
+_EDGE, _ROUND, _UNRESOLVED = 0.25, 0.13, 1.2
+#: Estimated error above which a warning names it [-].
+_LARGE_ERROR = 0.05
 #: Order with which changes of texel forces between meshes decrease at least, unless a sharp edge ends the pressure:
 #: then the error varies with the place of the edge on the mesh more than with the size of the elements [-].
 _SMOOTH = 2.0
@@ -73,7 +76,8 @@ class CurvedIndentation:
         mesh: Finest mesh.
         error_estimate: Estimated relative errors by name, nan with one mesh: `texel_forces` (largest error of a texel
             over the largest texel force), `misplaced_force` (half the sum of the errors of all texels over the load),
-            `total_force` of all texels, `contact_area`, and `depth` under a given load or `load` at a given depth [-].
+            `total_force` of all texels, `contact_area`, and `depth` under a given load or `load` at a given depth; the
+            last two are nan where the contact is narrower than the elements, and a warning says so [-].
         assumptions: What was assumed.
         warnings: What limits the result.
     """
@@ -152,7 +156,7 @@ def press_curved(
     errors = _estimate(every, np.array(texel_forces), found, depths, control)
     share = depths[-1] / thickness
     rough = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
-    warnings = (rough,) if share > _WARN_DEPTH else ()
+    warnings = ((rough,) if share > _WARN_DEPTH else ()) + warn_of_errors(errors)
     values = np.where(texels.active, texel_forces[-1], 0.0)
     return _collect(compliance, found[-1], depths[-1], values, texels, mesh, errors, warnings)
 
@@ -281,12 +285,28 @@ def _estimate(
     last = contacts[-1]
     if len(meshes) > 1 and last.area > 0:
         # Half a node distance at the border of a round area, relative to the area.
-        resolved = last.spacing / float(np.sqrt(last.area / np.pi))
-        errors["contact_area"] = max(errors["contact_area"], (1 + last.has_edge) * resolved)
-        for name in ("depth", "load") if last.has_edge else ():
-            errors[name] = max(errors[name], _EDGE * resolved)
+        resolved = (1 + edge) * last.spacing / float(np.sqrt(last.area / np.pi))
+        errors["contact_area"] = max(errors["contact_area"], resolved)
+        narrow = last.spacing / last.half_width
+        for name in ("depth", "load"):
+            errors[name] = max(errors[name], _EDGE * narrow if edge else _ROUND * narrow**2)
+        if narrow > _UNRESOLVED:
+            errors |= dict.fromkeys(("depth", "load", "contact_area"), float("nan"))
     errors.pop("load" if control == "load" else "depth")
     return errors
+
+
+def warn_of_errors(errors: Mapping[str, float]) -> tuple[str, ...]:
+    """State in words which estimated errors are large, and what is not resolved."""
+    large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
+    out = [f"large estimated error: {', '.join(large)}"] if large else []
+    if np.isnan(errors["contact_area"]) and not np.isnan(errors["texel_forces"]):
+        other = "depth" if "depth" in errors else "load"
+        out.append(
+            f"the contact is narrower than the elements of the cover: {other} and contact area are not resolved, the "
+            "texel forces are; press harder, use a larger indenter or a finer mesh"
+        )
+    return tuple(out)
 
 
 def _estimate_change(changes: FloatArray, meshes: tuple[SolidMesh, ...], has_edge: bool, safety: float) -> float:

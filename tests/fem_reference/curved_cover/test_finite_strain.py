@@ -34,8 +34,8 @@ def test_a_deep_press_differs_from_small_strain():
     found = press_curved_finite(MESHES, SMALL.texels, NEO, BALL, pose, depth=1.2e-3)
     share, before = found.texel_forces[0] / found.load, small.texel_forces[0] / small.load
     assert share > 1.04 * before
-    assert not found.warnings
-    assert small.warnings
+    assert not any("strains are not small" in sentence for sentence in found.warnings)
+    assert any("strains are not small" in sentence for sentence in small.warnings)
     assert found.contact_forces.min() >= 0
     assert found.contact_forces.sum() == pytest.approx(found.load, rel=0.2)
 

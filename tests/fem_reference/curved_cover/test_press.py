@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.curved_cover.contact import find_touch, solve_contact
+from fem_reference.curved_cover.contact import _measure_half_width, find_touch, solve_contact
 from fem_reference.curved_cover.press import _estimate, build_compliance, press_curved
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import measure_gaps
@@ -214,7 +214,7 @@ def test_estimated_misplaced_force_is_half_the_sum_of_changes(changes, has_edge,
     forces = np.cumsum([[50.0, 30, 20], *changes], axis=0)
     counts = (8, 27, 91.125)[: len(forces)]  # element sizes 3 : 2 : 1.33
     meshes = tuple(types.SimpleNamespace(cells=np.empty(round(1000 * each))) for each in counts)
-    contact = types.SimpleNamespace(load=100.0, area=1.0, spacing=0.1, has_edge=has_edge)
+    contact = types.SimpleNamespace(load=100.0, area=1.0, spacing=0.1, half_width=0.5, has_edge=has_edge)
     errors = _estimate(meshes, forces, [contact] * len(meshes), [1.0] * len(meshes), "load")
     assert errors["misplaced_force"] == pytest.approx(expected / 100)
 
@@ -222,6 +222,37 @@ def test_estimated_misplaced_force_is_half_the_sum_of_changes(changes, has_edge,
 def test_a_deep_press_warns():
     found = press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), depth=0.5e-3)
     assert "strains are not small" in found.warnings[0]
+
+
+@pytest.mark.parametrize(("load", "resolved"), [(2.0, True), (1e-4, False)])
+def test_a_contact_narrower_than_the_elements_has_no_depth(load, resolved):
+    """Under a tiny load the ball touches one node, and its depth is several times too large."""
+    meshes = COVER.mesh(2.4e-3, layers=2), MESH
+    found = press_curved(meshes, COVER.texels, RUBBER, BALL, at_angle(0.0), load=load)
+    assert np.isfinite(found.error_estimate["texel_forces"])
+    for name in ("depth", "contact_area"):
+        assert np.isfinite(found.error_estimate[name]) == resolved
+    said = " ".join(found.warnings)
+    assert ("narrower than the elements of the cover: depth and contact area" in said) != resolved
+    assert ("large estimated error: " in said) == any(value > 0.05 for value in found.error_estimate.values())
+
+
+@pytest.mark.parametrize(("has_edge", "expected"), [(True, 0.25 * 0.4), (False, 0.13 * 0.4**2)])
+def test_the_depth_of_a_narrow_contact_is_uncertain_however_alike_the_meshes_are(has_edge, expected):
+    meshes = tuple(types.SimpleNamespace(cells=np.empty(count)) for count in (8000, 27000))
+    contact = types.SimpleNamespace(load=1.0, area=1.0, spacing=0.2, half_width=0.5, has_edge=has_edge)
+    errors = _estimate(meshes, np.ones((2, 3)), [contact] * 2, [1.0] * 2, "load")
+    assert errors["depth"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("sides", "expected"), [((8.0, 2.0), 2 / np.sqrt(3)), ((2.0, 6.0), 2 / np.sqrt(3))])
+def test_the_half_width_of_a_turned_rectangle_is_that_of_its_smaller_side(sides, expected):
+    """Twice the root of the second moment b^2 / 12 of a side b, on an inclined plane."""
+    x, y = (np.arange(-0.5 + 0.01, 0.5, 0.02) * side for side in sides)
+    points = np.stack([*np.meshgrid(x, y), np.zeros((50, 50))], axis=-1).reshape(-1, 3)
+    turned = points @ Rotation.from_euler("zxy", [0.4, 0.3, -0.8]).as_matrix().T
+    found = _measure_half_width(turned, np.ones(len(turned)), spacing=0.0)
+    assert found == pytest.approx(expected * min(sides) / 2, rel=1e-3)
 
 
 @pytest.mark.slow
