@@ -12,17 +12,18 @@ from meshes.array_types import FloatArray
 _PARALLEL = 1e-12
 
 
-def measure_gaps(body: PosedBody, points: FloatArray, normals: FloatArray) -> FloatArray:
+def measure_gaps(body: PosedBody, points: FloatArray, normals: FloatArray, *, behind: float = 0.0) -> FloatArray:
     """Measure the distance from points to a body along their normals.
 
     Args:
         body: Solids of the body and their poses.
         points: k points in the array's frame, shape (k, 3) [m].
         normals: Their unit normals, shape (k, 3) [-].
+        behind: Distance behind a point up to which a body that has passed it counts [m].
 
     Returns:
-        Distance at which each normal enters the body; negative where the point lies inside it, infinite where the
-        normal misses it or the body lies behind the point, shape (k,) [m].
+        Distance at which each normal enters the body; negative where the point lies inside it or was passed by it,
+        infinite where the normal misses the body or it lies farther behind the point, shape (k,) [m].
     """
     gap = np.full(len(points), np.inf)
     for solid, rotation, position in zip(body.shape.solids, body.rotation, body.position, strict=True):
@@ -36,7 +37,7 @@ def measure_gaps(body: PosedBody, points: FloatArray, normals: FloatArray) -> Fl
             first, last = _cross_cylinder(start, along, radius, half)
             if solid.kind != CYLINDER:
                 first, last = _add_caps(start, along, radius, half, (first, last))
-        gap = np.minimum(gap, np.where((first <= last) & (last >= 0), first, np.inf))
+        gap = np.minimum(gap, np.where((first <= last) & (last >= -behind), first, np.inf))
     return gap
 
 

@@ -115,7 +115,7 @@ def _solve_without(
 def _measure(cover: CurvedCover, body: PosedBody, outward: FloatArray, travel: float) -> FloatArray:
     """Measure the gaps of a body that moved against `outward`; infinite where it cannot press, shape (m,) [m]."""
     moved = replace(body, position=body.position - travel * outward)
-    gap = measure_gaps(moved, cover.points, cover.normals)
+    gap = measure_gaps(moved, cover.points, cover.normals, behind=cover.thickness)
     gap = np.where(cover.normals @ outward > _STEEP, gap, np.inf)
     lowest = gap.min()
     return np.where(gap <= lowest + _REACH * cover.thickness, gap, np.inf) if np.isfinite(lowest) else gap

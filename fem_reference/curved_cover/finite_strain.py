@@ -146,7 +146,7 @@ def _press_points(
     touch = find_touch(top, indenter, pose, towards)
     deepest = LARGEST_DEPTH * thickness
     penalty = PENALTY * _AUGMENTED * material.shear_modulus / thickness
-    sampler = PointSampler(top, indenter, pose, towards, touch + deepest, penalty)
+    sampler = PointSampler(top, indenter, pose, towards, touch + deepest, deepest, penalty)
     contact = GridPress(compliance, sampler, towards, touch, deepest).to(*target)
     influence = texel_responses(mesh, texels, material).finest.normal_influence
     return _Small(

@@ -147,7 +147,7 @@ def press_curved(
             raise ValueError(explain_miss(compliance.top, pose, towards))
         thickness = measure_thickness(mesh)
         deepest = LARGEST_DEPTH * thickness
-        sampler = GapSampler(compliance.top, indenter, pose, towards, touch + deepest)
+        sampler = GapSampler(compliance.top, indenter, pose, towards, touch + deepest, deepest)
         contact = GridPress(compliance, sampler, towards, touch, deepest).to(target, control)
         found.append(contact)
         depths.append(contact.travel - touch)

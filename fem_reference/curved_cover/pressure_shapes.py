@@ -68,11 +68,19 @@ class GapSampler:
         pose: Pose from which it moves without turning.
         direction: Unit direction of the motion, shape (3,).
         farthest: Largest travel from the pose [m].
+        deepest: Largest depth: an indenter less high than this passes points, which then still bear on it [m].
     """
 
-    def __init__(
-        self, top: FacetSurface, indenter: Indenter, pose: SpatialPose, direction: FloatArray, farthest: float
+    def __init__(  # noqa: PLR0917
+        self,
+        top: FacetSurface,
+        indenter: Indenter,
+        pose: SpatialPose,
+        direction: FloatArray,
+        farthest: float,
+        deepest: float = 0.0,
     ) -> None:
+        self._deepest = deepest
         self._top, self._indenter, self._pose, self._direction = top, indenter, pose, direction
         every = np.arange(len(top.facets))
         self._place_points(every, _SEARCH_PARTS)
@@ -102,7 +110,8 @@ class GapSampler:
         """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
         places = self._pose.to_indenter(points - travel * self._direction)
-        gap = measure_gaps(self._indenter, places, self._pose.turn_to_indenter(normals))
+        turned = self._pose.turn_to_indenter(normals)
+        gap = measure_gaps(self._indenter, places, turned, behind=self._deepest)
         return np.where(normals @ self._direction < 0, gap, np.inf).reshape(self._weight.shape)
 
     def at(self, travel: float) -> MeanGaps:
@@ -140,6 +149,7 @@ class PointSampler(GapSampler):
         pose: Pose from which it moves without turning.
         direction: Unit direction of the motion, shape (3,).
         farthest: Largest travel from the pose [m].
+        deepest: Largest depth [m].
         penalty: Pressure per penetration [Pa/m].
     """
 
@@ -150,9 +160,10 @@ class PointSampler(GapSampler):
         pose: SpatialPose,
         direction: FloatArray,
         farthest: float,
+        deepest: float,
         penalty: float,
     ) -> None:
-        super().__init__(top, indenter, pose, direction, farthest)
+        super().__init__(top, indenter, pose, direction, farthest, deepest)
         self._penalty = penalty
 
     def _place_points(self, facets: IntArray, parts: int) -> None:

@@ -12,23 +12,24 @@ from meshes.array_types import FloatArray
 _PARALLEL = 1e-14
 
 
-def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray) -> FloatArray:
+def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray, *, behind: float = 0.0) -> FloatArray:
     """Compute the distances from points to an indenter along lines.
 
     Args:
         indenter: The indenter.
         points: k points in the indenter's frame, shape (k, 3) [m].
         directions: Unit directions, shape (k, 3) [-].
+        behind: Distance behind a point up to which an indenter that has passed it counts [m].
 
     Returns:
-        Distances at which the lines enter the indenter; negative at points inside it; inf where it is not hit or lies
-        behind the point, shape (k,) [m].
+        Distances at which the lines enter the indenter; negative at points inside it or passed by it; inf where it is
+        not hit or lies farther behind the point, shape (k,) [m].
     """
     gap = np.full(len(points), np.inf)
     for primitive in indenter.primitives():
         turn = _rotation(primitive.quaternion)
         first, last = _cross(primitive, (points - np.array(primitive.position)) @ turn, directions @ turn)
-        gap = np.minimum(gap, np.where((first <= last) & (last >= 0), first, np.inf))
+        gap = np.minimum(gap, np.where((first <= last) & (last >= -behind), first, np.inf))
     return gap
 
 

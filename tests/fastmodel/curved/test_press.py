@@ -53,6 +53,14 @@ def test_flat_face_on_separate_springs_follows_from_the_travel():
     np.testing.assert_allclose(found.force, -found.forces @ cover.normals)
 
 
+def test_how_high_a_shape_is_does_not_matter():
+    """A plate less high than the depth passes the points that it presses down."""
+    pose = SpatialPose.facing([0, 0, 0.1], [0, 0, -1])
+    low, high = (press_curved(dome(), Box(size=(4e-3, 4e-3, height)), pose, load=20.0) for height in (0.2e-3, 9e-3))
+    assert SOFT * high.forces.max() > 0.4e-3  # the depth, on separate springs
+    np.testing.assert_allclose(low.forces, high.forces, atol=1e-9)
+
+
 @pytest.mark.parametrize("direction", [(0, 0, -1.0), (-0.6, 0, -0.8), (0.36, -0.48, -0.8)])
 def test_load_acts_along_the_direction(direction):
     found = press_curved(

@@ -219,6 +219,17 @@ def test_estimated_misplaced_force_is_half_the_sum_of_changes(changes, has_edge,
     assert errors["misplaced_force"] == pytest.approx(expected / 100)
 
 
+@pytest.mark.parametrize("height", [0.2e-3, 1e-3])
+def test_how_high_a_shape_is_does_not_matter(height):
+    """A plate less high than the largest depth passes points on its way to it, one of 0.2 mm those that it presses."""
+    low, high = (
+        press_curved(MESH, COVER.texels, RUBBER, Box(size=(4e-3, 4e-3, each)), at_angle(0.0), depth=0.4e-3)
+        for each in (height, 9e-3)
+    )
+    assert low.load == pytest.approx(high.load, rel=1e-9)
+    np.testing.assert_allclose(low.texel_forces, high.texel_forces, atol=1e-9 * high.load)
+
+
 def test_a_deep_press_warns():
     found = press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), depth=0.5e-3)
     assert "strains are not small" in found.warnings[0]
