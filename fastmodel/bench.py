@@ -327,7 +327,8 @@ def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[
     if abs(totals.mean() / load - 1) > LOAD_TOLERANCE or not contact_forces.any():
         raise MissedArrayError(
             f"the indenter did not come to rest on the texels: they carry {contact_forces.sum():.4g} N of "
-            f"{load:.4g} N; 'at' must lie on the array"
+            f"{load:.4g} N; 'at' must lie on the array, and the shape must touch a texel there; finite elements alone "
+            "(--model fem) need no texel"
         )
     spread = [reading.texel_forces for reading in readings if reading.texel_forces is not None]
     mean = Reading(
