@@ -31,8 +31,8 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
         The data set; None if nothing is named.
 
     Raises:
-        InputError: If the data-set file is missing or has faults.
-        RecordingError: If the folder does not exist, or holds no recording of the data set.
+        InputError: If the data-set file is missing or has faults, or the folder holds no recording of it.
+        RecordingError: If the folder does not exist.
         OSError: If the data-set file cannot be read.
     """
     named = Path(recordings) if recordings is not None else None
@@ -53,14 +53,8 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
     chosen = next((each for each in found if each.files), found[0])
     if not chosen.files:
         where = " nor ".join(str(each.folder) for each in found)
-        raise RecordingError(
-            "\n".join(
-                (
-                    *chosen.problems,
-                    f"{source.name}: no recordings of it in {where}; give their folder with --recordings",
-                )
-            )
-        )
+        missing = f"{source.name}: no recordings of it in {where}; give their folder with --recordings"
+        raise InputError(*chosen.problems, missing)
     return chosen
 
 

@@ -203,7 +203,7 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
     alone.write_text(text)
     for given in ((beside,), (apart,), (tmp_path / "data",), (tmp_path / "data", alone)):
         assert [file.path.name for file in find_data_set(*given).files] == ["a.csv"]
-    with pytest.raises(RecordingError, match="no recordings of it in"):
+    with pytest.raises(InputError, match="no recordings of it in"):
         find_data_set(alone)
     monkeypatch.setenv("SOFTCOVER_RECORDINGS", str(tmp_path / "data"))
     assert len(find_data_set(alone).files) == 1
@@ -215,9 +215,12 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
 
 
 def test_an_empty_folder_is_one_clear_error(tmp_path):
-    with pytest.raises(RecordingError) as caught:
+    with pytest.raises(InputError) as caught:
         find_data_set(tmp_path)
-    assert "kiechle-sdh2.toml: no recordings of it in" in str(caught.value).splitlines()[-1]
+    *series, last = caught.value.faults
+    assert len(series) > 1
+    assert all("no recordings in" in line for line in series)
+    assert "kiechle-sdh2.toml: no recordings of it in" in last
 
 
 def test_the_built_in_file_reads_the_published_tree(tmp_path):
