@@ -158,7 +158,7 @@ def _refine(
         accuracy: Wanted relative error; None for the first grids [-].
         progress: Called with a line of text before each step.
     """
-    finest = _count_refinements(path) if accuracy is not None else 0
+    finest = _count_refinements(path, place) if accuracy is not None else 0
     best: list[Indentation] = []
     least = np.inf
     for refinement in range(finest + 1):
@@ -236,10 +236,12 @@ def _is_far_from_sides(path: LoadingPath, place: Place, progress: Callable[[str]
     return bool(nearest - radius > _FAR_SIDES[cover.base] * decay_length(wide))
 
 
-def _count_refinements(path: LoadingPath) -> int:
+def _count_refinements(path: LoadingPath, place: Place) -> int:
     """Return how often the grids of a loading path can be refined."""
     if path.cover.small_strain_only and not path.friction:
         return small_strain.count_refinements()
+    if _is_far_from_sides(path, place, None):
+        path = replace(path, cover=replace(path.cover, size=None))
     if path.cover.small_strain_only and np.isinf(path.friction) and path.indenter.is_flat:
         return 0  # the grids of a face without slip are fixed
     if path.cover.small_strain_only and path.cover.size is None and path.indenter.axisymmetric:

@@ -179,6 +179,8 @@ def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
     request = {"cover": make_cover(0.45, size=(24e-3, 24e-3)), "array": TexelArray.grid(6, 6, 2e-3), "depth": 0.6e-3}
     wide = press(**request, indenter=BALL)
     assert "too far" in wide.assumptions["sides"]
+    finer = press(**request, indenter=BALL, accuracy=0.01)  # grids are added as on a wide cover
+    assert max(finer.error_estimate.values()) < max(wide.error_estimate.values())
     monkeypatch.setattr(press_module, "_FAR_SIDES", {"bonded": np.inf})
     solid = press(**request, indenter=BALL)
     assert "free" in solid.assumptions["sides"]
