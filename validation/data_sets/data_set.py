@@ -162,6 +162,8 @@ def read_tables(path: Path) -> DataSetTables:
 def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> DataSet:
     """Find the recordings of a data set.
 
+    Series without recordings are problems of the data set if others have some; a data set without any has no files.
+
     Args:
         tables: Tables of the data-set file.
         source: The data-set file, for its name and for messages.
@@ -169,11 +171,14 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
     """
     problems: list[str] = []
     files: list[DataFile] = []
+    empty: list[str] = []
     for series in tables.series:
         found = _list_files(series, tables, folder, problems)
         files += found
         if not found:
-            problems.append(f"{source.name}: series {series.name!r}: no recordings in {folder}; it is left out")
+            empty.append(f"{source.name}: series {series.name!r}: no recordings in {folder}; it is left out")
+    if files:
+        problems += empty
     splits = []
     for table in tables.split:
         fault = _find_fault_of_split(table, tables.series)

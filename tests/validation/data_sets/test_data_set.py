@@ -217,10 +217,18 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
 def test_an_empty_folder_is_one_clear_error(tmp_path):
     with pytest.raises(InputError) as caught:
         find_data_set(tmp_path)
-    *series, last = caught.value.faults
-    assert len(series) > 1
-    assert all("no recordings in" in line for line in series)
-    assert "kiechle-sdh2.toml: no recordings of it in" in last
+    (line,) = caught.value.faults
+    assert line.startswith("kiechle-sdh2.toml: no recordings of it in")
+
+
+def test_faults_of_a_file_without_recordings_stand_on_lines_of_their_own(tmp_path):
+    path = tmp_path / "set.toml"
+    path.write_text(HEAD + "[[series]]\nname = 'a'\n[[series.file]]\npath = 'gone.csv'\n")
+    with pytest.raises(InputError) as caught:
+        find_data_set(path)
+    fault, last = caught.value.faults
+    assert "gone.csv: no such file" in fault
+    assert "set.toml: no recordings of it in" in last
 
 
 def test_the_built_in_file_reads_the_published_tree(tmp_path):
