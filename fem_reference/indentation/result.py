@@ -101,7 +101,9 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
     by_load = path.control == "load"
     total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
-    errors = _estimate_errors(study, number, grids, place, peak)
+    errors = _estimate_errors(study, number, grids, place, peak) | {
+        "contact_area": _estimate_area_error(study, grids, path)
+    }
     errors["peak_texel"] += abs(balance)
     errors["total_force" if by_load else "depth"] = 0.0
     x, y, force = finest.contact.T
@@ -149,7 +151,7 @@ def _list_grid_values(grids: Sequence[GridSolution], place: Place, peak: int) ->
 def _estimate_errors(
     study: GridStudy, number: int, grids: Sequence[GridSolution], place: Place, peak: int
 ) -> dict[str, float]:
-    """Estimate the relative errors of force, depth, the force on the texel of index `peak`, and contact area [-].
+    """Estimate the relative errors of force, depth and the force on the texel of index `peak` [-].
 
     A solution that corrects another one has the errors of both.
 
@@ -165,12 +167,6 @@ def _estimate_errors(
         "total_force": _FORCE_PER_OVERLAP * overlap,
         "depth": overlap,
         "peak_texel": _FORCE_PER_OVERLAP * overlap,
-        "contact_area": max(
-            estimate_spread([each.area for each in grids]),
-            study.least_error,
-            study.least_area_error,
-            _LEAST_AREA_ERROR,
-        ),
     }
     quantities: dict[str, Callable[[GridSolution], float]] = {
         "total_force": lambda each: each.total_force,
@@ -190,6 +186,18 @@ def _estimate_errors(
             share = quantities["peak_texel"](finest) / finest.total_force
             errors["peak_texel"] += finest.base_error(place, peak, share)
     return errors
+
+
+def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath) -> float:
+    """Estimate the relative error of the contact area [-].
+
+    The area of a face that touches with all of itself is geometry, and the same on all grids.  All other contacts end
+    where the pressure does, which the compliance of the cover decides.
+    """
+    spread = estimate_spread([each.area for each in grids])
+    if path.indenter.is_flat and spread < _LEAST_AREA_ERROR:
+        return _LEAST_AREA_ERROR
+    return max(spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
 
 
 def _fix_place(grids: Sequence[GridSolution], place: Place) -> list[GridSolution]:

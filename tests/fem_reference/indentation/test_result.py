@@ -8,7 +8,7 @@ import pytest
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from fem_reference.indentation.result import combine_grids
-from meshes import Sphere, TexelArray
+from meshes import Box, Sphere, TexelArray
 from meshes.pose import Place, PlanarPose
 
 SIZES = (4.0, 2.0, 1.0)
@@ -48,9 +48,9 @@ def make_study(*, force=0.0, depth=0.0, texel=0.0, areas=(1.0, 1.0, 1.0), overla
     return GridStudy(solutions=[solutions], least_order=1.0, assumptions={}, **options)
 
 
-def estimate(bonded, study, control="depth"):
+def estimate(bonded, study, control="depth", indenter=Sphere(radius=5e-3)):  # noqa: B008 -- frozen
     target = 2e-4 if control == "depth" else study.solutions[0][-1].total_force
-    path = LoadingPath(cover=bonded(0.45), indenter=Sphere(radius=5e-3), targets=(target,), control=control)
+    path = LoadingPath(cover=bonded(0.45), indenter=indenter, targets=(target,), control=control)
     return combine_grids(study, 0, path, PLACE, seconds=0.0)
 
 
@@ -89,6 +89,16 @@ def test_each_part_of_an_error_estimate_counts_in_full(bonded, parts, control, e
     found = estimate(bonded, make_study(**parts), control).error_estimate
     known = {"total_force": 0.0, "depth": 0.0, "peak_texel": 0.0, "contact_area": LEAST_AREA_ERROR} | expected
     assert found == {name: pytest.approx(value, rel=0.01, abs=1e-9) for name, value in known.items()}
+
+
+@pytest.mark.parametrize(("areas", "expected"), [((1.0, 1.0, 1.0 + 5e-6), 2e-5), ((1.0, 1.0, 1.001), 0.002)])
+def test_the_area_of_a_face_that_touches_with_all_of_itself_is_geometry(bonded, areas, expected):
+    """Where a face lifts off, its area changes from grid to grid, and errors of the compliance count."""
+    study = make_study(areas=areas, least_error=1e-4)
+    found = estimate(bonded, study, indenter=Box(size=(4e-3, 3e-3, 5e-3)))
+    assert found.error_estimate["contact_area"] == pytest.approx(expected, rel=0.01)
+    rounded = estimate(bonded, study)
+    assert rounded.error_estimate["contact_area"] == pytest.approx(max(1e-4, expected), rel=0.01)
 
 
 def test_a_result_scales_contact_forces_to_the_load_and_shows_what_the_base_lacks(bonded):
