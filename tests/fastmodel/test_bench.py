@@ -136,6 +136,36 @@ def test_forces_that_do_not_settle_are_averaged(monkeypatch):
     assert np.allclose(averaged.contact_forces, settled.contact_forces, atol=1e-3)
 
 
+@pytest.mark.parametrize("steps", [2, 5])
+def test_an_average_is_that_of_all_readings_and_ends_with_the_last(monkeypatch, steps):
+    """The forces are means; depth and number of cells are those at the end."""
+    monkeypatch.setattr(bench, "SETTLE_TIME", 0.0)
+    monkeypatch.setattr(bench, "AVERAGE_TIME", (steps + 0.5) * bench.TIMESTEP)
+    monkeypatch.setattr(bench, "LOAD_TOLERANCE", np.inf)
+    readings = []
+    find = bench._settle
+
+    def settle(model, reader, load):
+        read = reader.read
+
+        def note(data):
+            readings.append(read(data)._replace(fewest_cells=10 + len(readings)))
+            return readings[-1]
+
+        monkeypatch.setattr(reader, "read", note)
+        mean, chatter = find(model, reader, load)
+        assert mean.fewest_cells == 9 + steps
+        assert mean.approach == readings[-1].approach
+        assert mean.carried == pytest.approx(np.mean([each.carried for each in readings]))
+        assert chatter == pytest.approx(np.std([each.carried for each in readings]) / load)
+        return mean, chatter
+
+    monkeypatch.setattr(bench, "_settle", settle)
+    result = indent(PARAMETERS, Sphere(radius=5e-3), load=2.0)
+    assert len(readings) == steps
+    assert result.contact_forces == pytest.approx(np.mean([each.contact_forces for each in readings], axis=0))
+
+
 @pytest.mark.parametrize(("steps", "share"), [(2, 0.54), (6, 0.89), (20, 0.99)])
 def test_a_load_of_which_a_part_is_missing_is_refused(monkeypatch, steps, share):
     """Averaged from the first touch on, the texels carry a part of the load only."""

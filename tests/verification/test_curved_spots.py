@@ -201,6 +201,19 @@ def test_resultants_are_the_integral_of_the_traction():
     assert response.texel_forces([patch])[0] == pytest.approx(-found @ normal, rel=1e-12)
 
 
+@pytest.mark.parametrize("height", [-80e-3, 80e-3])
+def test_a_load_moves_along_the_axis_with_its_response(height):
+    """Also past the place z = -height, and where load and places are far from z = 0."""
+    z = np.array([1e-3, 6e-3, -2 * height])
+    middle, moved = (
+        touch_cylinder(cover(0.3), SpotLoad(force=1.0, axial_force=0.3, height=at)).base_traction([0.3] * 3, z + at)
+        for at in (0.0, height)
+    )
+    assert moved == pytest.approx(middle, abs=1e-9 * np.abs(middle).max())
+    (alone,) = touch_cylinder(cover(0.3), SpotLoad(force=1.0, height=height)).base_traction([0.3], [-height])
+    assert np.abs(alone).max() < 1e-9 * np.abs(middle).max()
+
+
 def test_a_patch_is_the_mean_of_points():
     layer = cover(0.3)
     patch = SpotLoad(force=1.0, axial_force=0.5, half_angle=0.2, half_length=3e-3)

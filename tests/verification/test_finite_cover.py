@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import skfem
+from scipy.optimize import brentq
 
 from fem_reference import point_spread
 from fem_reference.elements.line import Line, line_matrix
@@ -39,6 +40,18 @@ def test_estimates_are_those_of_the_texels_under_their_own_loads(bonded):
     errors = [grid_convergence(list(each), found.sizes) for each in own.T]
     assert found.error_estimate["peak_texel"] == pytest.approx(max(errors) / own[-1].max(), rel=1e-12)
     assert found.error_estimate["total_force"] == pytest.approx(np.abs(grids[-1].whole - 1).max(), rel=1e-12)
+    centre = SMALL.centres[SMALL.middle, :2]  # halfway between the sides
+    widths = []
+    for grid in grids:
+        one = replace(found, grids=(grid,))
+
+        def excess(distance, one=one):
+            force = one.texel_influence(SMALL, centre + np.array([[0.0, 0.0], [distance, 0.0]]))
+            return force[1, SMALL.middle] - force[0, SMALL.middle] / 2
+
+        widths.append(brentq(excess, 1e-4, 4e-3))
+    expected = grid_convergence(widths, found.sizes) / widths[-1]
+    assert found.error_estimate["sigma"] == pytest.approx(expected, rel=0.02)
 
 
 def foil_on_foam(**options):

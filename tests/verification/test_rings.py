@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+from scipy.special import j0, jv
 
 from fem_reference.closed_form import indent, stuck_punch, stuck_shape
-from fem_reference.closed_form.rings import _find_contact, _find_slip, press_with_friction
+from fem_reference.closed_form.rings import _find_contact, _find_slip, _transform_rings, press_with_friction
 from meshes import Cylinder, Sphere, TexelArray
 
 ARRAY = TexelArray.grid(3, 3, 3.4e-3)
@@ -80,3 +83,14 @@ def test_pressures_push_and_no_ring_overlaps():
         assert (apart > -1e-9).all()
         assert pressure @ np.abs(apart) == pytest.approx(0, abs=1e-9)
         assert (pressure[~touching] == 0).all()
+
+
+def test_transforms_of_tractions_on_rings_are_their_hankel_integrals():
+    """Pressure 1 by J0, and the shear r / rho, with rho in the middle of the ring, by J1."""
+    edges, k = np.array([0.0, 1e-3, 1.7e-3, 3e-3]), np.array([1.0, 300.0, 2000.0])
+    pressure, shear = _transform_rings(edges, k)
+    x, w = np.polynomial.legendre.leggauss(30)
+    for ring, (low, high) in enumerate(itertools.pairwise(edges)):
+        r, weight = (low + high) / 2 + (high - low) / 2 * x, (high - low) / 2 * w
+        assert pressure[:, ring] == pytest.approx(j0(np.outer(k, r)) @ (r * weight), rel=1e-9)
+        assert shear[:, ring] == pytest.approx(jv(1, np.outer(k, r)) @ (r**2 / r.mean() * weight), rel=1e-6)

@@ -72,3 +72,25 @@ def test_redistribution_keeps_the_weight_and_the_moments_of_a_free_body(tilts):
     # Forces act at texel centres here, so that the centre of pressure is known to a fraction of a texel only.
     expected = np.array([0.4e-3, -0.7e-3]) + (np.array([1e-3, 0.5e-3]) if tilts else 0.0)
     np.testing.assert_allclose(centre, expected, atol=0.4e-3)
+
+
+def test_a_body_that_changes_its_shape_is_shared_by_its_new_area():
+    """As a reader that is bound after the change shares it."""
+    spec = mujoco.MjSpec()
+    fastmodel.recommend_options(spec)
+    spec.option.timestep = 1e-3
+    method = AreaTexels()
+    method.attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    body = spec.worldbody.add_body(pos=[0.4e-3, -0.7e-3, 5e-3])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.add_geom(name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 5e-3], mass=0.2)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    reader = method.bind(model, ARRAY, "a")
+    mujoco.mj_step(model, data, 500)
+    before = reader.read(data).contact_forces
+    model.geom("block").size[:2] = 3.1e-3, 6.5e-3
+    mujoco.mj_step(model, data, 500)
+    after, fresh = (each.read(data).contact_forces for each in (reader, method.bind(model, ARRAY, "a")))
+    assert np.abs(after - before).max() > 0.02
+    assert after == pytest.approx(fresh, abs=1e-12)

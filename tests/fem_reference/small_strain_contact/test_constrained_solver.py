@@ -40,6 +40,21 @@ def test_the_operator_is_reciprocal_and_positive(dense):
     assert np.linalg.eigvalsh(dense)[0] > 0
 
 
+def test_what_side_edges_add_follows_from_forces_on_the_cells(bonded, compliance):
+    """Forces in newtons, in the order of the cells; the displacement is added to that of the wide cover."""
+    asked = []
+
+    def add(forces):
+        asked.append(forces)
+        return 2e-6 * forces
+
+    sided = ComplianceOperator(surface_compliance(bonded(0.45), 10e-3), SHAPE, CELL, add)
+    pressure = np.random.default_rng(1).uniform(0, 1e5, SHAPE)
+    forces = pressure * CELL[0] * CELL[1]
+    assert sided.displace(pressure) - compliance.displace(pressure) == pytest.approx(2e-6 * forces, rel=1e-6)
+    assert asked[0] == pytest.approx(forces.ravel(), rel=1e-12)
+
+
 @SHARED
 @given(gap=GAPS, depth=st.floats(1e-5, 2e-4))
 def test_pressures_at_a_depth_are_those_of_non_negative_least_squares(compliance, dense, gap, depth):

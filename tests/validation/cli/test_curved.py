@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from validation.cli.curved.press import read_direction
@@ -100,3 +101,21 @@ def test_folders_of_curved_covers_are_refused_where_they_have_no_meaning(words, 
 def test_a_press_of_parameters_does_not_call_force_outside_the_array(derived, capsys):
     assert run("press", derived, "--indenter", "ball:radius=4mm", "--load=0.2N", "--model=fast") == 0
     assert "of it" in capsys.readouterr().out
+
+
+def test_derive_prints_the_responses_and_what_they_mean(small_pad, softcover, monkeypatch):
+    """Each figure against the derivation itself."""
+    derivation = derive_curved(small_pad)
+    monkeypatch.setattr("validation.curved.derive.derive_curved", lambda *_args, **_options: derivation)
+    status, out, _ = softcover("derive", "flat-pad")
+    assert status == 0
+    text = " ".join(out.translate(str.maketrans("│┌┐└┘├┤┬┴┼─", " " * 11)).split())
+    assert text.startswith("Texel responses of flat-pad cover ")
+    active = derivation.sensor.array.active
+    own = derivation.own_shares[active]
+    others = derivation.responses.matrix.sum(axis=1)[active] - own
+    for name, shares in (("texel", own), ("all others", others)):
+        least, median, largest = (f"{100 * pick(shares):.1f}" for pick in (np.min, np.median, np.max))
+        assert f"force on {'a texel' if name == 'texel' else name} {least} / {median} / {largest} % of" in text
+    assert f"hash {derivation.mesh.digest[:12]} force on" in text
+    assert "of all texels need not sum to the load." in text

@@ -80,6 +80,16 @@ def test_each_fault_is_one_line_with_its_place(places, table, said):
     assert re.search(said, line)
 
 
+def test_places_on_a_planar_array_may_lack_the_height(pad_places):
+    """Two values are the place of the middle texel, three a point."""
+    two, three = (read(pad_places, at=text)[0] for text in ("1mm,-2mm", "1mm,-2mm,2mm"))
+    np.testing.assert_allclose(two.pose.position, three.pose.position, atol=1e-12)
+    for text in ("1mm", "1mm,2mm,3mm,4mm"):
+        found, faults = read(pad_places, at=text)
+        assert found is None
+        assert re.search("is not 3 values", faults[0])
+
+
 def test_the_default_campaign_presses_three_directions_and_scales_its_loads(small_pad, pad_places):
     campaign = read_campaign(None, small_pad.array, cover=small_pad.cover, curved=pad_places)
     assert (len(campaign.cases), len(campaign.quick), campaign.left_out) == (16, 6, ())

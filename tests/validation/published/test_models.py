@@ -28,6 +28,24 @@ VALUES = {
 }
 
 
+#: Parameters that are fitted: those of a force scale, a width or a reach that no source gives for this array.
+FITTED = {
+    "report-0.8-5x5": ("sigma",),
+    "gazebo-ros-tactile": ("distance",),
+    "touch-grid": ("field_of_view",),
+    "robworksim-later": ("modulus", "mask"),
+    "opengrasp-2013": ("stiffness",),
+    "skinsim-2014": ("stiffness", "amplitude", "sigma"),
+    "genesis-taxel": ("stiffness", "crosstalk", "sigma"),
+    "penalty": ("stiffness",),
+    "mujoco-tactile": ("depth_factor",),
+    "pezzementi-pressure": ("stiffness", "sigma"),
+    "pezzementi-depth": ("stiffness", "sigma"),
+    "shimojo-1994": ("stiffness", "depth"),
+    "exact-layer": ("stiffness",),
+}
+
+
 def place(index):
     row, column = divmod(index, COLUMNS)
     return np.array([(column - 1) * PITCH, (row - 1.5) * PITCH])
@@ -352,3 +370,8 @@ def test_stiffness_of_a_foundation_is_that_under_uniform_pressure(bonded):
     assert model.find_shipped(bonded(0.5)) is None
     assert model.find_shipped(bonded(0.25)) == {"stiffness": pytest.approx(6e8)}
     assert PUBLISHED["penalty"].find_shipped(bonded(0.5)) == {"stiffness": 5000.0}
+
+
+def test_models_are_fitted_in_what_their_sources_leave_open():
+    for name, model in PUBLISHED.items():
+        assert model.fitted == FITTED.get(name, ()), name

@@ -142,6 +142,7 @@ ENTRY = {"unit": "N", "tolerance": 1, "value": 1}
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "much"})), "'much' is not a finite"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "nan % of value"})), "not a finite"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": -1})), "x: tolerance must be positive"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": 0})), "x: tolerance must be positive"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "unit": 1})), "unit a text"),
         (spoil(lambda data: data["quantities"].update(x={"unit": "N"})), "not a baseline"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": 1 << 70})), "64 bits"),

@@ -176,3 +176,16 @@ def test_a_file_of_gltf_is_to_scale_and_in_metres(scene, monkeypatch, tmp_path):
     body, bars = found[0].meshes
     np.testing.assert_allclose(body.bounds, 1e-3 * np.array([-2, 6, -3, 5, 0, 1.95]), atol=1e-8)
     assert bars.bounds[5] == pytest.approx(3.6e-3)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
+def test_displacements_are_magnified_in_steps_of_1_2_5_up_to_a_thousand(scene, factor):
+    """The largest displacement is 0.05 mm, and may be drawn as 0.35 of the thickness of 2 mm."""
+    at_limit = scene.displacement * (0.35 * 2.0 / 0.05) / factor
+    for share, expected in ((0.999, factor), (0.51 if factor < 1000 else 1e-6, factor)):
+        moved = dataclasses.replace(scene, displacement=share * at_limit)
+        assert draw._find_factor(moved) == expected
+    assert (
+        draw._find_factor(dataclasses.replace(scene, displacement=1.001 * at_limit))
+        == ({1: 1, 2: 1, 5: 2, 10: 5, 20: 10, 50: 20, 100: 50, 200: 100, 500: 200, 1000: 500}[factor])
+    )

@@ -38,6 +38,23 @@ def test_without_graphics_one_line_says_what_is_missing(scene, tmp_path, without
     assert "apt-get install libegl1" in record.getMessage()
 
 
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("import time; time.sleep(60)", "no picture within 0.5 s"),
+        ("import sys; sys.exit('first\\n ' + 'x' * 300)", f" {'x' * 199}"),
+        ("import sys; sys.exit(1)", "the picture is empty"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "the process was ended by signal 9"),
+        ("pass", None),
+    ],
+)
+def test_a_trial_picture_that_fails_says_why(monkeypatch, program, said):
+    monkeypatch.setattr(rendering, "_PROBE", program)
+    if "sleep" in program:
+        monkeypatch.setattr(rendering, "_TIMEOUT", 0.5)
+    assert rendering._try_to_draw("", "") == said
+
+
 def test_nothing_is_missing_where_nothing_is_drawn():
     assert not lacks_picture(())
     assert not lacks_picture(("press.json",))

@@ -67,6 +67,9 @@ def test_a_change_is_told_stored_and_then_passes(regress, parameters, tmp_path):
     assert "if the changes are meant: softcover regress" in err
     failures = ET.parse(tmp_path / "junit.xml").getroot().findall(".//failure")  # noqa: S314 -- ours
     assert [each.get("message") for each in failures] == out.splitlines()
+    lines = (tmp_path / "junit.xml").read_text().splitlines()
+    tests = ET.parse(tmp_path / "junit.xml").getroot().findall(".//testcase")  # noqa: S314 -- ours
+    assert sum(line.startswith("    <testcase ") for line in lines) == len(tests) > 0
     status, out, err = regress("--update", changed=other)
     assert status == 0
     assert "characteristic: sensitivity: rose from 999.76 to 1049.7 counts/N" in out
