@@ -1,9 +1,10 @@
-"""Places and directions on a curved cover that a campaign file names, and their reading."""
+"""Read poses of an indenter on a curved cover, for the command line and for campaign files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -25,8 +26,63 @@ from validation.text.quantity import read_quantities, read_quantity
 _OFF_GRID = np.array([0.206, -0.324])
 #: Angle between an oblique direction and the normal of the cover, and largest tilt of an indenter about one axis [rad].
 _OBLIQUE, _MOST_TILT = math.radians(30), math.radians(80)
-#: Names of directions besides three numbers.
-_DIRECTIONS = ("normal", "oblique x", "oblique y")
+#: Names of places besides coordinates, and of directions besides three numbers.
+PLACES, DIRECTIONS = ("middle", "off grid", "edge", "side"), ("normal", "oblique x", "oblique y")
+#: Component of a direction: a number without unit.
+_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
+#: Largest length of a text that is parsed [characters].
+_LONGEST = 100
+
+#: A vector.
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseText:
+    """Pose of an indenter on a curved cover as it was written, before the cover is meshed.
+
+    Attributes:
+        at: Name of a place, or its coordinates [m]; None for the texel nearest to the middle, along its own normal.
+        direction: Name of a direction, or a vector of any length.
+        yaw: Rotation of the indenter about its axis [rad].
+        tilt: Rotations of the indenter against its motion, about its x and y axes [rad].
+        prefix: Text before `at` and `direction` in messages about them, such as `--`.
+    """
+
+    at: str | tuple[float, ...] | None = None
+    direction: str | Vector = "normal"
+    yaw: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    prefix: str = "--"
+
+
+def read_pose(texts: Mapping[str, str], prefix: str, *, planar: bool) -> PoseText:
+    """Read the pose of an indenter on a curved cover.
+
+    Args:
+        texts: `at`, `direction`, `yaw` and `tilt`; each may be missing.
+        prefix: Text before these names in messages.
+        planar: Whether all texels lie in one plane, so that two coordinates are enough.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    readers: dict[str, Callable[[str, str], Any]] = {
+        "at": lambda text, place: _read_at(text, place, planar=planar),
+        "direction": _read_direction,
+        "yaw": lambda text, place: read_yaw(text, place=place),
+        "tilt": _read_tilt,
+    }
+    found: dict[str, Any] = {}
+    faults: list[str] = []
+    for name, text in texts.items():
+        try:
+            found[name] = readers[name](text.strip(), f"{prefix}{name}")
+        except InputError as error:
+            faults += error.faults
+    if faults:
+        raise InputError(*faults)
+    return PoseText(**found, prefix=prefix)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,64 +131,71 @@ class CurvedPlaces:
             if not isinstance(value, str):
                 faults.append(f"{place}.{key}: must be a text, not {value!r}"[:200])
                 return None
-            texts[key] = value.strip()
+            texts[key] = value
         try:
-            at = self._read_at(texts["at"], f"{place}.at")
-            tilt = _read_tilt(texts["tilt"], f"{place}.tilt")
-            yaw = read_yaw(texts["yaw"], place=f"{place}.yaw")
-            upright = _find(self.mesh, self.texels, at, None, f"{place}.at")
-            towards = _read_direction(texts["direction"], -upright.direction, f"{place}.direction")
-            found = _find(self.mesh, self.texels, at, towards, f"{place}.at")
+            return self.find(read_pose(texts, f"{place}.", planar=self.texels.planar))
         except InputError as error:
             faults += error.faults
             return None
-        return replace(found, yaw=yaw, tilt=tilt)
 
-    def _read_at(self, text: str, place: str) -> tuple[float, ...]:
-        if text in self.named:
-            return tuple(self.named[text].tolist())
-        if not any(character.isdigit() for character in text):
-            raise InputError(
-                f"{place}: unknown place {text!r}; {nearest(text, self.named)}, or x,y,z such as '0mm,2mm,8mm'"
-            )
-        return read_quantities(text, "length", 2 if self.texels.planar and text.count(",") == 1 else 3, place=place)
+    def find(self, pose: PoseText) -> Touch:
+        """Find the point and the direction of a pose.
 
-
-def _find(
-    mesh: SolidMesh,
-    texels: TexelArray,
-    at: tuple[float, ...],
-    direction: tuple[float, float, float] | None,
-    place: str,
-) -> Touch:
-    try:
-        return find_touch_place(mesh, texels, at=at, direction=direction)
-    except InputError as error:
-        raise InputError(*(fault.replace("--at", place) for fault in error.faults)) from None
+        Raises:
+            InputError: If the place is not on the cover.
+        """
+        at = tuple(self.named[pose.at].tolist()) if isinstance(pose.at, str) else pose.at
+        try:
+            found = find_touch_place(self.mesh, self.texels, at=at)
+            if pose.direction != "normal":
+                towards = _turn_aside(pose.direction, -found.direction)
+                found = find_touch_place(self.mesh, self.texels, at=at, direction=towards)
+        except InputError as error:
+            raise InputError(*(fault.replace("--at", f"{pose.prefix}at") for fault in error.faults)) from None
+        return replace(found, yaw=pose.yaw, tilt=pose.tilt)
 
 
-def _read_direction(text: str, normal: FloatArray, place: str) -> tuple[float, float, float]:
-    """Read a direction: a name, relative to the normal of the cover, or three numbers."""
-    if text in _DIRECTIONS:
-        axes = tangent_axes(normal[None])[0]
-        aside = {"normal": np.zeros(3), "oblique x": axes[0], "oblique y": axes[1]}[text]
-        x, y, z = (aside * math.sin(_OBLIQUE) - normal * (math.cos(_OBLIQUE) if aside.any() else 1.0)).tolist()
-        return (x, y, z)
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
+def _turn_aside(direction: str | Vector, normal: FloatArray) -> Vector:
+    """Return a direction as a vector: against the normal of the cover, turned towards a tangent axis by its name."""
+    if not isinstance(direction, str):
+        return direction
+    aside = tangent_axes(normal[None])[0][DIRECTIONS.index(direction) - 1]
+    x, y, z = (aside * math.sin(_OBLIQUE) - normal * math.cos(_OBLIQUE)).tolist()
+    return (x, y, z)
+
+
+def _read_at(text: str, place: str, *, planar: bool) -> str | tuple[float, ...]:
+    if text in PLACES:
+        return text
+    if not any(character.isdigit() for character in text):
         raise InputError(
-            f"{place}: unknown direction {text!r}; {nearest(text, _DIRECTIONS)}, or three numbers such as '0,0.5,-1'"
-        ) from None
-    if not all(map(math.isfinite, (x, y, z))) or not any((x, y, z)):
-        raise InputError(f"{place}: {text!r} must be finite and not zero; write for example '0,0.5,-1'")
+            f"{place}: unknown place {text[:_LONGEST]!r}; {nearest(text[:_LONGEST], PLACES)}, or x,y,z such as "
+            "0mm,2mm,8mm"
+        )
+    return read_quantities(text, "length", 2 if planar and text.count(",") == 1 else 3, place=place)
+
+
+def _read_direction(text: str, place: str) -> str | Vector:
+    """Read a direction: a name, relative to the normal of the cover, or three numbers."""
+    if text in DIRECTIONS:
+        return text
+    example = f"{'--direction=' if place == '--direction' else ''}0,0.5,-1"
+    parts = text.split(",")
+    if len(text) > _LONGEST or len(parts) != 3 or not all(map(_NUMBER.fullmatch, parts)):  # noqa: PLR2004
+        raise InputError(
+            f"{place}: unknown direction {text[:_LONGEST]!r}; {nearest(text[:_LONGEST], DIRECTIONS)}, or three numbers "
+            f"such as {example}"
+        )
+    x, y, z = map(float, parts)
+    if not 0 < max(abs(x), abs(y), abs(z)) < math.inf:
+        raise InputError(f"{place}: {text!r} must be finite and not zero; write for example {example}")
     return (x, y, z)
 
 
 def _read_tilt(text: str, place: str) -> tuple[float, float]:
     parts = text.split(",")
     if len(parts) != 2:  # noqa: PLR2004 -- about x and y
-        raise InputError(f"{place}: {text!r} is not two angles about x and y; write for example '0deg,45deg'")
+        raise InputError(f"{place}: {text[:_LONGEST]!r} is not two angles about x and y; write for example 0deg,45deg")
     x, y = (read_quantity(part, "angle", place=place) for part in parts)
     if max(abs(x), abs(y)) > _MOST_TILT:
         raise InputError(f"{place}: {text!r}: at most {math.degrees(_MOST_TILT):g} deg about either axis are accepted")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from meshes import Indenter
 from meshes.solids.quality import check_quality
 from validation.curved.fast import FastPress, derive_fast_model, press_fast
-from validation.curved.touch import Touch, find_touch_place
+from validation.curved.places import CurvedPlaces, PoseText
+from validation.curved.touch import Touch
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
@@ -47,9 +48,7 @@ class CurvedPress:
             "sensor": self.sensor.name,
             "cover": self.sensor.describe_cover(),
             "indenter": self.shape,
-            "at": self.touch.point,
-            "direction": self.touch.direction,
-            "yaw": self.touch.yaw,
+            **self.touch.as_json(),
             "load": found.load,
             "models": {
                 "fem": {
@@ -75,9 +74,7 @@ def press_sensor(
     shape: str,
     load: float | None = None,
     depth: float | None = None,
-    at: tuple[float, ...] | None = None,
-    direction: tuple[float, float, float] | None = None,
-    yaw: float = 0.0,
+    pose: PoseText | None = None,
     finite: bool = False,
     fast: bool = False,
     progress: Callable[[str], None] | None = None,
@@ -90,9 +87,8 @@ def press_sensor(
         shape: The indenter as text.
         load: Force along the direction [N]; give either load or depth.
         depth: Distance from the first touch [m].
-        at: Place on the cover; see `find_touch_place` [m].
-        direction: Direction of motion, any length.
-        yaw: Rotation of the indenter about its axis [rad].
+        pose: Place, direction and rotation of the indenter; above the middle of the array and along its normal if
+            None.
         finite: Whether strains are finite; else small.
         fast: Whether the fast model presses too.
         progress: Called with a line of text before each step.
@@ -106,7 +102,7 @@ def press_sensor(
 
     started = time.perf_counter()
     meshes = make_meshes(sensor, progress)
-    touch = find_touch_place(meshes[-1], sensor.array, at=at, direction=direction, yaw=yaw)
+    touch = CurvedPlaces(mesh=meshes[-1], texels=sensor.array).find(pose or PoseText())
     solve = press_curved_finite if finite else press_curved
     found = solve(
         meshes,

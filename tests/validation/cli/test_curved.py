@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from validation.cli.curved.press import read_direction
 from validation.cli.entry import main
 from validation.curved.derive import derive_curved
+from validation.curved.places import read_pose
 from validation.errors import InputError
 
 
@@ -37,20 +37,29 @@ def test_commands_for_flat_covers_refuse_in_one_line(words, capsys, tmp_path, mo
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("text", ["0,0", "a,b,c", "0,0,0", "1,2,nan", "1mm,0mm,0mm", ""])
+@pytest.mark.parametrize("text", ["0,0", "a,b,c", "0,0,0", "1,2,nan", "1mm,0mm,0mm", "", "1" * 101, "down"])
 def test_bad_directions_are_refused(text):
-    with pytest.raises(InputError, match=r"--direction: .*--direction=0,0,-1"):
-        read_direction(text)
+    with pytest.raises(InputError, match=r"--direction: .*--direction=0,0.5,-1"):
+        read_pose({"direction": text}, "--", planar=False)
 
 
 def test_a_direction_is_read():
-    assert read_direction("0, 1e-1,-1") == (0.0, 0.1, -1.0)
+    assert read_pose({"direction": "0, 1e-1,-1"}, "--", planar=False).direction == (0.0, 0.1, -1.0)
+
+
+def test_all_faults_of_a_pose_are_told_before_the_cover_is_meshed(capsys, monkeypatch):
+    monkeypatch.setattr("validation.curved.press.make_meshes", None)
+    pose = ("--at=tip", "--direction=up", "--yaw=3", "--tilt=1deg", "--strain=large")
+    assert run("press", "fingertip", "--indenter", "ball:radius=4mm", "--load=1N", *pose) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [re.match(r"softcover: (--\w+): ", line)[1] for line in lines] == [each.split("=")[0] for each in pose]
+    assert "accepted: middle, off grid, edge, side, or x,y,z such as 0mm,2mm,8mm" in lines[0]
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("fingertip", "--tilt=2deg,0deg", "--load=1N"), "--tilt"),
+        (("fingertip", "--tilt=85deg,0deg", "--load=1N"), "--tilt"),
         (("fingertip", "--friction=0.4", "--load=1N"), "--friction"),
         (("fingertip", "--depth=0.1mm", "--model=fast"), "--depth"),
         (("fingertip", "--load=1N", "--model=fast", "--out=x"), "--out"),

@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from meshes import Sphere
+from meshes import Box, Sphere
 from validation.curved.files import write_press
+from validation.curved.places import CurvedPlaces, read_pose
 from validation.curved.press import make_meshes, press_sensor
 from validation.curved.touch import find_middle, find_touch_place
 from validation.errors import InputError
@@ -63,6 +64,20 @@ def test_places_and_directions(small_pad):
     tip = CURVED["fingertip"]
     with pytest.raises(InputError, match="three lengths"):
         find_touch_place(tip.body.meshes()[0], tip.array, at=(0.0, 0.0))
+
+
+def test_a_pose_by_names_is_that_of_a_campaign_file(small_pad):
+    """Also its tilt, and the pose stands in the JSON."""
+    texts = {"at": "edge", "direction": "oblique y", "yaw": "20deg", "tilt": "0deg,5deg"}
+    pose = read_pose(texts, "--", planar=True)
+    press = press_sensor(small_pad, Box(size=(3e-3, 2e-3, 3e-3)), shape="box", load=0.1, pose=pose)
+    places = CurvedPlaces(mesh=make_meshes(small_pad)[-1], texels=small_pad.array)
+    assert press.touch.same_as(places.read(texts, "case", []))
+    described = press.as_json()
+    assert described["tilt"] == pytest.approx([0.0, np.radians(5)])
+    assert described["yaw"] == pytest.approx(np.radians(20))
+    np.testing.assert_allclose(described["at"], places.named["edge"], atol=1e-6)
+    assert described["direction"] @ [0, 0, -1] == pytest.approx(np.cos(np.radians(30)))
 
 
 def test_the_place_on_a_fingertip_is_pressed_along_its_normal():

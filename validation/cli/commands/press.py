@@ -47,14 +47,15 @@ _At = Annotated[
     str | None,
     Parameter(
         help="Position of the indenter's axis in the array's frame, x,y; on a curved cover x,y,z of a place on its "
-        "surface. The middle of the array if left out.",
+        "surface, or middle, off grid, edge, side. The middle of the array if left out.",
         allow_leading_hyphen=True,
     ),
 ]
 _Direction = Annotated[
     str | None,
     Parameter(
-        help="Direction in which the indenter moves on a curved cover, e.g. 0,0,-1; along the normal if left out.",
+        help="Direction in which the indenter moves on a curved cover, e.g. 0,0,-1, or oblique x, oblique y; along the "
+        "normal if left out.",
         allow_leading_hyphen=True,
     ),
 ]
@@ -62,7 +63,8 @@ _Yaw = Annotated[str, Parameter(help="Rotation of the indenter about its axis.",
 _Tilt = Annotated[
     str,
     Parameter(
-        help="Rotations about the x and y axes of the indenter, before the yaw, at most 10deg: --tilt=2deg,0deg.",
+        help="Rotations about the x and y axes of the indenter, before the yaw, at most 10deg, on a curved cover "
+        "80deg: --tilt=2deg,0deg.",
         allow_leading_hyphen=True,
     ),
 ]
@@ -131,9 +133,11 @@ def press(
     if has_curved_cover(sensor):
         return _press_curved(
             (sensor, material, thickness, layer),
-            unsupported={"--tilt": tilt != _NO_TILT, "--friction": friction, "--accuracy": accuracy, "--curve": curve,
+            unsupported={"--friction": friction, "--accuracy": accuracy, "--curve": curve,
                          "--method": method != "default"},
-            text=PressText(indenter=indenter, at=at, direction=direction, yaw=yaw, strain=strain or "small"),
+            text=PressText(
+                indenter=indenter, at=at, direction=direction, yaw=yaw, tilt=tilt, strain=strain or "small"
+            ),
             force=(load, depth), model=model, out=out, json=json,
         )  # fmt: skip
     for name, given in (("--strain", strain), ("--direction", direction)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from meshes import Indenter, TexelArray
     from meshes.array_types import FloatArray
+    from validation.curved.places import PoseText
     from validation.curved.press import CurvedPress
     from validation.sensor_file import SensorDescription
 
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 _LISTED = 8
 #: Strains that the finite elements know.
 STRAINS = ("small", "finite")
-#: Component of a direction: a number without unit.
-_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +40,7 @@ class PressText:
         at: Place on the cover, or None.
         direction: Direction of motion, or None.
         yaw: Rotation about the axis of the indenter.
+        tilt: Rotations about its x and y axes.
         strain: `small` or `finite`.
     """
 
@@ -49,6 +48,7 @@ class PressText:
     at: str | None
     direction: str | None
     yaw: str
+    tilt: str = "0deg,0deg"
     strain: str = "small"
 
 
@@ -106,25 +106,24 @@ def press_by_fast_model(
         InputError: With one line per fault.
     """
     from validation.curved.fast import derive_fast_model, press_fast
+    from validation.curved.places import CurvedPlaces
     from validation.curved.press import make_meshes
-    from validation.curved.touch import find_touch_place
 
     if load is None or out is not None:
         faults = ["--depth: the fast model takes a load; write --load"] if load is None else []
         faults += ["--out: needs the finite elements; write --model fem,fast"] if out is not None else []
         raise InputError(*faults)
-    shape, place, towards, angle = _read_text(text)
+    shape, pose = _read_text(text, sensor)
     with Progress() as progress:
         meshes = make_meshes(sensor, progress)
-        touch = find_touch_place(meshes[-1], sensor.array, at=place, direction=towards, yaw=angle)
+        touch = CurvedPlaces(mesh=meshes[-1], texels=sensor.array).find(pose)
         cover = derive_fast_model(sensor, meshes, progress)
         if cover is None:
             raise InputError("--model: the meshes of this cover are too fine for the fast model; write --model fem")
         found = press_fast(cover, shape, touch, load)
     if json:
         about = {"sensor": sensor.name, "cover": sensor.describe_cover(), "indenter": text.indenter}
-        pose = {"at": touch.point, "direction": touch.direction, "yaw": touch.yaw, "load": load}
-        print_json({**about, **pose, "models": {"fast": found.as_json()}})
+        print_json({**about, **touch.as_json(), "load": load, "models": {"fast": found.as_json()}})
         return DONE
     rows = [
         ("cover", describe_body(sensor)),
@@ -137,20 +136,21 @@ def press_by_fast_model(
     return DONE
 
 
-def _read_text(text: PressText) -> tuple[Indenter, tuple[float, ...] | None, tuple[float, float, float] | None, float]:
-    """Read indenter, place, direction and yaw; raise an InputError with one line per fault."""
-    from validation.text.indenter import read_indenter, read_yaw
+def _read_text(text: PressText, sensor: SensorDescription) -> tuple[Indenter, PoseText]:
+    """Read indenter and pose; raise an InputError with one line per fault."""
+    from validation.curved.places import read_pose
+    from validation.text.indenter import read_indenter
 
     faults: list[str] = []
     shape = collect(faults, lambda: read_indenter(text.indenter))
-    place = collect(faults, lambda: _read_place(text.at))
-    towards = collect(faults, lambda: read_direction(text.direction))
-    angle = collect(faults, lambda: read_yaw(text.yaw))
+    given = {"at": text.at, "direction": text.direction, "yaw": text.yaw, "tilt": text.tilt}
+    texts = {name: value for name, value in given.items() if value is not None}
+    pose = collect(faults, lambda: read_pose(texts, "--", planar=sensor.array.planar))
     if text.strain not in STRAINS:
         faults.append(f"--strain: {text.strain[:40]!r} is neither of {' and '.join(STRAINS)}")
-    if faults or shape is None or angle is None:
+    if faults or shape is None or pose is None:
         raise InputError(*faults)
-    return shape, place, towards, angle
+    return shape, pose
 
 
 def _compute(
@@ -158,7 +158,7 @@ def _compute(
 ) -> CurvedPress:
     from validation.curved.press import press_sensor
 
-    shape, place, towards, angle = _read_text(text)
+    shape, pose = _read_text(text, sensor)
     with Progress() as progress:
         return press_sensor(
             sensor,
@@ -166,39 +166,11 @@ def _compute(
             shape=text.indenter,
             load=force[0],
             depth=force[1],
-            at=place,
-            direction=towards,
-            yaw=angle,
+            pose=pose,
             finite=text.strain == "finite",
             fast=fast,
             progress=progress,
         )
-
-
-def read_direction(text: str | None) -> tuple[float, float, float] | None:
-    """Parse a direction, three numbers without unit such as `0,0,-1`.
-
-    Raises:
-        InputError: If the text is not three numbers, or all are zero.
-    """
-    if text is None:
-        return None
-    parts = text.split(",")
-    if len(text) > 100 or len(parts) != 3 or not all(map(_NUMBER.fullmatch, parts)):  # noqa: PLR2004
-        raise InputError(f"--direction: {text[:80]!r} is not three numbers x,y,z; write for example --direction=0,0,-1")
-    x, y, z = map(float, parts)
-    if not 0 < max(abs(x), abs(y), abs(z)) < float("inf"):
-        raise InputError("--direction: must not be zero; write for example --direction=0,0,-1")
-    return x, y, z
-
-
-def _read_place(text: str | None) -> tuple[float, ...] | None:
-    from validation.text.quantity import read_quantities
-
-    if text is None:
-        return None
-    count = 3 if text.count(",") >= 2 else 2  # noqa: PLR2004 -- three lengths have two commas
-    return read_quantities(text, "length", count, place="--at")
 
 
 def _print_press(press: CurvedPress) -> None:
