@@ -27,9 +27,9 @@ from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
 from fem_reference.grid_convergence import field_convergence
 from meshes import Material, TexelArray
-from meshes.array_types import FloatArray
+from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.facets import facet_shape, split_facet
-from meshes.solids.quality import check_quality, check_texels
+from meshes.solids.quality import check_quality, check_texels, measure_thickness
 from meshes.solids.solid_mesh import SolidMesh
 from meshes.solids.texels import covered_share
 
@@ -37,6 +37,8 @@ from meshes.solids.texels import covered_share
 _PARTS = 12
 #: Number of steps to the point of the top above a texel [-].
 _STEPS = 8
+#: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
+_BESIDE = 0.25
 #: Smallest order of convergence that is assumed: quadratic elements have the order 3 [-].
 _ORDER = 2.0
 #: Smallest ratio of the element sizes of two meshes from which an error is estimated [-].
@@ -135,6 +137,11 @@ class TexelResponses:
     def above(self) -> FloatArray:
         """Points of the top above the centres of the texels, along their normals, shape (n, 3) [m]."""
         return find_above(self.finest.top, self.texels)
+
+    @cached_property
+    def uncovered(self) -> BoolArray:
+        """Which texels have no top above them along their normals, so that `above` lies beside them, shape (n,)."""
+        return find_uncovered(self.finest.top, self.texels, measure_thickness(self.finest.mesh))
 
     @cached_property
     def matrix(self) -> FloatArray:
@@ -236,6 +243,20 @@ def find_above(top: FacetSurface, texels: TexelArray) -> FloatArray:
         nearest = top.locate(texels.centres + height[:, None] * texels.normals)[0] @ top.nodes
         height = np.einsum("nc,nc->n", nearest - texels.centres, texels.normals)
     return np.asarray(nearest)
+
+
+def find_uncovered(top: FacetSurface, texels: TexelArray, thickness: float) -> BoolArray:
+    """Return which texels have no top above them along their normals, shape (n,).
+
+    Args:
+        top: Top of the cover.
+        texels: Texels on its base.
+        thickness: Mean thickness of the cover [m].
+    """
+    offset = find_above(top, texels) - texels.centres
+    height = np.einsum("nc,nc->n", offset, texels.normals)
+    beside = np.linalg.norm(offset - height[:, None] * texels.normals, axis=1)
+    return np.asarray((beside > _BESIDE * thickness) | (height <= 0))
 
 
 def estimate_error(values: npt.ArrayLike, meshes: Sequence[SolidMesh], *, least: float = _ORDER) -> float:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Number of points along each edge of a texel at which a uniform load on the texel is sampled [-].
 _POINTS = 3
+#: Largest number of texels that a warning names [-].
+_NAMED = 8
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,6 +68,19 @@ class CurvedDerivation:
     def own_shares(self) -> FloatArray:
         """Force on each texel under a unit point force on the top above it, shape (n,) [-]."""
         return np.diag(self.responses.matrix)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about responses that do not mean what they say."""
+        lost = np.flatnonzero(self.responses.uncovered & self.sensor.array.active)
+        if not len(lost):
+            return ()
+        named = ", ".join(map(str, lost[:_NAMED])) + (f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")
+        sentence = (
+            f"no surface of the cover lies above texel {named} along the normal: the response there is to a force on "
+            "the nearest point; check normals and places, or switch such texels off"
+        )
+        return (sentence,)
 
     @cached_property
     def gaussian(self) -> SurfaceGaussian:
@@ -121,6 +136,7 @@ class CurvedDerivation:
             "error_estimate": dict(self.responses.error_estimate),
             "meshes": [describe_mesh(grid.mesh) for grid in self.responses.grids],
             "notes": list(sensor.body.notes) if sensor.body else [],
+            "warnings": list(self.warnings),
             "assumed_electronics": list(sensor.assumed_electronics),
             "seconds": self.seconds,
         }

@@ -9,18 +9,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
-from fem_reference.curved_cover.responses import find_above, lay_out
+from fem_reference.curved_cover.responses import find_above, find_uncovered, lay_out
 from meshes import TexelArray
-from meshes.array_types import FloatArray
+from meshes.array_types import BoolArray, FloatArray
 from meshes.solids import SolidMesh
-from meshes.solids.quality import compute_volume, measure_area
+from meshes.solids.quality import measure_thickness
 from meshes.spatial_pose import SpatialPose
 from validation.errors import InputError
 
 #: Largest distance of a wanted place from the top, over the thickness of the cover [-].
 _OFF_TOP = 1.0
-#: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
-_BESIDE = 0.25
 #: Length of a direction below which it is none [-].
 _TINY = 1e-9
 
@@ -84,7 +82,8 @@ def find_touch_place(
         mesh: Mesh of the cover.
         texels: Texels on its base.
         at: Wanted place: the nearest point of the top is taken.  Two lengths x and y do for planar texels.  If None,
-            the point above the texel that is nearest to the middle of all active texels [m].
+            the point above the texel that is nearest to the middle of all active texels, of those with a top above
+            them [m].
         direction: Direction of motion, any length; against the normal of the top at the place if None.
         yaw: Rotation of the indenter about its axis [rad].
 
@@ -93,11 +92,10 @@ def find_touch_place(
     """
     layout = lay_out(mesh)
     top = FacetSurface.part_of(layout.elements.nodes, layout.top)
-    thickness = compute_volume(mesh) / measure_area(mesh, "base")
+    thickness = measure_thickness(mesh)
     if at is None:
-        middle = find_middle(texels)
+        middle = _find_covered(top, texels, thickness)
         wanted = find_above(top, texels)[[middle]]
-        _require_above(wanted[0] - texels.centres[middle], texels.normals[middle], thickness, middle)
     else:
         wanted = np.array([_complete(at, texels, thickness)])
     weights, distance = top.locate(wanted)
@@ -118,21 +116,27 @@ def find_touch_place(
     return Touch(point=point, direction=towards / length, yaw=yaw)
 
 
-def _require_above(offset: FloatArray, normal: FloatArray, thickness: float, texel: int) -> None:
-    """Refuse a point of the top that is not above a texel along its normal: the base there has no top, or two."""
-    beside = float(np.linalg.norm(offset - (offset @ normal) * normal))
-    if beside > _BESIDE * thickness:
+def _find_covered(top: FacetSurface, texels: TexelArray, thickness: float) -> int:
+    """Return the index of the texel nearest to the middle of all active ones that has a top above it."""
+    covered = texels.active & ~find_uncovered(top, texels, thickness)
+    if not covered.any():
         raise InputError(
-            f"--at: is needed: texel {texel}, the nearest to the middle of all, has no surface of the cover above it "
-            f"(the nearest point is {1e3 * beside:.2g} mm beside its normal); write for example --at=0mm,2mm,8mm"
+            "--at: is needed: no texel has a surface of the cover above it along its normal; write for example "
+            "--at=0mm,2mm,8mm"
         )
+    return find_middle(texels, covered)
 
 
-def find_middle(texels: TexelArray) -> int:
-    """Return the index of the active texel whose centre is nearest to the mean of all active centres."""
-    active = np.flatnonzero(texels.active)
-    centres = texels.centres[active]
-    return int(active[np.argmin(np.linalg.norm(centres - centres.mean(axis=0), axis=1))])
+def find_middle(texels: TexelArray, among: BoolArray | None = None) -> int:
+    """Return the index of the texel whose centre is nearest to the mean of all active centres.
+
+    Args:
+        texels: The texels.
+        among: Which texels may be returned, shape (n,); the active ones if None.
+    """
+    allowed = np.flatnonzero(texels.active if among is None else among)
+    middle = texels.centres[texels.active].mean(axis=0)
+    return int(allowed[np.argmin(np.linalg.norm(texels.centres[allowed] - middle, axis=1))])
 
 
 def _complete(at: tuple[float, ...], texels: TexelArray, thickness: float) -> FloatArray:

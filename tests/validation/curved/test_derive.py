@@ -1,5 +1,7 @@
 """Responses of the texels of a curved cover from a sensor's description."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -34,3 +36,29 @@ def test_derived_files_can_be_loaded(derivation, tmp_path, monkeypatch):
     parameters = fastmodel.load(tmp_path)
     np.testing.assert_allclose(parameters.spread.operator(parameters.array), derivation.uniform.T)
     assert parameters.provenance["mesh"] == derivation.mesh.digest
+
+
+@pytest.mark.parametrize(
+    ("turned", "named"),
+    [((), ""), ((4,), "4"), ((0, 3, 7), "0, 3, 7"), (range(9), "6, 7 and 1 more")],
+)
+def test_texels_without_a_surface_above_them_are_named(derivation, turned, named):
+    """Their normals lie in the base; texels that are switched off do not count."""
+    normals = derivation.sensor.array.normals.copy()
+    normals[list(turned)] = [1.0, 0.0, 0.0]
+
+    def find(active):
+        array = dataclasses.replace(derivation.sensor.array, normals=normals, active=active)
+        return dataclasses.replace(
+            derivation,
+            sensor=dataclasses.replace(derivation.sensor, array=array),
+            responses=dataclasses.replace(derivation.responses, texels=array),
+        )
+
+    found = find(np.ones(9, dtype=bool))
+    assert np.flatnonzero(found.responses.uncovered).tolist() == list(turned)
+    assert len(found.warnings) == bool(turned)
+    assert all(f"{named} along the normal" in sentence for sentence in found.warnings)
+    assert found.as_json()["warnings"] == list(found.warnings)
+    if 0 < len(turned) < 9:
+        assert find(~np.isin(range(9), turned)).warnings == ()

@@ -39,6 +39,8 @@ def derive_curved_cover(sensor: SensorDescription, out: Path | None, *, json: bo
     else:
         print_rows(_list_derivation(derivation), title=f"Texel responses of {sensor.name}")
         print_meaning(_explain_derivation(derivation))
+    for sentence in derivation.warnings:
+        say(f"softcover: warning: {sentence}")
     return say_written(files, out)
 
 
