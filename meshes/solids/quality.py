@@ -14,7 +14,7 @@ from meshes.solids.solid_mesh import SolidMesh
 #: Smallest accepted scaled Jacobian of hexahedra and of tetrahedra: below it an element is a sliver [-].
 _LEAST_JACOBIAN = {27: 0.05, 4: 0.01}
 #: Smallest accepted number of quadratic elements through the thickness [-].
-_LEAST_THROUGH = 1.5
+LEAST_THROUGH = 1.5
 #: Accepted size of a cover, the largest edge of its bounding box: outside, the unit must be wrong [m].
 SIZES = (1e-3, 0.3)
 #: Largest accepted distance of a texel's centre from the base along its normal, and beside the base, over the mean
@@ -109,9 +109,10 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
         faults.append(
             f"{slivers} of {len(jacobian)} elements are slivers, with a scaled Jacobian below {least:g}; mesh again"
         )
-    if not through >= _LEAST_THROUGH:
+    if not through >= LEAST_THROUGH:
         faults.append(
-            f"only {through:.2g} elements through the thickness, at least {_LEAST_THROUGH:g} needed; mesh more finely"
+            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LEAST_THROUGH:g} "
+            "needed; take a smaller element size"
         )
     return Quality(
         kind="hexahedra" if mesh.is_hexahedral else "tetrahedra",

@@ -32,8 +32,9 @@ _ON_BASE = 0.01
 _ALIGNED = 0.5
 #: Sum of solid angles over that of a whole sphere from which a point counts as inside [-].
 _INSIDE = 0.5
-#: Mean component of the normals away from the middle of a surface, over its size, below which they point inwards [-].
-_INWARDS = -0.02
+#: Mean component of the normals away from the middle of a surface, over its size: below the first value they point
+#: inwards; below the second the surface is so flat that its outside cannot be told [-].
+_INWARDS, _OUTWARDS = -0.02, 0.02
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +81,7 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     points, faces = merge_corners(triangles)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     border = list_border(faces, name)
-    _check_outward(points, faces, name)
+    assumed = _check_outward(points, faces, name)
     points, faces = collapse_short_edges(points, faces, _SHORT * thickness)
     border = list_border(faces, name)
     normals = point_normals(points, faces)
@@ -107,7 +108,7 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
             "or give the surface of the base"
         )
     outer, inner = (points, moved) if inward else (moved, points)
-    notes = _describe_offset(distance, thickness)
+    notes = assumed + _describe_offset(distance, thickness)
     if least:
         notes += (f"the offset surface folds at {100 * least:.2g} % of its area, where the mesher smooths it",)
     return Shell(
@@ -123,8 +124,8 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     """Make a shell from an outer surface and a base, or find the base on the closed surface of a body.
 
     Args:
-        outer: Outer surface; or, if it is closed and the base lies on it, the surface of the whole body, shape
-            (n, 3, 3) [m].
+        outer: Outer surface, facing either way if it is open; or, if it is closed and the base lies on it, the surface
+            of the whole body, shape (n, 3, 3) [m].
         base: Surface of the base, facing either way if it is open, shape (b, 3, 3) [m].
         distance: Largest distance of the bonded part of a body's surface from the base; 1 % of the size if None [m].
 
@@ -152,7 +153,10 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
         base_faces = base_faces[:, ::-1]
     strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
     into = base_points[base_faces]
-    return Shell(surface=np.concatenate([outer_points[outer_faces], into[:, ::-1], strip]), base=into)
+    surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
+    if enclosed_volume(surface) < 0:  # the outer surface faced its base
+        surface, into = surface[:, ::-1], into[:, ::-1]
+    return Shell(surface=surface, base=into)
 
 
 def select_base(
@@ -213,12 +217,24 @@ def measure_triangles(triangles: FloatArray) -> float:
     return float(np.linalg.norm(_cross(triangles), axis=1).sum() / 2)
 
 
-def _check_outward(points: FloatArray, faces: IntArray, name: str) -> None:
+def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str, ...]:
+    """Refuse a surface that faces inwards; return a sentence on the side that is taken where it hardly bends."""
     area = _cross(points[faces])
     away = points[faces].mean(axis=1) - points.mean(axis=0)
     mean = np.einsum("fc,fc->", area, away) / np.linalg.norm(area, axis=1).sum()
-    if mean < _INWARDS * float(np.ptp(points, axis=0).max()):
-        raise ValueError(f"{name} is inside out: its triangles face inwards; reverse its normals")
+    size = float(np.ptp(points, axis=0).max())
+    if mean < _INWARDS * size:
+        raise ValueError(
+            f"{name} is inside out: its triangles face inwards; reverse its normals, or the rows of a grid"
+        )
+    if mean > _OUTWARDS * size:
+        return ()
+    normal = ", ".join(f"{round(each, 2) + 0.0:g}" for each in _unit(area.sum(axis=0, keepdims=True))[0])
+    sentence = (
+        f"{name} hardly bends, so its outside follows from the order of its corners: it faces ({normal}); reverse the "
+        "triangles, or the rows of a grid, if the base is on that side"
+    )
+    return (sentence,)
 
 
 def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: IntArray, *, inward: bool) -> BoolArray:

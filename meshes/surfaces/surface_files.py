@@ -1,7 +1,7 @@
 """Reading of surfaces of triangles and of tetrahedral meshes from files of other programs.
 
-Surfaces: STL, OBJ and PLY files; `.npy` files of points on a grid, shape (rows, columns, 3), where points at the origin
-are missing; and `.tet` files, of which the boundary is taken.  None of them states its unit.
+Surfaces: STL, OBJ and PLY files; `.npy` files of points on a grid, shape (rows, columns, 3), where points that are no
+numbers, or at the origin, are missing; and `.tet` files, of which the boundary is taken.  None of them states its unit.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.bounded_file import FileLimitError, read_bytes
 
 #: Endings of the names of files with surfaces, and with tetrahedra.
@@ -22,6 +22,9 @@ SURFACES, TETRAHEDRA = (".stl", ".obj", ".ply", ".npy", ".tet"), (".tet",)
 _MOST_BYTES, _MOST_TRIANGLES, _MOST_TETRAHEDRA = 2**27, 200_000, 1_000_000
 #: Largest number of points along an edge of a grid that is used; larger grids are thinned out [-].
 _MOST_POINTS = 61
+#: Distance of a point at the origin from the points around it, over the spacing of the grid, below which it is one of
+#: the surface [-].
+_NEAR = 2.0
 #: Largest accepted coordinate in a file.
 _LARGEST = 1e9
 
@@ -144,8 +147,23 @@ def _read_grid(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
         raise ValueError(f"{name} needs points of shape (rows, columns, 3), not {grid.shape}")
     step = max(1, -(-max(grid.shape[:2]) // _MOST_POINTS))
     points = np.asarray(grid[::step, ::step], dtype=float)
-    present = np.abs(points).sum(axis=2) > 0
+    present = _find_present(points)
+    points[~present] = 0.0
     index = np.arange(present.size).reshape(present.shape)
     square = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
     square = square[present.ravel()[square].all(axis=1)]
     return points.reshape(-1, 3), np.concatenate([square[:, [0, 1, 2]], square[:, [0, 2, 3]]])
+
+
+def _find_present(points: FloatArray) -> BoolArray:
+    """Return which points of a grid are present, shape (rows, columns).
+
+    Missing are those that are no numbers; without any, those at the origin, but for a single one near its neighbours.
+    """
+    finite, zero = (np.asarray(each.all(axis=2)) for each in (np.isfinite(points), points == 0))
+    if not finite.all() or zero.sum() != 1:
+        return finite if not finite.all() else ~zero
+    row, column = np.argwhere(zero)[0]
+    around = points[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+    spacing = max(float(np.median(np.linalg.norm(np.diff(points, axis=axis), axis=2))) for axis in range(2))
+    return ~zero | bool(np.linalg.norm(around, axis=2).max() < _NEAR * spacing)

@@ -11,6 +11,7 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, SweptCover
+from meshes.solids.quality import LEAST_THROUGH, check_quality
 from meshes.solids.shell import Shell
 from meshes.solids.triangles import enclosed_volume
 
@@ -18,6 +19,9 @@ from meshes.solids.triangles import enclosed_volume
 _REGULAR = 1 / (6 * np.sqrt(2))
 #: Largest number of tetrahedra that a mesh may be expected to have [-].
 _MOST_TETRAHEDRA = 150_000
+#: Factor on the element size of a mesh with too few elements through the thickness, as on coarse triangles, and how
+#: often it is taken [-].
+_SMALLER, _TRIES = 0.85, 3
 #: Element size over the thickness and layers of elements of a mesh that is finer than the finest of a result [-].
 _FINER, _FINER_LAYERS = 0.3, 6
 
@@ -99,33 +103,43 @@ def mesh_shell(
         ValueError: If the mesher fails, or the elements would be too many.
         ModuleNotFoundError: If pytetwild is not installed.
     """
-    from fem_reference import result_store
-    from meshes.solids.tetrahedra import fill_with_tetrahedra
-
     meshes = []
-    for size in sizes:
-        expected = enclosed_volume(shell.surface) / (_REGULAR * size**3)
-        if expected > _MOST_TETRAHEDRA:
-            raise ValueError(
-                f"cover.element_size: {1e3 * size:.3g} mm would make {expected:.0f} tetrahedra, more than "
-                f"{_MOST_TETRAHEDRA}; take larger elements"
-            )
-
-        def compute(size: float = size) -> dict[str, object]:
-            progress(f"tetrahedra of {1e3 * size:.3g} mm")
-            mesh = fill_with_tetrahedra(shell.surface, shell.base, size, name=source, crossings=not shell.is_folded)
-            arrays = {name: getattr(mesh, name) for name in ("nodes", "cells", "base", "top", "sides")}
-            return {**arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
-
-        found = result_store.fetch("cover-mesh", {"surface": shell.surface, "base": shell.base, "size": size}, compute)
-        meshes.append(
-            SolidMesh(
-                nodes=found["nodes"].astype(float),
-                **{name: found[name].astype(np.int64) for name in ("cells", "base", "top", "sides")},
-                source=f"tetrahedra in {source}",
-                settings=json.loads(str(found["settings"])),
-            )
-        )
+    for wanted in sizes:
+        size = wanted
+        mesh = _fill(shell, source, size, progress)
+        for _try in range(_TRIES):
+            if check_quality(mesh).through >= LEAST_THROUGH:
+                break
+            size *= _SMALLER
+            mesh = _fill(shell, source, size, progress)
+        meshes.append(mesh)
     # On strongly curved surfaces the envelope sets the size of the elements, and the order of their numbers is chance.
     by_count = {len(mesh.cells): mesh for mesh in meshes}
     return tuple(by_count[count] for count in sorted(by_count))
+
+
+def _fill(shell: Shell, source: str, size: float, progress: Progress) -> SolidMesh:
+    """Fill a shell with tetrahedra of one size [m], or take the mesh from the store of results."""
+    from fem_reference import result_store
+    from meshes.solids.tetrahedra import fill_with_tetrahedra
+
+    expected = enclosed_volume(shell.surface) / (_REGULAR * size**3)
+    if expected > _MOST_TETRAHEDRA:
+        raise ValueError(
+            f"cover.element_size: {1e3 * size:.3g} mm would make {expected:.0f} tetrahedra, more than "
+            f"{_MOST_TETRAHEDRA}; take larger elements"
+        )
+
+    def compute() -> dict[str, object]:
+        progress(f"tetrahedra of {1e3 * size:.3g} mm")
+        mesh = fill_with_tetrahedra(shell.surface, shell.base, size, name=source, crossings=not shell.is_folded)
+        arrays = {name: getattr(mesh, name) for name in ("nodes", "cells", "base", "top", "sides")}
+        return {**arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
+
+    found = result_store.fetch("cover-mesh", {"surface": shell.surface, "base": shell.base, "size": size}, compute)
+    return SolidMesh(
+        nodes=found["nodes"].astype(float),
+        **{name: found[name].astype(np.int64) for name in ("cells", "base", "top", "sides")},
+        source=f"tetrahedra in {source}",
+        settings=json.loads(str(found["settings"])),
+    )

@@ -21,6 +21,8 @@ _MOST_BYTES = 200 * MOST_TEXELS
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 #: Largest accepted coordinate of a texel; larger ones must have a wrong unit [m].
 _FARTHEST = 1000.0
+#: Largest difference between the heights of texels of one plane [m].
+_SAME_HEIGHT = 1e-9
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
 
 
@@ -115,7 +117,7 @@ def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, 
 
     if len(centres) < 2:  # noqa: PLR2004 -- a distance needs two texels
         raise InputError('array.pitch: is missing, and one texel has no neighbour; write for example pitch = "3.4 mm"')
-    flat = bool(np.allclose(normals, normals[0]) and np.allclose(normals[0], [0, 0, 1]))
+    flat = bool(np.allclose(normals, [0, 0, 1]) and np.ptp(centres[:, 2]) < _SAME_HEIGHT)
     places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
     distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())
     if not distance > 0:

@@ -43,12 +43,35 @@ def test_a_cap_is_thickened_inwards_and_outwards():
         assert shell.notes == ()
 
 
+@pytest.mark.parametrize(("bend", "stated"), [(0.0, True), (0.01, False), (-0.01, None)])
+def test_the_side_that_counts_as_outside_is_told_where_a_surface_hardly_bends(bend, stated):
+    """A sheet of 10 x 10 mm; one that bends the other way than it faces is refused."""
+    x, y = np.meshgrid(np.linspace(-5, 5, 11), np.linspace(-5, 5, 11), indexing="ij")
+    points = 1e-3 * np.stack([x, y, 10 * bend * (50 - x**2 - y**2)], axis=-1)
+    corner = [points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]]
+    sheet = np.concatenate(
+        [np.stack([corner[i] for i in each], axis=2).reshape(-1, 3, 3) for each in ((0, 1, 2), (0, 2, 3))]
+    )
+    if stated is None:
+        with pytest.raises(ValueError, match="inside out"):
+            thicken(sheet, 1e-3, "sheet", inward=True)
+        return
+    shell = thicken(sheet, 1e-3, "sheet", inward=True)
+    assert any("hardly bends" in note and "it faces (0, 0, 1)" in note for note in shell.notes) == stated
+    assert shell.base[..., 2].mean() < sheet[..., 2].mean() - 0.7e-3
+
+
 def test_an_outer_surface_and_a_base_are_joined_at_their_borders():
     shell, offset = join(CAP, CORE), thicken(CAP, 2e-3, "cap", inward=True)
     check_closed(shell.surface, "shell")
     assert enclosed_volume(shell.surface) == pytest.approx(enclosed_volume(offset.surface), rel=2e-2)
-    turned = join(CAP, CORE[:, ::-1])  # a base may face either way
-    assert enclosed_volume(turned.surface) == pytest.approx(enclosed_volume(shell.surface))
+    for outer in (CAP, CAP[:, ::-1]):  # open surfaces may face either way
+        for base in (CORE, CORE[:, ::-1]):
+            turned = join(outer, base)
+            check_closed(turned.surface, "shell")
+            assert enclosed_volume(turned.surface) == pytest.approx(enclosed_volume(shell.surface))
+            normals = np.cross(turned.base[:, 1] - turned.base[:, 0], turned.base[:, 2] - turned.base[:, 0])
+            assert ((normals * turned.base.mean(axis=1)).sum(axis=1) > 0).all()  # into the cover
 
 
 def test_a_core_inside_a_closed_surface_makes_a_hollow_body():

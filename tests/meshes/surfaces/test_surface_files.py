@@ -28,6 +28,17 @@ def test_a_grid_skips_missing_points(tmp_path):
     assert len(triangles) == 2 * (4 * 3 - 1)
 
 
+@pytest.mark.parametrize(("marker", "lost"), [(0.0, 0), (np.nan, 1), (np.inf, 1)])
+def test_a_single_point_at_the_origin_is_a_point(tmp_path, marker, lost):
+    """Also besides points that are missing as they are no numbers."""
+    x, y = np.meshgrid(np.arange(5.0) - 2, np.arange(3.0) - 1)
+    grid = np.stack([x, y, 0 * x], axis=-1)
+    if lost:
+        grid[0, 0] = marker
+    np.save(tmp_path / "grid.npy", grid)
+    assert len(read_triangles(tmp_path / "grid.npy", 1.0)) == 2 * (4 * 2 - lost)
+
+
 def test_tetrahedra_are_oriented_and_their_boundary_is_taken(tmp_path):
     text = "# tet\n\nv 0 0 0 0\nv 1 0 0 0\nv 0 1 0 0\nv 0 0 1 0\nt 0 2 1 3\n"
     path = tmp_path / "one.tet"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from meshes.solids.quality import LEAST_THROUGH, check_quality
 from meshes.solids.shell import thicken
 from validation.curved.body import CoverBody, mesh_shell
 
@@ -26,3 +27,17 @@ def test_meshes_are_kept_and_given_from_coarse_to_fine(tmp_path, monkeypatch):
     counts = [len(mesh.cells) for mesh in meshes]
     assert counts == sorted(set(counts))
     assert [mesh.digest for mesh in second.meshes()] == [mesh.digest for mesh in meshes]
+
+
+@pytest.mark.slow
+def test_elements_that_are_too_few_through_the_thickness_are_made_smaller(tmp_path, monkeypatch):
+    """Large triangles of a file make the mesher exceed the wanted size."""
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=5e-3)
+    shell = thicken(np.array(ball.triangles), 1e-3, "ball", inward=True)
+    told = []
+    (mesh,) = mesh_shell(shell, "ball", (0.9e-3,), 0.0, told.append)
+    assert check_quality(mesh).through >= LEAST_THROUGH
+    sizes = [float(line.split()[2]) for line in told]
+    assert 1 < len(sizes) <= 4
+    assert np.diff(np.log(sizes)) == pytest.approx(np.log(0.85), rel=0.05)

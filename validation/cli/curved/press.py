@@ -197,6 +197,8 @@ def _print_texels(array: TexelArray, forces: FloatArray, fast: FloatArray | None
 def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
     found = press.fem
     yield "cover", describe_body(press.sensor)
+    for line in press.sensor.body.notes if press.sensor.body else ():
+        yield "note", line
     yield "touched at", press.touch.describe()
     yield "force on the cover", f"({format_vector(found.force, 4)}) N, {found.load:.4f} N of it along the direction"
     yield "force on the base", f"({format_vector(found.base_force, 4)}) N"
