@@ -23,6 +23,8 @@ from meshes.array_types import FloatArray, IntArray
 from meshes.solids.facets import facet_shape, split_facet
 from meshes.spatial_pose import SpatialPose
 
+#: Number of nodes of the top that are loaded at a time, to limit the memory [-].
+_BLOCK = 64
 #: Largest number of exchanges of hats, and of exchanges of all wrong hats at once without fewer wrong hats [-].
 _EXCHANGES, _PATIENCE = 200, 8
 #: Overlap over the deepest overlap of the undeformed top below which a hat counts as free [-].
@@ -60,12 +62,13 @@ class NormalCompliance:
             Displacements of all nodes of the top, shape (k, m) [m/N].
         """
         missing = [int(node) for node in nodes if int(node) not in self._rows]
-        if missing:
-            forces = np.zeros((len(missing), len(self.solid.nodes), 3))
-            forces[np.arange(len(missing)), self.top.index[missing]] = -self.top.normals[missing]
+        for start in range(0, len(missing), _BLOCK):  # loads on all nodes of the cover take much memory
+            part = missing[start : start + _BLOCK]
+            forces = np.zeros((len(part), len(self.solid.nodes), 3))
+            forces[np.arange(len(part)), self.top.index[part]] = -self.top.normals[part]
             moved = self.solid.solve(self.top.index, forces=forces)
             found = -np.einsum("kmc,mc->km", moved, self.top.normals, optimize=True)
-            self._rows.update(zip(missing, found, strict=True))
+            self._rows.update(zip(part, found, strict=True))
         return np.array([self._rows[int(node)] for node in nodes]).reshape(len(nodes), len(self.top.nodes))
 
 

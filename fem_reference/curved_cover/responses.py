@@ -39,6 +39,8 @@ _PARTS = 12
 _STEPS = 8
 #: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
 _BESIDE = 0.25
+#: Height above a texel, over the thickness, above which the top there is that of another side of the body [-].
+_HIGH = 3.0
 #: Smallest order of convergence that is assumed: quadratic elements have the order 3 [-].
 _ORDER = 2.0
 #: Smallest ratio of the element sizes of two meshes from which an error is estimated [-].
@@ -256,7 +258,7 @@ def find_uncovered(top: FacetSurface, texels: TexelArray, thickness: float) -> B
     offset = find_above(top, texels) - texels.centres
     height = np.einsum("nc,nc->n", offset, texels.normals)
     beside = np.linalg.norm(offset - height[:, None] * texels.normals, axis=1)
-    return np.asarray((beside > _BESIDE * thickness) | (height <= 0))
+    return np.asarray((beside > _BESIDE * thickness) | (height <= 0) | (height > _HIGH * thickness))
 
 
 def estimate_error(values: npt.ArrayLike, meshes: Sequence[SolidMesh], *, least: float = _ORDER) -> float:

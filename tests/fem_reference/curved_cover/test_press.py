@@ -7,10 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.curved_cover.contact import _measure_half_width, find_touch, solve_contact
+from fem_reference.curved_cover.contact import NormalCompliance, _measure_half_width, find_touch, solve_contact
 from fem_reference.curved_cover.press import _estimate, build_compliance, press_curved
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import measure_gaps
+from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import PiercedError, TooShallowError
 from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
 from meshes.solids import fingertip, flat_pad, phalanx
@@ -166,6 +167,19 @@ def test_an_oblique_motion_presses_with_the_same_face():
 def test_impossible_presses_are_refused(options, error, message):
     with pytest.raises(error, match=message):
         press_curved(MESH, COVER.texels, RUBBER, BALL, at_angle(0.0), **options)
+
+
+def test_nodes_are_loaded_in_blocks_and_kept(monkeypatch):
+    """The compliance does not depend on the blocks, and is symmetric."""
+    solid = CoverSolid(MESH, RUBBER)
+    whole = NormalCompliance(solid).rows(np.arange(20))
+    monkeypatch.setattr("fem_reference.curved_cover.contact._BLOCK", 7)
+    blocks = NormalCompliance(solid)
+    some = blocks.rows(np.array([3, 11, 12]))
+    found = blocks.rows(np.arange(20))
+    np.testing.assert_allclose(found, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
+    np.testing.assert_array_equal(found[[3, 11, 12]], some)
+    np.testing.assert_allclose(found[:, :20], found[:, :20].T, rtol=1e-6, atol=1e-9 * np.abs(whole).max())
 
 
 def test_a_box_smaller_than_a_facet_finds_its_force():

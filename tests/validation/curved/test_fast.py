@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from meshes import Sphere
-from meshes.solids import flat_pad
+from meshes.solids import SolidMesh, flat_pad
 from validation.cli.curved.press import PressText, press_by_fast_model
+from validation.curved import fast
 from validation.curved.derive import derive_curved
 from validation.curved.fast import choose_mesh
 from validation.curved.press import press_sensor
@@ -53,6 +54,26 @@ def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one():
     coarse, middle, fine = (pad.mesh(size, layers=2) for size in (3e-3, 1.5e-3, 0.5e-3))
     assert choose_mesh((coarse, middle, fine)) is middle
     assert choose_mesh((coarse,)) is coarse
-    huge = flat_pad(size=(40e-3, 40e-3)).mesh(1.5e-3, layers=2)
+    huge = flat_pad(size=(60e-3, 60e-3)).mesh(1.5e-3, layers=2)
     assert choose_mesh((coarse, huge)) is coarse
     assert choose_mesh((huge,)) is None
+
+
+def test_nodes_between_the_corners_of_tetrahedra_count(monkeypatch):
+    """They carry displacements too, and are three times as many as corners."""
+    nodes = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 1e-3
+    base, top = np.array([[0, 2, 1]]), np.array([[0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    mesh = SolidMesh(nodes=nodes, cells=np.array([[0, 1, 2, 3]]), base=base, top=top, sides=base[:0], source="one")
+    for most, found in ((10, mesh), (9, None)):
+        monkeypatch.setattr(fast, "_MOST_NODES", most)
+        assert choose_mesh((mesh,)) is found
+
+
+def test_derive_says_where_the_fast_model_is_missing(small_pad, monkeypatch, softcover, tmp_path):
+    monkeypatch.setattr(fast, "_MOST_NODES", 9)
+    monkeypatch.setattr("validation.curved.files.write_scene", lambda *_: ("cover.png",))
+    derivation = derive_curved(small_pad)
+    monkeypatch.setattr("validation.curved.derive.derive_curved", lambda *_args, **_options: derivation)
+    status, _, err = softcover("derive", "flat-pad", "--out", str(tmp_path / "derived"))
+    assert status == 0
+    assert "too fine for the fast model's contact" in err

@@ -61,6 +61,9 @@ def test_places_and_directions(small_pad):
     away = dataclasses.replace(texels, normals=turned, centres=texels.centres + np.array([3e-3, 0, 0]))
     with pytest.raises(InputError, match="no texel has a surface of the cover above it"):
         find_touch_place(mesh, away)
+    high = dataclasses.replace(texels, centres=texels.centres - np.array([0, 0, 5e-3]))  # the top of another side
+    with pytest.raises(InputError, match="no texel has a surface of the cover above it"):
+        find_touch_place(mesh, high)
     lone = np.where(np.arange(texels.count) == find_middle(texels), 1, 0)[:, None]
     some = dataclasses.replace(
         texels,
