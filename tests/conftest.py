@@ -28,7 +28,7 @@ hypothesis.settings.register_profile(
     hypothesis.settings.get_profile("default"),
     deadline=None,
     derandomize="CI" in os.environ,
-    max_examples=100 if "CI" in os.environ else 40,
+    max_examples=100 if "CI" in os.environ else 30,
 )
 hypothesis.settings.load_profile("default")
 

@@ -34,6 +34,7 @@ def test_all_faults_at_once_lose_no_gap_and_no_time(tmp_path):
     assert "passed" in run.stdout
 
 
+@pytest.mark.slow
 def test_the_comparison_sees_what_is_wrong(tmp_path, compare):
     """A recording with faults passes; the same without its gaps, with wrong gaps or with arrival times does not."""
     port = VirtualPort(misbehaviour=Misbehaviour(rates={"lose": 0.05, "cut": 0.02}, pauses=((0.5, 1.0),)))

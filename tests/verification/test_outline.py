@@ -189,6 +189,7 @@ def test_wide_radii_approach_the_compression_of_a_bonded_layer(bonded, shape, ra
     assert indent(cover, shape(radius=radius), load=found.force).depth == pytest.approx(depth, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_contacts_wider_than_the_equation_resolves_are_refused(bonded):
     for press in (
         lambda: indent(bonded(0.49), Sphere(radius=1e3), depth=1e-3),

@@ -67,6 +67,7 @@ def test_bad_requests_are_refused_in_words(change, message):
         compress_disk(rubber(), **{"radius": 1e-3, "height": 1e-3, "strains": [0.1], **change})
 
 
+@pytest.mark.slow
 def test_a_disk_that_folds_says_where(monkeypatch):
     monkeypatch.setattr(bonded_disk, "GRIDS", (3, 4, 5))
     with pytest.raises(ConvergenceError, match="no convergence beyond a compression of"):

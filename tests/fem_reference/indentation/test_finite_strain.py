@@ -34,6 +34,7 @@ def test_a_polynomial_pressure_is_integrated_over_oblong_texels_and_the_rest(pos
     assert felt.sum() == pytest.approx(whole)
 
 
+@pytest.mark.slow
 def test_coarse_grids_correct_a_flat_face_like_fine_ones(monkeypatch):
     """The usual grids (6, 9, 13) give 4.8035 N, and 2.4518 N on the middle texel, at 0.3 mm on 2 mm of rubber."""
     monkeypatch.setattr(finite_strain, "GRIDS", (2, 3, 4))

@@ -58,6 +58,7 @@ def test_of_too_many_corners_the_outermost_are_kept(write_stl, monkeypatch):
     assert 5e-3 - extent.min() < 0.02 * 5e-3
 
 
+@pytest.mark.slow
 def test_the_corners_that_are_kept_of_a_ball_are_spread_evenly():
     """Below its middle no point is farther from a kept corner than 1.6 times the reach of a hexagonal lattice."""
     random = np.random.default_rng(0)

@@ -54,6 +54,7 @@ def test_derive_finds_the_share_of_the_tip_and_says_so(wts_derivation, under_the
     assert told["tip"]["share"] == tip.share
 
 
+@pytest.mark.slow
 def test_the_share_is_that_of_the_tip_that_was_used(wts_derivation):
     sensor = wts_derivation.sensor
     wide = dataclasses.replace(WTS_0614_34, calibrated="through the cover, tip 2.5 mm")
