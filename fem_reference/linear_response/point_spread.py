@@ -259,10 +259,9 @@ def load_texel(
         Force on each of n texels, shape (n,) [-].
     """
     centre = array.centres[array.middle if texel is None else texel, :2]
-    if load == "point":
-        return np.asarray(source.texel_influence(array, centre)[0])
-    count = max(_LEAST_POINTS, int(points_per_thickness * max(array.texel_size) / source.thickness))
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    x, y = np.meshgrid(nodes * array.texel_size[0] / 2, nodes * array.texel_size[1] / 2)
-    share = np.outer(weights, weights).ravel() / 4
-    return np.asarray(share @ source.texel_influence(array, centre + np.column_stack([x.ravel(), y.ravel()])))
+    nodes, weights = np.zeros(1), np.full(1, 2.0)
+    if load == "uniform":
+        count = max(_LEAST_POINTS, int(points_per_thickness * max(array.texel_size) / source.thickness))
+        nodes, weights = np.polynomial.legendre.leggauss(count)
+    x, y = centre[:, None] + nodes * np.array(array.texel_size)[:, None] / 2
+    return source.base_forces(array, x, y, np.outer(weights, weights) / 4)[:-1]
