@@ -108,6 +108,21 @@ def solve_path(
     ]
 
 
+def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:
+    """Solve a loading path of a curved indenter on a wide cover on the coarsest grid alone, where 1 % suffices.
+
+    Args:
+        path: Cover, indenter, and target loads or depths.
+        progress: Called with a line of text before each solve.
+
+    Returns:
+        One solution for each target.
+    """
+    base_response = _solve_base_response(path, None, progress)
+    each = (replace(path, targets=(target,)) for target in path.targets)
+    return [_build_solution(_solve_contact(one, None, progress, 0), path.indenter, base_response) for one in each]
+
+
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
     """Solve the contact at the target that a path is meshed for, on the coarsest grid, to choose element sizes from it.
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.validity import FEWEST_CELLS, Validity
 from meshes import Cover, Sphere, TexelArray
+from meshes.pose import PlanarPose
 from validation.derivation.cover_kernels import compliance_kernel, influence_kernel, tabulate_surface
 
 if TYPE_CHECKING:
@@ -87,8 +88,9 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
     Raises:
         ConvergenceError: If no depth converges.
     """
+    from fem_reference.finite_strain.loading_path import LoadingPath
     from fem_reference.indentation.ball_path import press_ball
-    from fem_reference.indentation.press import press_path
+    from fem_reference.indentation.small_strain import solve_coarse
 
     radius = min(array.pitch)
     most = _LARGEST_DEPTH * radius
@@ -97,15 +99,14 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
     depths = [share / shares[-1] * deepest for share in shares]
     points = _choose_points(array)
     if cover.small_strain_only:
-        ball = Sphere(radius=radius)
-        found = [
-            press_path(cover, array, ball, depths=depths, at=(float(x), float(y)), progress=progress) for x, y in points
-        ]
+        wanted = LoadingPath(cover=cover, indenter=Sphere(radius=radius), targets=tuple(depths), control="depth")
+        found = solve_coarse(wanted, progress)
+        poses = [PlanarPose(at=(float(x), float(y))) for x, y in points]
         return BallPresses(
             radius=radius,
             points=points,
-            load=np.array([each.total_force for each in found[0]]),
-            texel_forces=np.array([[np.append(each.texel_forces, each.outside) for each in path] for path in found]),
+            load=np.array([each.total_force for each in found]),
+            texel_forces=np.array([[each.base_forces(array, pose) for each in found] for pose in poses]),
             path=None,
         )
     path = press_ball(cover, radius, depths, progress=progress)
