@@ -126,16 +126,19 @@ def press_axisymmetric(
         load_scale=path.load_scale,
         friction_steps=round(FRICTION_STEPS * elements_per_thickness),
     )
+    guide = None if path.friction else coarse
+    steps: list[ContactEquilibrium] = []
     reached = problem.follow(
         path.scaled_targets,
         control=path.control,
         first=FIRST_DEPTH * path.load_scale,
-        guesses=() if coarse is None or path.friction else coarse.transfer_guesses(elements),
+        guesses=guide.transfer_guesses(elements) if guide else (),
+        between=guide.transfer_steps(elements) if guide else (),
         progress=progress,
+        record=steps.append,
     )
-    return [_describe_state(solid, path, surface, each) for each in reached], SolvedPath(
-        elements=elements, equilibria=reached
-    )
+    solved = SolvedPath(elements=elements, equilibria=reached, steps=steps, coarse=coarse)
+    return [_describe_state(solid, path, surface, each) for each in reached], solved
 
 
 def _grade_radii(

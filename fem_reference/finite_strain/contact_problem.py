@@ -51,6 +51,8 @@ _ITERATIONS, _FRICTION_ITERATIONS = 24, 60
 #: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
 #: between two updates over their sum [-].
 _CONE_CHANGE = 1e-4
+#: First step from a guess between targets, over the distance to the next target [-].
+_STEP_FROM_BETWEEN = 0.25
 #: Largest number of times that the first step of a loading path is halved, and then doubled [-].
 _FIRST_HALVINGS, _FIRST_DOUBLINGS = 12, 4
 
@@ -80,11 +82,13 @@ class Guess:
     Attributes:
         state: Displacements [m], then mean pressures [Pa], shape (n,).
         depth: Approach of the indenter from first touch [m].
+        load: Force on the indenter, needed only at a load between targets [N].
         contact_pressure: Largest contact pressure that is expected; 0 if unknown [Pa].
     """
 
     state: FloatArray
     depth: float
+    load: float = 0.0
     contact_pressure: float = 0.0
 
 
@@ -118,7 +122,9 @@ class ContactProblem:
         control: Control,
         first: float,
         guesses: Sequence[Guess] = (),
+        between: Sequence[Guess] = (),
         progress: Callable[[str], None] | None = None,
+        record: Callable[[ContactEquilibrium], None] | None = None,
     ) -> list[ContactEquilibrium]:
         """Solve for the equilibrium at every target of a loading path, one after the other.
 
@@ -128,7 +134,10 @@ class ContactProblem:
             first: Depth of the first step, small enough for a linear response [m].
             guesses: An initial guess for each target, from a coarser mesh.  Where Newton's method does not converge
                 from the guess, the target is reached in steps.
+            between: Initial guesses from a coarser mesh between the targets, descending.  The steps to a target start
+                from the first of these from which Newton's method converges.
             progress: Called with a line of text after each step.
+            record: Called with the equilibrium after each step.
 
         Returns:
             The equilibrium at every target.
@@ -141,9 +150,12 @@ class ContactProblem:
             last = out[-1] if out else None
             reached = None if guess is None else self._solve_from_guess(guess, target, control, last)
             if reached is None:
-                start = last or self._take_first_step(first, target, control)
+                start = self._start_between(between, target, control, last)
+                step = None if start is None else (target - getattr(start, control)) * _STEP_FROM_BETWEEN
+                start = start or last or self._take_first_step(first, target, control)
+                step = step or (start.load if control == "load" else first)
                 try:
-                    reached = self._walk(start, target, first, control, progress)
+                    reached = self._walk(start, target, step, control=control, progress=progress, record=record)
                 except PathConvergenceError as error:
                     error.load *= self.units.force / self.load_scale
                     error.depth *= self.units.length / self.load_scale
@@ -172,13 +184,27 @@ class ContactProblem:
             _LOG.info("guess for %s %.4g failed: %s", control, target, error)
             return None
 
+    def _start_between(
+        self, between: Sequence[Guess], target: float, control: Control, last: ContactEquilibrium | None
+    ) -> ContactEquilibrium | None:
+        """Solve from the first guess between the last target and the next one from which Newton's method converges."""
+        reached = getattr(last, control) if last else 0.0
+        for guess in between:
+            aim = getattr(guess, control)
+            found = self._solve_from_guess(guess, aim, control, last) if reached < aim < target else None
+            if found is not None:
+                return found
+        return None
+
     def _walk(
         self,
         start: ContactEquilibrium,
         target: float,
-        first: float,
+        step: float,
+        *,
         control: Control,
         progress: Callable[[str], None] | None,
+        record: Callable[[ContactEquilibrium], None] | None,
     ) -> ContactEquilibrium:
         """Reach a target in steps; the initial guess of each step is the line through the last two equilibria."""
 
@@ -192,6 +218,8 @@ class ContactProblem:
                     "the indenter would touch the base: its tip passes between the nodes of the mesh"
                 )
             self.contact.record_slip(reached.contact)
+            if record is not None:
+                record(reached)
             if progress is not None:
                 progress(self._describe(reached))
             return reached
@@ -201,7 +229,7 @@ class ContactProblem:
             target,
             start,
             control=control,
-            step=start.load if control == "load" else first,
+            step=step,
             solve=solve,
             describe=self._describe,
             easy=np.inf if friction else EASY_ITERATIONS,

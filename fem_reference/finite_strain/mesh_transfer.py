@@ -14,6 +14,8 @@ from meshes.array_types import FloatArray, IntArray
 
 #: Number of decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree.
 _DIGITS = 9
+#: Loads of the equilibria between targets that serve as initial guesses, over the largest load [-].
+_SHARES = (0.8, 0.6, 0.4, 0.2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,22 +25,41 @@ class SolvedPath:
     Attributes:
         elements: Elements of the mesh.
         equilibria: Equilibrium at every target load or depth.
+        steps: Equilibria between the targets, ascending.
+        coarse: The same loading path on a coarser mesh, whose steps serve below the first of `steps`.
     """
 
     elements: MixedElements
     equilibria: Sequence[ContactEquilibrium]
+    steps: Sequence[ContactEquilibrium] = ()
+    coarse: SolvedPath | None = None
 
     def transfer_guesses(self, target: MixedElements) -> list[Guess]:
         """Interpolate the equilibrium at every target, before augmentation, to another mesh as initial guesses."""
-        path = [each.penalty_solution for each in self.equilibria]
-        return [
-            Guess(
-                state=transfer_state(self.elements, target, each.state),
-                depth=each.depth,
-                contact_pressure=float(each.contact.pressure.max()),
-            )
-            for each in path
-        ]
+        return [self._transfer(each.penalty_solution, target) for each in self.equilibria]
+
+    def transfer_steps(self, target: MixedElements, wanted: Sequence[float] | None = None) -> list[Guess]:
+        """Interpolate a few of the equilibria between the targets to another mesh as initial guesses, descending.
+
+        Args:
+            target: Elements of the other mesh.
+            wanted: Descending loads near which an equilibrium is wanted; None for shares of the largest load [N].
+        """
+        loads = np.array([each.load for each in self.steps])
+        least = loads.min(initial=np.inf)
+        wanted = [share * self.equilibria[-1].load for share in _SHARES] if wanted is None else wanted
+        chosen = dict.fromkeys(int(np.argmin(np.abs(loads - load))) for load in wanted if load >= least)
+        below = [load for load in wanted if load < least]
+        coarse = self.coarse.transfer_steps(target, below) if self.coarse else []
+        return [self._transfer(self.steps[index], target) for index in chosen] + coarse
+
+    def _transfer(self, reached: ContactEquilibrium, target: MixedElements) -> Guess:
+        return Guess(
+            state=transfer_state(self.elements, target, reached.state),
+            depth=reached.depth,
+            load=reached.load,
+            contact_pressure=float(reached.contact.pressure.max()),
+        )
 
 
 def transfer_state(source: MixedElements, target: MixedElements, state: FloatArray) -> FloatArray:

@@ -9,10 +9,11 @@ from fem_reference.elements.grading import grade_outward
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY
 from fem_reference.finite_strain.contact import SurfaceContact
-from fem_reference.finite_strain.contact_problem import ContactProblem
+from fem_reference.finite_strain.contact_problem import ContactProblem, Guess
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Units
+from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
 from meshes import Sphere
@@ -70,3 +71,39 @@ def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
     """The two checks above see it: work is lost in the surfaces' overlap."""
     reached = path_problem(penalty=PENALTY / 1e4).follow([0.2], control="depth", first=0.02)[0]
     assert reached.contact.overlap > 1e-2 * reached.depth
+
+
+def solve_steps(problem, control, target, **options):
+    """A path to one target with its steps."""
+    steps = []
+    reached = problem.follow([target], control=control, first=0.02, record=steps.append, **options)
+    return SolvedPath(elements=problem.solid.elements, equilibria=reached, steps=steps)
+
+
+@pytest.mark.parametrize(("control", "target"), [("load", 0.6), ("depth", 0.3)])
+def test_steps_of_a_coarse_mesh_start_a_finer_one_where_its_guess_fails(control, target):
+    """The path comes to the same equilibrium, in fewer steps, the first of them beyond the guess that converged."""
+    coarse, problem = solve_steps(path_problem(count=3), control, target), path_problem()
+    plain = solve_steps(problem, control, target)
+    useless = Guess(state=np.full_like(plain.equilibria[0].state, 1e3), depth=5.0)
+    steps = coarse.transfer_steps(problem.solid.elements)
+    between = [guess for guess in steps if getattr(guess, control) < target]
+    assert between
+    guided = solve_steps(problem, control, target, guesses=[useless], between=[useless, *between])
+    assert len(guided.steps) < len(plain.steps)
+    assert getattr(guided.steps[0], control) > getattr(between[0], control)
+    assert guided.equilibria[0].depth == pytest.approx(plain.equilibria[0].depth, rel=1e-5)
+    assert guided.equilibria[0].load == pytest.approx(plain.equilibria[0].load, rel=1e-5)
+
+
+def test_steps_to_transfer_descend_and_below_the_first_are_those_of_the_coarser_path():
+    coarse, problem = solve_steps(path_problem(count=3), "load", 0.6), path_problem()
+    fine = solve_steps(problem, "load", 0.6)
+    late = [each for each in fine.steps if each.load > 0.3]
+    chained = SolvedPath(elements=fine.elements, equilibria=fine.equilibria, steps=late, coarse=coarse)
+    loads = [guess.load for guess in chained.transfer_steps(problem.solid.elements)]
+    assert loads == sorted(set(loads), reverse=True)
+    assert loads[0] in [each.load for each in late]
+    assert loads[-1] in [each.load for each in coarse.steps]
+    assert loads[-1] < late[0].load
+    assert not SolvedPath(elements=fine.elements, equilibria=fine.equilibria).transfer_steps(problem.solid.elements)
