@@ -1,5 +1,7 @@
 """Files that are replaced as a whole: a reader finds the old content or the new one, never a part.
 
+Only regular files are replaced.  A link such as `/dev/stdout`, a device or a pipe stays as it is.
+
 A file is written under a temporary name, flushed to the disk and renamed.  The writer holds a lock on the temporary
 file until it is renamed, and the operating system releases the lock when the writer ends, in whatever way.  A later
 `sweep` therefore removes the temporary files of writers that were killed and keeps those that are still being written.
@@ -8,8 +10,10 @@ file until it is renamed, and the operating system releases the lock when the wr
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
+import stat
 import sys
 import time
 from collections.abc import Iterable
@@ -33,12 +37,26 @@ def replace(path: Path, parts: Iterable[bytes]) -> None:
         parts: New content of the file, in consecutive pieces.
 
     Raises:
-        OSError: If the file cannot be written.
+        OSError: If the file cannot be written, or the path names something else than a regular file.
     """
     try:
+        _refuse_special(path)
         _replace(path, parts)
     except OSError as error:  # name the file that the user knows, also when the disk is full
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def _refuse_special(path: Path) -> None:
+    """Raise `OSError` if a path names a folder, a link, a device or a pipe."""
+    try:
+        kind = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if stat.S_ISDIR(kind):
+        raise IsADirectoryError(errno.EISDIR, "is a folder; name a file")
+    if not stat.S_ISREG(kind):
+        what = "a link" if stat.S_ISLNK(kind) else "a device or a pipe"
+        raise OSError(errno.EINVAL, f"is {what}, which is not replaced; name a file")
 
 
 def _replace(path: Path, parts: Iterable[bytes]) -> None:
@@ -74,7 +92,7 @@ def flush(path: Path) -> None:
 
 def temporary_files(folder: Path) -> list[Path]:
     """List the temporary files in a folder: abandoned ones and those that are being written."""
-    return list(folder.glob(f"{PREFIX}*"))
+    return [path for path in folder.glob(f"{PREFIX}*") if stat.S_ISREG(path.lstat().st_mode)]
 
 
 def sweep(folder: Path) -> int:

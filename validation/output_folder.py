@@ -10,6 +10,7 @@ import contextlib
 import glob
 import hashlib
 import json
+import os
 import re
 import shutil
 import tempfile
@@ -125,10 +126,22 @@ def _write_manifest(folder: Path) -> None:
     (folder / _MANIFEST).write_text(json.dumps(hashes, indent=1, sort_keys=True), encoding="utf-8")
 
 
-def _list_files(folder: Path) -> list[Path]:
-    """List the files and links below a folder, and its empty folders, without the manifest."""
-    found = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir() or not any(path.iterdir()))
-    return [path for path in found if path != folder / _MANIFEST]
+def _list_files(folder: Path) -> Iterator[Path]:
+    """Yield the files and links below a folder, and its empty folders, without the manifest, files of itself first.
+
+    Raises:
+        OSError: If a folder cannot be read.
+    """
+    for place, folders, files in os.walk(folder, onerror=_raise):
+        parent = Path(place)
+        links = [name for name in folders if (parent / name).is_symlink()]
+        yield from (path for name in (*files, *links) if (path := parent / name) != folder / _MANIFEST)
+        if not folders and not files and parent != folder:
+            yield parent
+
+
+def _raise(error: OSError) -> None:
+    raise error
 
 
 def _hash(path: Path) -> str:

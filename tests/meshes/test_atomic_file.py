@@ -119,3 +119,23 @@ def test_a_file_swept_before_it_was_locked_is_made_again(tmp_path, monkeypatch):
     assert swept == [1]
     assert (tmp_path / "file").read_bytes() == NEW
     assert names(tmp_path) == ["file"]
+
+
+@pytest.mark.parametrize(
+    "make", [os.mkfifo, lambda path: path.symlink_to("else"), lambda path: path.symlink_to("gone")]
+)
+def test_only_regular_files_are_replaced(tmp_path, make):
+    """So `--junit /dev/stdout` and `init --force` do not put a file in the place of a device, a pipe or a link."""
+    (tmp_path / "else").write_bytes(OLD)
+    make(tmp_path / "file")
+    before = (tmp_path / "file").lstat()
+    with pytest.raises(OSError, match="which is not replaced; name a file"):
+        atomic_file.replace(tmp_path / "file", [NEW])
+    assert (tmp_path / "file").lstat() == before
+    assert (tmp_path / "else").read_bytes() == OLD
+    assert names(tmp_path) == ["else", "file"]
+
+
+def test_a_sweep_does_not_wait_for_a_pipe(tmp_path):
+    os.mkfifo(tmp_path / f"{atomic_file.PREFIX}0")
+    assert atomic_file.sweep(tmp_path) == 0

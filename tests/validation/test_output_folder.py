@@ -171,3 +171,17 @@ def test_file_names_are_made_by_a_strict_rule(name, expected):
 @given(name=st.text())
 def test_no_name_leads_out_of_the_folder(name):
     assert re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,80}\.xml", make_file_name(name, suffix=".xml"))
+
+
+def test_a_large_folder_of_the_user_is_refused_at_its_first_file(tmp_path, monkeypatch):
+    """`--out /` names a file in it at once, before folders that cannot be read."""
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "deep").touch()
+    (tmp_path / "z").write_text("mine")
+    listed = []
+    original = os.scandir
+    monkeypatch.setattr(os, "scandir", lambda path: listed.append(path) or original(path))
+    with pytest.raises(InputError, match="holds z, which softcover did not write"), new_folder(tmp_path):
+        pass
+    assert len(listed) == 1

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from meshes import TexelArray
+from meshes.array import MOST_TEXELS
 from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
 from validation.recordings.recording import ClockArray, Recording, RecordingError, Setup
@@ -24,6 +25,8 @@ _EPOCH_TIMES = 1e8
 #: missing [s].
 _UNCOVERED_TIME = 0.5
 _SECONDS_PER_NANOSECOND = 1e-9
+#: Latest time since 1970 that a message of ROS can state, 19 January 2038 [s].
+_LATEST = 2**31 - 1
 
 
 def open_recording(
@@ -47,9 +50,15 @@ def open_recording(
         RecordingError: If the recording is missing, damaged or of an unknown format.
     """
     path = Path(path)
+    for name, number in (("rows", rows), ("columns", columns)):
+        if number is not None and not 1 <= number <= MOST_TEXELS:
+            raise RecordingError(f"--{name}: accepted: 1..{MOST_TEXELS}, not {number}")
     if not path.exists():
         raise RecordingError(f"{path}: no such file; {ACCEPTED}")
-    match path.suffix.lower():
+    kind = path.suffix.lower()
+    if topic is not None and kind in {".dsa", ".csv"}:
+        raise RecordingError(f"--topic: {path} has no topics; leave the option out")
+    match kind:
         case ".dsa":
             return dsa.read(path)
         case ".csv":
@@ -117,10 +126,10 @@ def save(recording: Recording, path: str | Path) -> int:
         Number of frames written.
 
     Raises:
-        RecordingError: If the counts span more than 16 bits.
+        RecordingError: If the counts span more than 16 bits, or a time does not fit the stamps of ROS.
         StorageError: If the file exists or cannot be written.
     """
-    start = round(recording.started.timestamp() * 1_000_000) * 1000
+    start = _find_start(recording)
     host_monotonic, ticks = (_fill_clock(clock, recording) for clock in (recording.host_monotonic, recording.ticks))
     arrays = [replace(array, offset=max(0, -int(array.counts.min(initial=0)))) for array in recording.arrays]
     for array in arrays:
@@ -144,6 +153,23 @@ def save(recording: Recording, path: str | Path) -> int:
                 else:
                     writer.add_simulated_frame(index, clocks, array.make_frame(number, float(time)))
         return writer.frames
+
+
+def _find_start(recording: Recording) -> int:
+    """Return the time of the first frame such that no reading lies before 1970 [ns].
+
+    Raises:
+        RecordingError: If a time does not fit the stamps of messages.
+    """
+    every = np.concatenate([recording.times, recording.force_times, recording.temperature_times, [0.0]])
+    earliest, latest = float(every.min()), float(every.max())
+    begun = max(recording.started.timestamp(), -earliest)
+    if not 0 <= begun + latest <= _LATEST:
+        raise RecordingError(
+            f"{recording.path}: times up to {begun + latest:.4g} s do not fit an MCAP file, which ends at {_LATEST} s; "
+            "write seconds since 1970 or since the first frame"
+        )
+    return round(begun * 1_000_000) * 1000
 
 
 def _fill_clock(clock: ClockArray, recording: Recording) -> ClockArray:

@@ -324,7 +324,7 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
     if len(cells) != len(header):
         raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
     try:
-        values = [float(cell) for cell in cells]
+        values = [_parse_number(cell) for cell in cells]
     except ValueError:
         wrong = next(cell for cell in cells if not _is_number(cell))
         raise RecordingError(f"{place}: not a number: {wrong[:40]!r}") from None
@@ -335,9 +335,16 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
     return values
 
 
+def _parse_number(text: str) -> float:
+    """Convert a text to a number; the underscores that `float` skips are no part of one."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        _parse_number(text)
     except ValueError:
         return False
     return True
@@ -375,17 +382,17 @@ def _find_shape(
 
 
 def _read_whole(path: Path, notes: Mapping[str, str], key: str, default: int, most: int) -> int:
-    """Return the value of the line `# key = value` of a file, a whole number of 0 to `most`."""
+    """Return the value of the line `# key = value` of a file, a whole number of 1 to `most`, or `default`."""
     value = _read_number(path, notes, key, default)
-    if not value.is_integer() or value > most:
-        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: expected a whole number of at most {most}")
+    if key in notes and not (value.is_integer() and 1 <= value <= most):
+        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: expected a whole number of 1 to {most}")
     return int(value)
 
 
 def _read_number(path: Path, notes: Mapping[str, str], key: str, default: float) -> float:
     """Return the value of the line `# key = value` of a file, a number of 0 or more; `default` if there is no line."""
     try:
-        value = float(notes.get(key, default))
+        value = _parse_number(notes[key]) if key in notes else default
     except ValueError as error:
         raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: not a number; expected 0 or more") from error
     if not math.isfinite(value) or value < 0:

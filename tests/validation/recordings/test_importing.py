@@ -110,3 +110,51 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
         broken.write_bytes(b"\x00nonsense")
         with pytest.raises(RecordingError, match=r"not a ROS bag|not an MCAP file"):
             open_recording(broken)
+
+
+def test_readings_before_1970_are_kept_and_times_after_2038_are_refused(tmp_path):
+    """A force sensor may begin before the first frame, and a file may count from 0; milliseconds do not fit."""
+    (tmp_path / "a.csv").write_text("# rows = 1\n# columns = 1\ntime,a\n0,1\n1,2\n")
+    (tmp_path / "f.csv").write_text("time,force\n0,1\n1,2\n2,3\n")
+    recording = add_forces(open_recording(tmp_path / "a.csv"), tmp_path / "f.csv", delay=0.5)
+    save(recording, tmp_path / "a.mcap")
+    back = open_recording(tmp_path / "a.mcap")
+    assert back.force_times.tolist() == [-0.5, 0.5, 1.5]
+    assert back.times.tolist() == [0, 1]
+    (tmp_path / "late.csv").write_text("# rows = 1\n# columns = 1\ntime,a\n0,1\n2147483648,2\n")
+    with pytest.raises(RecordingError, match=r"times up to 2\.147e\+09 s do not fit.*write seconds since 1970"):
+        save(open_recording(tmp_path / "late.csv"), tmp_path / "late.mcap")
+    assert not (tmp_path / "late.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "options", "message"),
+    [
+        ("", {"rows": 0}, "--rows: accepted: 1..10000, not 0"),
+        ("", {"columns": -2}, "--columns: accepted: 1..10000, not -2"),
+        ("", {"topic": "/pad"}, "has no topics; leave the option out"),
+        ("# columns = 0\n", {}, "# columns = 0: expected a whole number of 1 to 10000"),
+        ("# full_scale = 0\n", {}, "# full_scale = 0: expected a whole number of 1 to"),
+        ("# load = 1_0\n", {}, "# load = 1_0: not a number"),
+    ],
+)
+def test_options_and_keys_without_a_meaning_are_refused_and_not_ignored(tmp_path, line, options, message):
+    (tmp_path / "a.csv").write_text(line + CSV)
+    with pytest.raises(RecordingError, match=message):
+        open_recording(tmp_path / "a.csv", **options)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--force-delay", "0.5"], "--force-delay: is for the force sensor's recording"),
+        (["--force", "a.csv", "--force-delay", "nan"], "--force-delay: accepted: -9e+09..9e+09 s, not nan"),
+        (["--out", "b.csv"], "--out: b.csv does not end in .mcap, so it could not be read again; write b.mcap"),
+    ],
+)
+def test_import_refuses_options_that_would_have_no_effect_or_a_wrong_one(softcover, tmp_path, words, message):
+    (tmp_path / "a.csv").write_text(CSV)
+    status, _, err = softcover("import", "a.csv", *words)
+    assert status == 2
+    assert message in err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

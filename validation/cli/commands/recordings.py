@@ -33,6 +33,8 @@ _Csv = Annotated[Path | None, Parameter(name="--csv", help="Also write the frame
 _Out = Annotated[Path | None, Parameter(help="New .mcap file; the recording's name with .mcap when not given.")]
 _Force = Annotated[Path | None, Parameter(help="Recording of a force sensor to add, .csv or a bag.")]
 _ForceDelay = Annotated[float, Parameter(help="Time by which the force sensor's clock is ahead of the array's [s].")]
+#: Largest difference of two clocks [s]: both count from 1970, or one from the first frame.
+_MOST_DELAY = 9e9
 _Rows = Annotated[int | None, Parameter(help="Texels along y, if the file does not tell.")]
 _Columns = Annotated[int | None, Parameter(help="Texels along x, if the file does not tell.")]
 
@@ -103,6 +105,12 @@ def import_recording(
     from validation.recordings.importing import add_forces, open_recording, relabel, save
 
     setup = read_setup(indenter, load, note)
+    if force_delay and force is None:
+        raise InputError("--force-delay: is for the force sensor's recording; name that with --force, or leave it out")
+    if not abs(force_delay) <= _MOST_DELAY:
+        raise InputError(f"--force-delay: accepted: -{_MOST_DELAY:g}..{_MOST_DELAY:g} s, not {force_delay:g}")
+    if out is not None and out.suffix.lower() != ".mcap":
+        raise InputError(f"--out: {out} does not end in .mcap, so it could not be read again; write {out.stem}.mcap")
     recording = relabel(open_recording(file, topic=topic, rows=rows, columns=columns), setup)
     if force is not None:
         recording = add_forces(recording, force, delay=force_delay)
