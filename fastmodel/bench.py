@@ -41,6 +41,8 @@ REST = 1e-6
 SOLVER_TOLERANCE = 1e-12
 #: Radius of gyration of a guided indenter [m].  The guide prevents rotation, so the value has no effect.
 GYRATION_RADIUS = 1e-3
+#: Least load: with a gyration radius of 1 mm, MuJoCo refuses the inertia of less than 1e-8 N [N].
+_LEAST_LOAD = 1e-7
 #: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
 #: MuJoCo's geom type for each kind of primitive of an indenter.
@@ -251,6 +253,10 @@ def _check_placement(placement: Placement) -> None:
         check_type("load, at, yaw or centre", number, (int, float, np.number), "a number in N, m or rad")
     if not hasattr(placement.indenter, "primitives"):
         check_type("indenter", placement.indenter, (), "a shape such as meshes.Sphere(radius=5e-3)")
+    if 0 < placement.load < _LEAST_LOAD:
+        raise FastModelError(
+            f"a load of {placement.load:.3g} N is too light for the physics engine; accepted: from {_LEAST_LOAD:g} N on"
+        )
     if not placement.load > 0 or not np.isfinite(numbers).all():
         raise FastModelError(
             f"load must be positive and at, yaw finite; not {placement.load} N, {placement.at} m, {placement.yaw} rad"

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshes.array_types import is_positive
+
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -63,15 +65,17 @@ class TexelArray:
         """Check shapes and values, and make the numpy arrays read-only.
 
         Raises:
-            ValueError: If shapes disagree, a size is not positive, a normal is not a unit vector, or all texels are
-                masked.
+            ValueError: If shapes disagree, a centre is not finite, a size is not positive, a normal is no unit vector,
+                or all texels are masked.
         """
         n = len(self.centres)
         if self.rows < 1 or self.columns < 1 or self.rows * self.columns != n:
             raise ValueError(f"rows x columns is {self.rows} x {self.columns} but there are {n} texel centres")
         if self.centres.shape != (n, 3) or self.normals.shape != (n, 3) or self.active.shape != (n,):
             raise ValueError("centres and normals must have shape (n, 3), active must have shape (n,)")
-        if min(*self.texel_size, *self.pitch) <= 0:
+        if not np.isfinite(self.centres).all():
+            raise ValueError("centres must be finite")
+        if not all(map(is_positive, (*self.texel_size, *self.pitch))):
             raise ValueError("texel_size and pitch must be positive")
         if not np.allclose(np.linalg.norm(self.normals, axis=1), 1, atol=1e-9):
             raise ValueError("normals must be unit vectors")

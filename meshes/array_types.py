@@ -6,3 +6,8 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+
+def is_positive(value: object) -> bool:
+    """Return whether a value is a positive finite number; a truth value and an array are none."""
+    return isinstance(value, int | float | np.integer | np.floating) and value is not True and bool(0 < value < np.inf)

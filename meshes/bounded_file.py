@@ -35,8 +35,10 @@ def open_regular(path: Path) -> IO[bytes]:
 
     Raises:
         OSError: If the file does not exist or cannot be read; the error holds the path.
-        FileLimitError: If the path names something else than a regular file.
+        FileLimitError: If the path names something else than a regular file, or holds a NUL character.
     """
+    if "\0" in str(path):
+        raise FileLimitError("has a NUL character in its name; accepted: a file")
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     kind = os.fstat(handle).st_mode
     if stat.S_ISREG(kind):

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
+import numpy as np
+
+from meshes.array_types import is_positive
 from meshes.material import Material
+
+#: How the bottom layer lies on the rigid base.
+Base = Literal["bonded", "sliding"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,13 +27,16 @@ class Layer:
     material: Material
 
     def __post_init__(self) -> None:
-        """Check the thickness.
+        """Check the thickness and the material.
 
         Raises:
-            ValueError: If the thickness is not positive.
+            ValueError: If the thickness is not positive and finite.
+            TypeError: If the material is not a `Material`.
         """
-        if not self.thickness > 0:
+        if not is_positive(self.thickness):
             raise ValueError(f"thickness must be positive, not {self.thickness} m")
+        if not isinstance(self.material, Material):
+            raise TypeError(f"material must be a Material, for example MATERIALS['tpu'], not {self.material!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +52,7 @@ class Cover:
     """
 
     layers: tuple[Layer, ...]
-    base: Literal["bonded", "sliding"] = "bonded"
+    base: Base = "bonded"
     size: tuple[float, float] | None = None
     assumed: bool = False
 
@@ -51,12 +60,17 @@ class Cover:
         """Check the layers and the size.
 
         Raises:
-            ValueError: If there is no layer, or an edge length is not positive.
+            ValueError: If there is no layer, the base is unknown, or the size is not two positive edge lengths.
+            TypeError: If the layers are not a tuple or list of `Layer`.
         """
+        if not isinstance(self.layers, tuple | list) or not all(isinstance(layer, Layer) for layer in self.layers):
+            raise TypeError(f"layers must be a tuple of Layer, not {self.layers!r}")
         if not self.layers:
             raise ValueError("a cover needs at least one layer")
-        if self.size is not None and min(self.size) <= 0:
-            raise ValueError(f"cover size must be positive, not {self.size} m")
+        if self.base not in get_args(Base):
+            raise ValueError(f"unknown base {self.base!r}; accepted: {', '.join(get_args(Base))}")
+        if self.size is not None and not (np.shape(self.size) == (2,) and all(map(is_positive, self.size))):
+            raise ValueError(f"cover size must be positive edge lengths along x and y, not {self.size} m")
 
     @property
     def thickness(self) -> float:

@@ -6,6 +6,7 @@ import io
 import math
 import zipfile
 from collections.abc import Mapping
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -79,17 +80,40 @@ def _unpack_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -
     if not entry.filename.endswith(".npy"):
         raise FileLimitError("holds something else than arrays")
     with archive.open(entry) as packed:
-        head = io.BytesIO(packed.read(_MOST_HEAD))
-        if np.lib.format.read_magic(head) != (1, 0):
-            raise FileLimitError("holds an array of another version of the format; accepted: 1.0")
-        shape, by_columns, kind = np.lib.format.read_array_header_1_0(head, max_header_size=_MOST_HEAD)
-        count = math.prod(shape)
-        if kind.kind not in _KINDS or kind.hasobject or min(shape, default=0) < 0:
-            raise FileLimitError(f"holds an array of type {str(kind)[:40]}; accepted: numbers and texts")
-        if count * max(kind.itemsize, _LEAST_BYTES) > most:
-            raise FileLimitError(f"unpacks to more than the {format_size(most)} that are accepted here")
-        begun, size = head.read(), count * kind.itemsize
-        if entry.file_size != head.tell() - len(begun) + size:
-            raise FileLimitError("holds an array whose size is not that of its shape")
-        values = np.frombuffer(begun + packed.read(size), dtype=kind, count=count)
+        return _read_array(packed, entry.file_size, most)
+
+
+def unpack_npy(content: bytes, *, most: int) -> npt.NDArray[np.generic]:
+    """Return the array in the bytes of an npy file; its size, type and shape are checked before memory is claimed.
+
+    Args:
+        content: The bytes.
+        most: Largest accepted size of the array; numbers of less than 8 bytes count as 8 [bytes].
+
+    Raises:
+        FileLimitError: If the bytes are no npy file, are damaged, or hold more bytes than accepted or Python objects.
+    """
+    try:
+        return _read_array(io.BytesIO(content), len(content), most)
+    except FileLimitError:
+        raise
+    except Exception as error:  # noqa: BLE001 -- numpy raises many kinds of errors on damaged files
+        raise FileLimitError(f"not a readable npy file: {str(error)[:80]}") from None
+
+
+def _read_array(packed: IO[bytes], total: int, most: int) -> npt.NDArray[np.generic]:
+    """Read one array of at most `most` bytes from a file of `total` bytes; errors are of many types."""
+    head = io.BytesIO(packed.read(_MOST_HEAD))
+    if np.lib.format.read_magic(head) != (1, 0):
+        raise FileLimitError("holds an array of another version of the format; accepted: 1.0")
+    shape, by_columns, kind = np.lib.format.read_array_header_1_0(head, max_header_size=_MOST_HEAD)
+    count = math.prod(shape)
+    if kind.kind not in _KINDS or kind.hasobject or min(shape, default=0) < 0:
+        raise FileLimitError(f"holds an array of type {str(kind)[:40]}; accepted: numbers and texts")
+    if count * max(kind.itemsize, _LEAST_BYTES) > most:
+        raise FileLimitError(f"unpacks to more than the {format_size(most)} that are accepted here")
+    begun, size = head.read(), count * kind.itemsize
+    if total != head.tell() - len(begun) + size:
+        raise FileLimitError("holds an array whose size is not that of its shape")
+    values = np.frombuffer(begun + packed.read(size), dtype=kind, count=count)
     return values.reshape(shape, order="F" if by_columns else "C").copy(order="K")

@@ -30,8 +30,10 @@ class Box(FlatPunch):
         """Check the edges.
 
         Raises:
-            ValueError: If an edge length is not positive.
+            ValueError: If the size is not three positive edge lengths.
         """
+        if np.shape(self.size) != (3,):
+            raise ValueError(f"Box needs three edge lengths, not {self.size}")
         require_positive(self, *self.size)
 
     @property

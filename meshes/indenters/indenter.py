@@ -15,6 +15,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from meshes.array_types import is_positive
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -176,7 +178,7 @@ def require_positive(shape: object, *lengths: float) -> None:
     Raises:
         ValueError: If a length is not finite or not positive.
     """
-    if not all(np.isfinite(length) and length > 0 for length in lengths):
+    if not all(map(is_positive, lengths)):
         raise ValueError(f"{type(shape).__name__} needs positive lengths, not {lengths}")
 
 

@@ -82,6 +82,9 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
     Args:
         mesh: The mesh.
         base_deviation: Largest distance of a node of the base from the wanted surface, if known [m].
+
+    Raises:
+        ValueError: If the base or the top has no area.
     """
     jacobian = scaled_jacobians(mesh)
     least = _LEAST_JACOBIAN[mesh.cells.shape[1]]
@@ -89,6 +92,8 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
     slivers = int((jacobian < least).sum()) - inverted
     volume = compute_volume(mesh)
     areas = [measure_area(mesh, each) for each in ("base", "top")]
+    if not min(areas) > 0:
+        raise ValueError("the base or the top of the mesh has no area; mesh again")
     thickness = volume / float(np.mean(areas))
     if mesh.is_hexahedral:
         through = len(mesh.cells) / len(mesh.base)

@@ -14,7 +14,7 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 from meshes.atomic_file import replace
-from meshes.bounded_file import FileLimitError, read_bytes
+from meshes.bounded_file import FileLimitError, parse_json, read_bytes
 from meshes.npz import pack_npz, unpack_npz
 from meshes.solids.facets import QUADRILATERAL, TRIANGLE
 
@@ -120,7 +120,10 @@ def read_mesh(path: Path) -> SolidMesh:
     """
     try:
         arrays = unpack_npz(read_bytes(path, most=_MOST_BYTES), most=_MOST_BYTES)
-        about = json.loads(str(arrays["about"]))
+        about = parse_json(str(arrays["about"]))
+        for name, kinds in {"nodes": "f", "cells": "iu", "base": "iu", "top": "iu", "sides": "iu"}.items():
+            if arrays[name].dtype.kind not in kinds:
+                raise FileLimitError(f"has {name} of type {arrays[name].dtype}")  # noqa: TRY301 -- reported below
         if about["format"] != _FORMAT:
             raise ValueError(f"{path.name} is a mesh of another version: {str(about['format'])[:40]!r}")
         mesh = SolidMesh(
@@ -133,7 +136,7 @@ def read_mesh(path: Path) -> SolidMesh:
         raise ValueError(f"{path}: {error.strerror}; give the path of a mesh file") from None
     except FileLimitError as error:
         raise ValueError(f"{path.name} {error}; give a mesh file of softcover") from None
-    except (KeyError, TypeError, AttributeError, json.JSONDecodeError):
+    except (KeyError, TypeError, AttributeError):
         raise ValueError(f"{path.name} is no mesh file of softcover") from None
     if mesh.digest != about.get("digest"):
         raise ValueError(f"{path.name} was changed after it was written: its content does not have the hash it states")

@@ -15,11 +15,14 @@ import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.bounded_file import FileLimitError, read_bytes
+from meshes.npz import unpack_npy
 
 #: Endings of the names of files with surfaces, and with tetrahedra.
 SURFACES, TETRAHEDRA = (".stl", ".obj", ".ply", ".npy", ".tet"), (".tet",)
 #: Largest accepted size of a file [bytes], and numbers of triangles and of tetrahedra [-].
 _MOST_BYTES, _MOST_TRIANGLES, _MOST_TETRAHEDRA = 2**27, 200_000, 1_000_000
+#: Largest accepted number of nodes of tetrahedra; a mesh has about a fifth as many nodes as tetrahedra [-].
+_MOST_NODES = 250_000
 #: Largest number of points along an edge of a grid that is used; larger grids are thinned out [-].
 _MOST_POINTS = 61
 #: Distance of a point at the origin from the points around it, over the spacing of the grid, below which it is one of
@@ -50,18 +53,26 @@ def read_triangles(path: Path, unit: float) -> FloatArray:
         from meshes.solids.tetrahedra import list_boundary
 
         nodes, cells = read_tetrahedra(path, unit)
-        return np.asarray(nodes[list_boundary(orient_tetrahedra(nodes, cells))])
+        return _drop_collapsed(path.name, nodes[list_boundary(orient_tetrahedra(nodes, cells))])
     content = _read(path)
     points, faces = _read_grid(path.name, content) if kind == ".npy" else _read_mesh(path.name, content, kind[1:])
     if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > _LARGEST:
         raise ValueError(f"{path.name} is damaged: a corner is not a number; export it again")
     if len(faces) > _MOST_TRIANGLES:
         raise ValueError(f"{path.name} has {len(faces)} triangles; at most {_MOST_TRIANGLES} are accepted")
-    corners = unit * points[faces]
+    return _drop_collapsed(path.name, unit * points[faces])
+
+
+def _drop_collapsed(name: str, corners: FloatArray) -> FloatArray:
+    """Leave out triangles with two corners in one place, shape (n, 3, 3).
+
+    Raises:
+        ValueError: If none is left.
+    """
     edges = np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2)
     corners = corners[edges.min(axis=1) > 0]
     if not len(corners):
-        raise ValueError(f"{path.name} holds no triangles; export a surface")
+        raise ValueError(f"{name} holds no triangles; export a surface")
     return np.asarray(corners)
 
 
@@ -87,11 +98,17 @@ def read_tetrahedra(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
                 nodes.append([float(word) for word in words[1:4]])
             elif words and words[0] == "t":
                 cells.append([int(word) for word in words[1:5]])
+            if len(nodes) > _MOST_NODES or len(cells) > _MOST_TETRAHEDRA:
+                raise FileLimitError  # noqa: TRY301 -- reported below
         points, index = np.array(nodes, dtype=float), np.array(cells, dtype=np.int64)
         valid = points.shape[1:] == (3,) and index.shape[1:] == (4,) and 0 <= index.min() <= index.max() < len(points)
+    except FileLimitError:
+        raise ValueError(
+            f"{path.name} has more than the {_MOST_NODES} nodes or {_MOST_TETRAHEDRA} tetrahedra accepted"
+        ) from None
     except (ValueError, OverflowError):
         valid = False
-    if not valid or not np.isfinite(points).all() or len(index) > _MOST_TETRAHEDRA:
+    if not valid or not np.abs(points).max() <= _LARGEST:
         raise ValueError(f"{path.name} is no .tet file: it needs lines 'v x y z' and 't a b c d', nodes counted from 0")
     return unit * points, index
 
@@ -140,9 +157,9 @@ def _read_mesh(name: str, content: bytes, kind: str) -> tuple[FloatArray, IntArr
 def _read_grid(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
     """Read points on a grid, and split each of its quadrilaterals without missing corners into two triangles."""
     try:
-        grid = np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError):
-        raise ValueError(f"{name} is no file of numpy") from None
+        grid = unpack_npy(content, most=8 * _MOST_BYTES)
+    except FileLimitError as error:
+        raise ValueError(f"{name} is no file of numpy that is accepted: {error}") from None
     if grid.ndim != 3 or grid.shape[2] != 3 or grid.dtype.kind not in "fiu" or min(grid.shape[:2]) < 2:  # noqa: PLR2004
         raise ValueError(f"{name} needs points of shape (rows, columns, 3), not {grid.shape}")
     step = max(1, -(-max(grid.shape[:2]) // _MOST_POINTS))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
-from meshes import Cover, Layer, Material
+from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
 
 RUBBER = Material(
     name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49, source="test"
 )
+LAYER = Layer(thickness=2e-3, material=RUBBER)
 SILICONE = Material(name="silicone", model="neo-hookean", parameters={"shear_modulus": 1e5}, poisson_ratio=0.5)
 
 
@@ -34,3 +38,28 @@ def test_a_cover_without_layers_or_with_an_empty_size_is_refused():
         Cover(layers=())
     with pytest.raises(ValueError, match="size must be positive"):
         Cover(layers=(Layer(thickness=1e-3, material=RUBBER),), size=(1e-2, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Cover(layers=(LAYER,), base="slidding"), "unknown base 'slidding'; accepted: bonded, sliding"),
+        (lambda: Cover(layers=(LAYER,), size=(1e-2, float("nan"))), "cover size must be positive edge lengths"),
+        (lambda: Cover(layers=(LAYER,), size=(1e-2, 1e-2, 1e-2)), "cover size must be positive edge lengths"),
+        (lambda: Cover(layers=LAYER), "layers must be a tuple of Layer"),
+        (lambda: Cover(layers=(2e-3,)), "layers must be a tuple of Layer"),
+        (lambda: Layer(thickness=2e-3, material="tpu"), r"material must be a Material, for example MATERIALS\['tpu'\]"),
+        (lambda: Layer(thickness=math.inf, material=RUBBER), "thickness must be positive, not inf"),
+        (lambda: Layer(thickness="2 mm", material=RUBBER), "thickness must be positive, not 2 mm"),
+        (lambda: Box(size=(1e-2, 1e-2)), "Box needs three edge lengths"),
+        (lambda: Box(size=()), "Box needs three edge lengths"),
+        (lambda: Sphere(radius=None), "Sphere needs positive lengths"),
+        (lambda: Sphere(radius=True), "Sphere needs positive lengths"),
+        (lambda: Sphere(radius=np.ones((1, 1))), "Sphere needs positive lengths"),
+        (lambda: TexelArray.grid(rows=2, columns=2, pitch=(math.nan, 1e-3)), "must be positive|must be finite"),
+    ],
+)
+def test_a_wrong_value_of_a_public_name_is_refused_where_it_is_given(make, message):
+    """A misspelt base would be computed as bonded, a size that is no number as an infinite cover."""
+    with pytest.raises((ValueError, TypeError), match=message):
+        make()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
 
@@ -14,6 +16,8 @@ from validation.cli.failures import DONE, INTERRUPTED, PIPE_CLOSED, explain
 from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
 
+#: Largest number of lines in which the faults of an input are printed [-].
+_MOST_LINES = 50
 #: Place of each command as `module:name` in the folder `commands`: its function, or its application if the command has
 #: actions of its own.
 _COMMANDS = {
@@ -40,17 +44,22 @@ _COMMANDS = {
 
 
 def _convert(wanted: type, tokens: Sequence[Token]) -> object:
-    """Convert the words of one option; cyclopts itself rounds 1.5 to a whole number without a word.
+    """Convert the words of one option; cyclopts itself rounds 1.5 to a whole number and accepts nan without a word.
 
     Raises:
-        ValueError: If an option that counts is given anything but a whole number.
+        ValueError: If an option that counts is given anything but a whole number, or one that measures anything but a
+            finite number.
     """
-    if wanted is int:
+    kinds: dict[object, tuple[type[int | float], str]] = {int: (int, "whole"), float: (float, "finite")}
+    if wanted in kinds:
+        kind, word = kinds[wanted]
         for token in tokens:
             try:
-                int(token.value)
-            except ValueError:
-                raise ValueError(f"{token.value!r} is not a whole number") from None
+                valid = math.isfinite(kind(token.value)) and "_" not in token.value
+            except (ValueError, OverflowError):
+                valid = False
+            if not valid:
+                raise ValueError(f"{token.value[:40]!r} is not a {word} number")
     return convert(wanted, tokens)
 
 
@@ -79,6 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Raises:
         SystemExit: Always, with the exit status.
     """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # the shell closed it: `softcover materials >&-`
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 -- open until the end
     try:
         status = _run(list(sys.argv[1:] if arguments is None else arguments))
     except BrokenPipeError:
@@ -107,22 +119,47 @@ def _run(words: Sequence[str]) -> int:
         if isinstance(raised.__context__, BrokenPipeError):  # so ends a help page of which only the head is read
             raise raised.__context__ from None
         raise
-    except Exception as raised:
-        error = _clarify(raised, words)
-        explanation = explain(error)
-        if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
-            raise
-        for line in explanation.lines:
-            see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
-            say(f"softcover: {line.removesuffix('.')}{see}" if see else f"softcover: {line}")
-        forget_notes()
-        return explanation.status
+    except Exception as raised:  # noqa: BLE001 -- raised again if it is a programming error
+        return _report_error(raised, words)
     except KeyboardInterrupt:
-        sys.stderr.write("softcover: interrupted\n")
-        forget_notes()
-        return INTERRUPTED
+        return _report_interrupt()
     say_notes()
     return result if isinstance(result, int) else DONE
+
+
+def _report_error(raised: Exception, words: Sequence[str]) -> int:
+    """Print what went wrong, and return the exit status; raise a programming error again."""
+    if isinstance(raised, ImportError) and _is_interrupt(raised):
+        return _report_interrupt()
+    error = _clarify(raised, words)
+    explanation = explain(error)
+    if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
+        raise raised
+    for line in _shorten(explanation.lines):
+        see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
+        say(f"softcover: {line.removesuffix('.')}{see}" if see else f"softcover: {line}")
+    forget_notes()
+    return explanation.status
+
+
+def _report_interrupt() -> int:
+    """Say that Ctrl-C ended the command, and return the exit status."""
+    sys.stderr.write("softcover: interrupted\n")
+    forget_notes()
+    return INTERRUPTED
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Return whether an error was raised from Ctrl-C: a compiled module turns it into an ImportError while it loads."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def _shorten(lines: Sequence[str]) -> list[str]:
+    """Return the first lines, and how many more there are; a damaged file may have a fault in each of its lines."""
+    rest = len(lines) - _MOST_LINES
+    return list(lines) if rest <= 0 else [*lines[:_MOST_LINES], f"... and {rest} more faults; mend these first"]
 
 
 def _drop_output() -> None:

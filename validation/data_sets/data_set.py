@@ -30,7 +30,7 @@ from validation.errors import InputError, nearest
 from validation.text.indenter import read_indenter
 
 #: Largest accepted size of a data-set file [bytes].
-_MOST_BYTES = 2**22
+MOST_BYTES = 2**22
 #: Tolerance of the limits of a selection by load [-].
 _SAME_LOAD = 1e-6
 #: First and last time after loading between which frames are averaged, if the file does not say [s].
@@ -145,7 +145,7 @@ def read_tables(path: Path) -> DataSetTables:
     from validation.sensor_file.faults import list_faults
 
     try:
-        data: dict[str, Any] = parse_toml(read_text(path, most=_MOST_BYTES))
+        data: dict[str, Any] = parse_toml(read_text(path, most=MOST_BYTES))
     except FileLimitError as error:
         raise InputError(f"{path}: not a TOML file that is accepted: {error}") from None
     try:
@@ -276,6 +276,11 @@ def _merge(series: SeriesTable, tables: DataSetTables) -> dict[str, Any]:
 
 def _match_patterns(series: SeriesTable, folder: Path, problems: list[str]) -> Iterable[tuple[Path, None]]:
     for pattern in series.files:
+        if ".." in Path(pattern).parts:
+            problems.append(
+                f"series {series.name!r}: files: {pattern!r} leads out of {folder}; name that folder as `path`"
+            )
+            continue
         try:
             yield from ((path, None) for path in sorted(folder.glob(pattern)))
         except (ValueError, NotImplementedError) as error:

@@ -7,7 +7,8 @@ import shlex
 from importlib import resources
 from pathlib import Path
 
-from validation.data_sets.data_set import DataSet, build_data_set, read_tables
+from meshes.bounded_file import FileLimitError, read_text
+from validation.data_sets.data_set import MOST_BYTES, DataSet, build_data_set, read_tables
 from validation.data_sets.tables import DataSetTables
 from validation.errors import InputError, nearest
 from validation.recordings.recording import RecordingError
@@ -79,13 +80,23 @@ def _find_file(data_set: str | Path | None, folder: Path | None) -> Path:
             raise InputError(f"{path}: no such data-set file; {nearest(str(path), BUILT_IN)}, or a .toml file")
         return path
     if folder is not None:
-        files = [path for path in sorted(folder.glob("*.toml")) if "series" in path.read_text(errors="replace")]
+        files = [path for path in sorted(folder.glob("*.toml")) if _may_be_data_set(path)]
         if len(files) > 1:
             names = ", ".join(path.name for path in files)
             raise InputError(f"{folder}: holds several data-set files ({names}); name one with --data-set")
         if files:
             return files[0]
     return _built_in(BUILT_IN[0])
+
+
+def _may_be_data_set(path: Path) -> bool:
+    """Return whether a file in the folder of recordings has series, or cannot be read, which is then reported."""
+    if not path.is_file():
+        return False
+    try:
+        return "series" in read_text(path, most=MOST_BYTES)
+    except FileLimitError:
+        return True
 
 
 def _built_in(name: str) -> Path:

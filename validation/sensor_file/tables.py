@@ -26,6 +26,8 @@ _CONFIG = ConfigDict(extra="forbid")
 
 #: Upper limit on lengths, such as the pitch and the thickness of a layer: larger values must have a wrong unit [m].
 LONGEST = 1.0
+#: Lower limit on lengths: an atom is larger [m].
+_SHORTEST = 1e-10
 #: Largest radius of a calibration tip: one that is wider presses on several texels of any array [m].
 _WIDEST_TIP = 0.02
 #: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
@@ -56,6 +58,8 @@ def quantity(kind: Kind, *, positive: bool = True) -> BeforeValidator:
             raise ValueError(f"must be positive, not {value!r}")
         if kind == "length" and number > LONGEST:
             raise ValueError(f"must be at most {LONGEST:g} m, not {value!r}")
+        if positive and kind == "length" and number < _SHORTEST:
+            raise ValueError(f"must be at least {_SHORTEST:g} m, not {value!r}")
         return number
 
     return BeforeValidator(convert)

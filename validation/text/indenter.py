@@ -7,6 +7,7 @@ corners of a `prism` are separated by `/`; a `mesh` is read from an STL file.
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from typing import Any, Literal
 
@@ -26,10 +27,14 @@ from meshes import (
 )
 from meshes.surfaces.stl import SIZES
 from validation.errors import InputError, nearest
-from validation.text.quantity import Kind, read_quantities, read_quantity
+from validation.text.quantity import read_quantities, read_quantity
 
 #: Number of values of a parameter, by shape and parameter, for parameters with more than one value [-].
 _VALUE_COUNTS = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
+#: Least and greatest accepted load [N] and depth [m]: beyond them the numbers of the solvers lose all digits.
+_LIMITS = {"force": (1e-6, 1e6, "N"), "length": (1e-9, 1.0, "m")}
+#: Largest accepted yaw, 360 degrees with rounding [rad].
+_TURN = 2 * math.pi * (1 + 1e-9)
 #: Class or function that makes an indenter, and an example of an accepted text, by the name of the shape on the command
 #: line.
 _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
@@ -141,7 +146,7 @@ def read_load(text: str, *, place: str = "--load") -> float:
     """Parse a load, a force such as `4.9 N` or the weight of a mass such as `500 g`, and return it in newtons [N].
 
     Raises:
-        InputError: If the text is not a positive force.
+        InputError: If the text is not a positive force within 1 uN and 1 MN.
     """
     return _read_positive(text, "force", place)
 
@@ -150,7 +155,7 @@ def read_depth(text: str, *, place: str = "--depth") -> float:
     """Parse an indentation depth, the approach of the indenter from first touch, and return it in metres [m].
 
     Raises:
-        InputError: If the text is not a positive length.
+        InputError: If the text is not a positive length within 1 nm and 1 m.
     """
     return _read_positive(text, "length", place)
 
@@ -169,9 +174,12 @@ def read_yaw(text: str, *, place: str = "--yaw") -> float:
     """Parse the yaw angle of an indenter, a number with its unit such as `31deg`, and return it in radians [rad].
 
     Raises:
-        InputError: If the text is not an angle.
+        InputError: If the text is not an angle, or more than one turn.
     """
-    return read_quantity(text, "angle", place=place)
+    yaw = read_quantity(text, "angle", place=place)
+    if abs(yaw) > _TURN:
+        raise InputError(f"{place}: {text!r} is more than one turn; accepted: -360deg..360deg")
+    return yaw
 
 
 def read_tilt(text: str, *, place: str = "--tilt") -> tuple[float, float]:
@@ -191,10 +199,15 @@ def read_tilt(text: str, *, place: str = "--tilt") -> tuple[float, float]:
     return about_x, about_y
 
 
-def _read_positive(text: str, kind: Kind, place: str) -> float:
+def _read_positive(text: str, kind: Literal["force", "length"], place: str) -> float:
     number = read_quantity(text, kind, place=place)
     if number <= 0:
         raise InputError(f"{place}: must be positive, not {text!r}")
+    least, most, unit = _LIMITS[kind]
+    if not least <= number <= most:
+        raise InputError(
+            f"{place}: {number:g} {unit} is not possible on a tactile array; accepted: {least:g}..{most:g} {unit}"
+        )
     return number
 
 

@@ -22,6 +22,8 @@ BACKLOG_BYTES = 4096
 _RECEIVE_TIMEOUT = 0.05
 #: Largest number of bytes that are read from a client at a time.
 _PIECE_BYTES = 4096
+#: Start of the names of pseudo-terminals on Linux and macOS.
+_TERMINALS = ("/dev/pts/", "/dev/ttys")
 #: Longest wait until the port accepts bytes to send [s].
 _WRITE_TIMEOUT = 1.0
 
@@ -43,7 +45,8 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
     is set to raw mode before a client opens it, because a new pseudo-terminal echoes bytes.
 
     Args:
-        link: Path of a symbolic link to the port that is created and used as `name`; an existing link is replaced.
+        link: Path of a symbolic link to the port that is created and used as `name`; a link to a
+            pseudo-terminal, which an earlier run may have left, is replaced.
 
     Raises:
         PortError: If the system has no pseudo-terminals, or if the link cannot be created.
@@ -94,7 +97,7 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
 
     def _create_link(self, link: Path) -> None:
         try:
-            if link.is_symlink():
+            if link.is_symlink() and str(link.readlink()).startswith(_TERMINALS):
                 link.unlink()
             link.symlink_to(self.port)
         except OSError as error:

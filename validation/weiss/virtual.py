@@ -104,7 +104,7 @@ class VirtualSensor:
         tag: str = DEFAULT_TAG,
         misbehaviour: Misbehaviour | None = None,
     ) -> None:
-        if rate <= 0:
+        if not 0 < rate < math.inf:
             raise ValueError(f"rate must be positive, not {rate} Hz")
         if not tag.isascii() or len(tag) > LONGEST_TEXT:
             raise ValueError(f"a device tag holds at most {LONGEST_TEXT} ASCII characters, not {tag!r}")

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import dataclasses
+import warnings
+
 import numpy as np
 import pytest
 
 from meshes import TexelArray
+from meshes.npz import pack_npz
 from meshes.solids import check_quality, check_texels, fingertip, flat_pad, phalanx, read_mesh, sweep, write_mesh
 from meshes.solids.base_surface import cylinder_surface, flat_surface, join_grids
 from meshes.solids.facets import facet_shape, facet_slope, node_normals, node_places
@@ -174,3 +178,36 @@ def test_a_texel_may_lie_beside_the_base_by_a_tenth_of_the_thickness_and_one_sam
     else:
         with pytest.raises(ValueError, match="off the base: texel 0"):
             check_texels(mesh, texels)
+
+
+def forge(path, **changes):
+    """Write a mesh file with arrays or a text `about` that `write_mesh` would not write."""
+    write_mesh(path, phalanx().mesh(3e-3, layers=2))
+    with np.load(path) as found:
+        arrays = {**found, **changes}
+    path.write_bytes(pack_npz(arrays))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"about": np.array("[" * 100_000)}, "deep; give a mesh file of softcover"),
+        ({"nodes": np.array(["a"])}, "has nodes of type <U1"),
+        ({"nodes": np.ones((30, 3), dtype=complex)}, "has nodes of type complex128"),
+        ({"cells": np.full((3, 27), np.nan)}, "has cells of type float64"),
+    ],
+)
+def test_mesh_files_of_strangers_are_refused_in_a_line(tmp_path, changes, message):
+    forge(tmp_path / "mesh.npz", **changes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ValueError, match=message):
+            read_mesh(tmp_path / "mesh.npz")
+
+
+def test_a_mesh_in_one_point_has_no_quality(tmp_path):
+    """Its file states a valid hash."""
+    mesh = phalanx().mesh(3e-3, layers=2)
+    write_mesh(tmp_path / "mesh.npz", dataclasses.replace(mesh, nodes=0 * mesh.nodes))
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="has no area; mesh again"):
+        check_quality(read_mesh(tmp_path / "mesh.npz"))

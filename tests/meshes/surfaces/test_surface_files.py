@@ -1,5 +1,8 @@
 """Surfaces and tetrahedra from files of other programs."""
 
+import io
+import tracemalloc
+
 import numpy as np
 import pytest
 import trimesh
@@ -84,3 +87,30 @@ def test_coordinates_up_to_a_thousand_million_are_accepted(tmp_path):
         else:
             with pytest.raises(ValueError, match="not a number"):
                 read_triangles(path, 1e-9)
+
+
+def npy(shape):
+    """The bytes of an npy file that states a shape and holds nothing."""
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("bomb.npy", npy((100_000, 100_000, 3)), "unpacks to more than the 1024 MiB"),
+        ("short.npy", npy((100, 100, 3)), "size is not that of its shape"),
+        ("deep.npy", b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 65535, "no file of numpy that is accepted"),
+        ("many.tet", b"v 0 0 0\n" * 250_001, "more than the 250000 nodes or 1000000 tetrahedra"),
+        ("flat.tet", b"v 0 0 0\nt 0 0 0 0\n", "holds no triangles"),
+        ("far.tet", b"v 0 0 1e300\nt 0 0 0 0\n", "is no .tet file"),
+    ],
+)
+def test_files_that_claim_much_memory_are_refused_before_it_is_claimed(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=message):
+        read_triangles(tmp_path / name, 1e-3)
+    assert tracemalloc.get_traced_memory()[1] < 200e6
+    tracemalloc.stop()

@@ -245,3 +245,31 @@ def test_a_folder_in_place_of_a_file_is_bad_input(softcover, tmp_path):
         status, out, err = softcover(*words)
         assert (status, out) == (2, ""), words
         assert len(err.splitlines()) == 1
+
+
+def test_ctrl_c_while_a_compiled_module_loads(softcover, monkeypatch):
+    """Such a module turns it into an ImportError."""
+
+    def load(**_):
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr("fem_reference.result_store.entries", load)
+    assert softcover("store", "list") == (130, "", "softcover: interrupted\n")
+
+
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+def test_a_stream_that_the_shell_closed_stops_nothing(monkeypatch, name):
+    """As in `softcover materials >&-`; Python then has None in its place."""
+    monkeypatch.setattr(sys, name, None)
+    for words, status in ((["materials"], 0), (["export", "nothere"], 2)):
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == status
+
+
+def test_many_faults_of_one_file_are_counted(softcover, tmp_path):
+    (tmp_path / "c.toml").write_text("".join(f"k{number} = 1\n" for number in range(3000)))
+    status, _, err = softcover("validate", "wts-0614-34", "--campaign", "c.toml")
+    assert status == 2
+    assert len(err.splitlines()) == 51
+    assert err.splitlines()[-1] == "softcover: ... and 2950 more faults; mend these first"

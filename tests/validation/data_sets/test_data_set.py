@@ -1,5 +1,7 @@
 """Data-set files: what is read, which faults stop, and which cost a series, a file or a split only."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -279,3 +281,28 @@ def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path):
     assert (split.name, split.about) == ("other series", "A to B")
     assert [[each.series for each in side] for side in (split.fit, split.place, split.score)] == [["A"], [], ["B"]]
     assert read(tmp_path, HEAD + series % ("B", "b", '"b*" = "2 N"', "score")).splits == ()
+
+
+def test_patterns_stay_below_the_folder_of_the_recordings(tmp_path):
+    """A pattern such as `../../**/*` would list the whole disk."""
+    (tmp_path / "in").mkdir()
+    record(tmp_path / "out.csv")
+    found = read(tmp_path, HEAD + '[[series]]\nname = "a"\nfiles = ["../*.csv"]\n', tmp_path / "in")
+    assert not found.files
+    assert "files: '../*.csv' leads out of" in found.problems[0]
+
+
+def test_other_toml_files_beside_the_recordings_do_not_stop_the_search(tmp_path):
+    """Pipes are not waited for, folders and other files are skipped; what is too large is reported and not read."""
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "folder.toml").mkdir()
+    (tmp_path / "sensor.toml").write_text("[array]")
+    record(tmp_path / "a.csv")
+    text = HEAD + '[[series]]\nname = "a"\nfiles = ["*.csv"]\n'
+    (tmp_path / "set.toml").write_text(text)
+    found = find_data_set(tmp_path)
+    assert found is not None
+    assert [file.path.name for file in found.files] == ["a.csv"]
+    (tmp_path / "set.toml").write_text(text + "#" * 2**23)
+    with pytest.raises(InputError, match="has more than the 4 MiB accepted"):
+        find_data_set(tmp_path)

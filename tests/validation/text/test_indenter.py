@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from meshes import Box, Prism, RoundedTip, Sphere, read_stl
 from validation.errors import InputError
-from validation.text.indenter import _EXAMPLES, SHAPES, read_indenter, read_position, read_yaw
+from validation.text.indenter import _EXAMPLES, SHAPES, read_depth, read_indenter, read_load, read_position, read_yaw
 
 
 @pytest.mark.parametrize("shape", sorted(SHAPES.keys() - {"mesh"}))
@@ -127,3 +127,20 @@ def test_any_text_is_an_indenter_or_bad_input(shape, rest):
 def test_any_pose_comes_back_from_its_text(x, y, yaw):
     assert read_position(f"{x!r}mm,{y!r}mm") == pytest.approx((1e-3 * x, 1e-3 * y))
     assert read_yaw(f"{yaw!r}deg") == pytest.approx(math.radians(yaw))
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "message"),
+    [
+        (read_load, "1e308 N", "1e+308 N is not possible on a tactile array; accepted: 1e-06..1e+06 N"),
+        (read_load, "1e-12 N", "1e-12 N is not possible on a tactile array; accepted: 1e-06..1e+06 N"),
+        (read_depth, "1e-30 mm", "1e-33 m is not possible on a tactile array; accepted: 1e-09..1 m"),
+        (read_depth, "2 km", "2000 m is not possible on a tactile array; accepted: 1e-09..1 m"),
+        (read_yaw, "1e308deg", "'1e308deg' is more than one turn; accepted: -360deg..360deg"),
+    ],
+)
+def test_numbers_in_which_the_solvers_lose_all_digits_are_refused(read, text, message):
+    with pytest.raises(InputError) as caught:
+        read(text)
+    assert message in str(caught.value)
+    assert read_yaw("-360deg") == pytest.approx(-2 * math.pi)

@@ -35,6 +35,8 @@ _Show = Annotated[
         "file, a built-in sensor or a folder that `derive --out` wrote."
     ),
 ]
+#: Indenter and load that press on the fast model if none are given.
+_DEFAULT_INDENTER, _DEFAULT_LOAD = "sphere:radius=8mm", "5N"
 _Indenter = Annotated[str, Parameter(help="Shape of the indenter that presses on the fast model.")]
 _Load = Annotated[str, Parameter(help="Largest load of that indenter.", allow_leading_hyphen=True)]
 _Rate = Annotated[float, Parameter(help="Frames per second when free-running.")]
@@ -50,8 +52,8 @@ def emulate(
     *,
     show: _Show = "blob",
     array: PressedArrayIndex = None,
-    indenter: _Indenter = "sphere:radius=8mm",
-    load: _Load = "5N",
+    indenter: _Indenter = _DEFAULT_INDENTER,
+    load: _Load = _DEFAULT_LOAD,
     rate: _Rate = 271.0,
     fault: _Fault = None,
     pause: _Pause = None,
@@ -103,6 +105,8 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
     rates = {}
     for text in faults:
         name, _, rate = text.partition("=")
+        if name in rates:
+            raise InputError(f"--fault: {name} is given twice; give each fault once")
         try:
             rates[name] = float(rate)
         except ValueError as error:
@@ -146,6 +150,11 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
     from validation.sensor_file import BUILT_IN, CURVED
     from validation.weiss.virtual import WTS_0614_34, show_frames, show_pattern, show_recording
 
+    is_pressed = show in BUILT_IN or show.endswith(".toml") or (Path(show) / "parameters.toml").exists()
+    if (show in _PATTERNS or is_pressed) and array is not None:
+        raise InputError(f"--array: is for recordings; leave it out with --show {show}")
+    if not is_pressed and (indenter, load) != (_DEFAULT_INDENTER, _DEFAULT_LOAD):
+        raise InputError(f"--indenter, --load: press on the fast model of a sensor; leave them out with --show {show}")
     if show in _PATTERNS:
         return _Shown(source=show_pattern(show), matrix=WTS_0614_34)
     path = Path(show)
@@ -156,7 +165,7 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
     if show not in BUILT_IN and not path.exists():
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
-    if show in BUILT_IN or path.suffix == ".toml" or (path / "parameters.toml").exists():
+    if is_pressed:
         from validation.cli.progress import Progress
         from validation.cli.sensors import find_parameters, read_sensor, tell_unused
         from validation.recordings.live_frames import simulate_frames

@@ -144,9 +144,10 @@ def press(
         if given is not None:
             fault = "is for sensors with curved covers; flat ones and folders of derive are pressed along -z"
             raise InputError(f"{name}: {fault} and follow their materials")
+    at = "0mm,0mm" if at is None else at
     request = _read_request(
-        sensor, indenter=indenter, force=(load, depth), pose=(at or "0mm,0mm", yaw, tilt), friction=friction,
-        accuracy=accuracy, model=model, method=method, cover=(material, thickness, layer), files=(curve, out),
+        sensor, indenter=indenter, force=(load, depth), pose=(at, yaw, tilt), friction=friction, accuracy=accuracy,
+        model=model, method=method, cover=(material, thickness, layer), files=(curve, out),
     )  # fmt: skip
     return _run(request, curve, out, json=json)
 

@@ -42,3 +42,30 @@ def test_a_device_or_an_address_is_opened_and_another_name_becomes_a_link(softco
 def test_without_a_port_there_is_one_of_its_own(softcover, ends):
     assert softcover("emulate", "--seconds", "0")[2].startswith("a sensor of type WTS 0614-34 answers on link None")
     assert ends[0] == ("link", None)
+
+
+def test_only_links_to_pseudo_terminals_are_replaced(softcover, tmp_path):
+    (tmp_path / "mine").symlink_to("file")
+    (tmp_path / "left").symlink_to("/dev/pts/999999")
+    status, _, err = softcover("emulate", "mine", "--seconds", "0")
+    assert (status, "cannot create a link to the port here" in err) == (2, True)
+    assert str((tmp_path / "mine").readlink()) == "file"
+    assert softcover("emulate", "left", "--seconds", "0")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--array", "0"], "--array: is for recordings; leave it out with --show blob"),
+        (["--load", "2N"], "--indenter, --load: press on the fast model of a sensor; leave them out with --show blob"),
+        (["--rate", "nan"], "--rate: 'nan' is not a finite number"),
+        (["--rate", "1_0"], "--rate: '1_0' is not a finite number"),
+        (["--seconds", "1e999"], "--seconds: '1e999' is not a finite number"),
+        (["--seed", "1_0"], "--seed: '1_0' is not a whole number"),
+        (["--fault", "lose=0.1", "--fault", "lose=0.2"], "--fault: lose is given twice; give each fault once"),
+    ],
+)
+def test_numbers_are_finite_and_faults_are_given_once(softcover, words, message):
+    status, _, err = softcover("emulate", *words)
+    assert status == 2
+    assert message in err
