@@ -182,3 +182,10 @@ def _recorded(folder):
     path = folder / "a.csv"
     path.write_text("# rows = 1\ntime,a,b\n0,1,2\n1,3,4\n")
     return path
+
+
+def test_an_interval_longer_than_the_recording_is_refused(softcover):
+    """The recorder would wait for the first frame, however long that takes."""
+    status, _, err = softcover("record", "/nothere", "--seconds", "3", "--interval-ms", "65535")
+    assert status == 2
+    assert "--interval-ms: no frame would come within --seconds 3; give a shorter interval" in err

@@ -66,6 +66,8 @@ def record(
     check_range("--seconds", seconds)
     check_range("--reconnect", reconnect)
     check_range("--interval-ms", interval_ms, _MOST_16_BIT)
+    if seconds is not None and interval_ms * 1e-3 > seconds:
+        raise InputError(f"--interval-ms: no frame would come within --seconds {seconds:g}; give a shorter interval")
     check_range("--threshold", threshold, _MOST_16_BIT)
     check_range("--gain", gain, _MOST_8_BIT)
     path = _make_path(out)
