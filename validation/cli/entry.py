@@ -12,7 +12,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
 
 import validation
-from validation.cli.failures import DONE, INTERRUPTED, PIPE_CLOSED, explain
+from validation.cli.failures import DONE, INTERRUPTED, OUTSIDE_FAILED, PIPE_CLOSED, explain
 from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
 
@@ -96,6 +96,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         _drop_output()
         status = PIPE_CLOSED
+    except OSError:  # the disk behind standard error is full, so that nothing more can be said
+        if os.environ.get("SOFTCOVER_TRACEBACK"):
+            raise
+        _drop_output()
+        status = OUTSIDE_FAILED
     raise SystemExit(status)
 
 

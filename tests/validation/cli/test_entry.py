@@ -273,3 +273,10 @@ def test_many_faults_of_one_file_are_counted(softcover, tmp_path):
     assert status == 2
     assert len(err.splitlines()) == 51
     assert err.splitlines()[-1] == "softcover: ... and 2950 more faults; mend these first"
+
+
+def test_a_full_disk_behind_standard_error_ends_with_its_status():
+    code = "from validation.cli import main; main(['derive', 'nothere'])"
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run([sys.executable, "-c", code], stderr=full, check=False)  # noqa: S603 -- own code
+    assert ended.returncode == 3
