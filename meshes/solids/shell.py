@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.solids.cracks import describe_borders, refuse_parts, refuse_seams
 from meshes.solids.simplify import collapse_short_edges
 from meshes.solids.triangles import enclosed_volume, find_crossings, merge_corners, nearest_points
 
@@ -81,7 +82,9 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     points, faces = merge_corners(triangles)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     border = list_border(faces, name)
-    assumed = _check_outward(points, faces, name)
+    refuse_seams(points, faces, name)
+    refuse_parts(points, faces, name)
+    assumed = _check_outward(points, faces, name) + describe_borders(points, border, name)
     points, faces = collapse_short_edges(points, faces, _SHORT * thickness)
     border = list_border(faces, name)
     normals = point_normals(points, faces)
@@ -225,7 +228,8 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
     size = float(np.ptp(points, axis=0).max())
     if mean < _INWARDS * size:
         raise ValueError(
-            f"{name} is inside out: its triangles face inwards; reverse its normals, or the rows of a grid"
+            f"{name} is inside out: its triangles face inwards; reverse its normals, or the rows of a grid; if it is "
+            "hollow on the touched side, give its base instead of the thickness"
         )
     if mean > _OUTWARDS * size:
         return ()

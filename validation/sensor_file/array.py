@@ -75,8 +75,7 @@ def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelA
     """
     if (table.rows is None) != (table.columns is None):
         raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
-    centres, normals = _read_positions(path)
-    centres = centres * (table.unit or 1.0)
+    centres, normals = _read_positions(path, table.unit or 1.0)
     rows, columns = table.rows or 1, table.columns or len(centres)
     if rows * columns != len(centres):
         raise InputError(
@@ -170,8 +169,12 @@ def _read_mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.boo
     return np.array([[entry == "1" for entry in line] for line in lines])
 
 
-def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
+def _read_positions(path: Path, unit: float) -> tuple[FloatArray, FloatArray]:
     """Read the positions of n texels from a CSV file.
+
+    Args:
+        path: The file.
+        unit: Length of one unit of its coordinates [m].
 
     Returns:
         Centres of the texels, shape (n, 3) [m], and their unit normals, shape (n, 3) [-].
@@ -196,15 +199,22 @@ def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
         )
     numbers = np.array([_read_numbers(line, len(header), path, k) for k, line in enumerate(lines[1:], start=1)])
     normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (len(numbers), 1))  # noqa: PLR2004 -- x, y, z
-    return numbers[:, :3].copy(), normals.copy()
+    centres = unit * numbers[:, :3]
+    far = np.flatnonzero(np.abs(centres).max(axis=1) > _FARTHEST)
+    if len(far):
+        raise InputError(
+            f"array.positions: {path}: texel {far[0]} is farther than {_FARTHEST:g} m from the origin; state the unit "
+            'of the file, for example unit = "mm"'
+        )
+    return centres, normals.copy()
 
 
 def _read_numbers(entries: list[str], count: int, path: Path, texel: int) -> list[float]:
-    """Read the numbers of one texel; raise an `InputError` if they are not `count` finite numbers within 1000 m."""
+    """Read the numbers of one texel; raise an `InputError` if they are not `count` finite numbers."""
     try:
         numbers = [float(entry) for entry in entries]
     except ValueError:
         numbers = []
-    if len(numbers) != count or not all(abs(number) <= _FARTHEST for number in numbers):
+    if len(numbers) != count or not np.isfinite(numbers).all():
         raise InputError(f"array.positions: {path}: texel {texel} is not {count} numbers; {_EXAMPLE}")
     return numbers
