@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.solids.cracks import describe_borders, refuse_parts, refuse_seams
+from meshes.solids.cracks import describe, describe_borders, refuse_parts, refuse_seams
 from meshes.solids.simplify import collapse_short_edges
 from meshes.solids.triangles import enclosed_volume, find_crossings, merge_corners, nearest_points
 
@@ -36,6 +36,16 @@ _INSIDE = 0.5
 #: Mean component of the normals away from the middle of a surface, over its size: below the first value they point
 #: inwards; below the second the surface is so flat that its outside cannot be told [-].
 _INWARDS, _OUTWARDS = -0.02, 0.02
+
+#: Index of the strip between the borders of outer surface and base among the groups of triangles of a body.
+_STRIP = 2
+#: What is wrong where surfaces cross, and what to do.
+_CORE = (
+    "the base reaches through the outer surface; give the body of the cover alone as surface, the outer body minus the "
+    "core, or open surfaces that end where the cover ends"
+)
+_SHEETS = "the outer surface and the base cross each other; check frame and unit, or end both where the cover ends"
+_OUTLINES = "the sides between the borders of outer surface and base cross a surface; cut both along the same outline"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,6 +153,8 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
         chosen = select_base(outer, base, distance=distance, is_closed=not len(edge))
         if chosen.any():
             return Shell(surface=outer, base=outer[chosen][:, ::-1], notes=())
+        if not len(edge):
+            _refuse_crossings((outer, base), (_CORE, _CORE))
         if not len(edge) and _are_inside(base_points, outer):
             faces = base_faces if enclosed_volume(base) > 0 else base_faces[:, ::-1]
             into = base_points[faces]
@@ -154,12 +166,32 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     agreement = np.einsum("fc,fc->f", _cross(base_points[base_faces]), _unit(_cross(outer))[owner]).sum()
     if agreement < 0:
         base_faces = base_faces[:, ::-1]
-    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
     into = base_points[base_faces]
+    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
+    _refuse_crossings((outer_points[outer_faces], into, strip), (_SHEETS, _OUTLINES))
     surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
     if enclosed_volume(surface) < 0:  # the outer surface faced its base
         surface, into = surface[:, ::-1], into[:, ::-1]
     return Shell(surface=surface, base=into)
+
+
+def _refuse_crossings(groups: tuple[FloatArray, ...], words: tuple[str, str]) -> None:
+    """Refuse groups of triangles that cross each other: outer surface, base and the strip between their borders.
+
+    Args:
+        groups: Triangles of each group, shape (n, 3, 3) [m].
+        words: What is wrong if the first two cross, and if the third crosses one of them or itself.
+
+    Raises:
+        ValueError: With the number of pairs that cross and the place of one.
+    """
+    triangles, group = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(each) for each in groups])
+    pairs = np.array(sorted(find_crossings(triangles)), dtype=np.int64).reshape(-1, 2)
+    one, other = group[pairs].min(axis=1), group[pairs].max(axis=1)
+    for found, what in zip(((one == 0) & (other == 1), other == _STRIP), words, strict=True):
+        if found.any():
+            place = describe(triangles[pairs[found][0, 0]].mean(axis=0))
+            raise ValueError(f"{what} ({int(found.sum())} pairs of triangles cross, as at ({place}) mm)")
 
 
 def select_base(
