@@ -81,7 +81,8 @@ def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelA
         raise InputError(
             f"array.positions: {path} holds {len(centres)} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
         )
-    pitch = table.pitch or _smallest_spacing(centres, normals)
+    alone = table.texel_size if len(centres) == 1 else None
+    pitch = table.pitch or alone or _smallest_spacing(centres, normals)
     active = _read_mask(table, rows, columns)
     return TexelArray(
         centres=centres,
@@ -115,7 +116,7 @@ def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, 
     from scipy.spatial import cKDTree
 
     if len(centres) < 2:  # noqa: PLR2004 -- a distance needs two texels
-        raise InputError('array.pitch: is missing, and one texel has no neighbour; write for example pitch = "3.4 mm"')
+        raise InputError('array.texel_size: is missing, and one texel has no neighbour; write texel_size = "2 mm"')
     flat = bool(np.allclose(normals, [0, 0, 1]) and np.ptp(centres[:, 2]) < _SAME_HEIGHT)
     places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
     distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())

@@ -132,6 +132,15 @@ def test_texels_in_the_frame_of_a_robot_are_read_in_their_unit(tmp_path):
     assert "is farther than 1000 m from the origin; state the unit" in refuse(path)
 
 
+def test_one_texel_needs_its_size_only(tmp_path):
+    write_ball(tmp_path)
+    path = write_sensor(tmp_path)
+    (tmp_path / "texels.csv").write_text("x,y,z\n0,0,8\n")
+    assert 'array.texel_size: is missing, and one texel has no neighbour; write texel_size = "2 mm"' in refuse(path)
+    path.write_text(path.read_text().replace("project", 'texel_size = "2 mm"\nproject'))
+    assert load(path).array.pitch == load(path).array.texel_size == (2e-3, 2e-3)
+
+
 def test_a_mesh_file_is_taken_and_a_changed_one_is_named(tmp_path):
     tip = fingertip()
     write_mesh(tmp_path / "mesh.npz", tip.mesh(3e-3, layers=2))
