@@ -101,24 +101,27 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     step = (-thickness if inward else thickness) * normals
     near = _list_neighbours(faces, len(points))
     areas = np.linalg.norm(_cross(points[faces]), axis=1)
-    best, least, distance = step, np.inf, 0.0
+    best, least, distance, sharp = step, np.inf, 0.0, points[0]
     for number in range(_ROUNDS):
         folded = _find_folds(points, points + step, faces, border, inward=inward)
         share = float(areas[folded].sum() / areas.sum())
         if share <= _MOST_FOLDED and share < least:
             near_by = nearest_points(points + step, points[faces])[0]
-            shortest = float(np.linalg.norm(near_by - points - step, axis=1).min())
+            lengths = np.linalg.norm(near_by - points - step, axis=1)
+            shortest, sharp = float(lengths.min()), points[lengths.argmin()]
             if shortest >= (_WANTED if np.isfinite(least) else _THINNEST) * thickness:
                 best, least, distance = step, share, shortest
         if not share:
             break
+        if number == 0:
+            sharp = points[faces[folded][0]].mean(axis=0)
         spots = set(faces[folded].ravel().tolist())
         step = _smooth(step, near, spots, rings=min(1 + number // _WIDEN, _MOST_RINGS))
     moved = points + best
     if not distance:
         raise ValueError(
-            f"{name} bends more sharply than a thickness of {1e3 * thickness:.3g} mm allows; take a smaller thickness, "
-            "or give the surface of the base"
+            f"{name} bends more sharply than a thickness of {1e3 * thickness:.3g} mm allows, as at "
+            f"({describe(sharp)}) mm; round the edges there, take a smaller thickness, or give the surface of the base"
         )
     outer, inner = (points, moved) if inward else (moved, points)
     notes = assumed + _describe_offset(distance, thickness)
