@@ -8,6 +8,7 @@ import numpy as np
 
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
+from meshes.solids.cracks import label_parts
 from meshes.solids.facets import area_vectors, facet_shape, line_shape, line_slope
 from meshes.solids.solid_mesh import SolidMesh
 
@@ -114,6 +115,12 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
         faults.append(
             f"{slivers} of {len(jacobian)} elements are slivers, with a scaled Jacobian below {least:g}; mesh again"
         )
+    loose = 0 if mesh.is_hexahedral else _count_loose(mesh)
+    if loose:
+        faults.append(
+            f"{loose} of {len(jacobian)} elements are not connected with the base; remove loose bodies from the "
+            "surface, or give a base below each"
+        )
     if not through >= LEAST_THROUGH:
         faults.append(
             f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LEAST_THROUGH:g} "
@@ -219,6 +226,12 @@ def scaled_jacobians(mesh: SolidMesh) -> FloatArray:
     length = np.linalg.norm(corner[:, :, None] - corner[:, None], axis=-1)
     products = np.stack([np.delete(length[:, i], i, axis=1).prod(axis=1) for i in range(4)])
     return np.asarray(6 * np.sqrt(2) * _tetrahedron_volumes(mesh) / np.maximum(products.max(axis=0), _TINY))
+
+
+def _count_loose(mesh: SolidMesh) -> int:
+    """Count the elements of bodies that the base does not hold: they could move freely."""
+    label = label_parts(len(mesh.nodes), mesh.cells)
+    return int((~np.isin(label[mesh.cells[:, 0]], label[mesh.base])).sum())
 
 
 def _tetrahedron_volumes(mesh: SolidMesh) -> FloatArray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.solids.cracks import describe, describe_borders, refuse_parts, refuse_seams
 from meshes.solids.simplify import collapse_short_edges
 from meshes.solids.triangles import enclosed_volume, find_crossings, merge_corners, nearest_points
 
@@ -35,6 +36,16 @@ _INSIDE = 0.5
 #: Mean component of the normals away from the middle of a surface, over its size: below the first value they point
 #: inwards; below the second the surface is so flat that its outside cannot be told [-].
 _INWARDS, _OUTWARDS = -0.02, 0.02
+
+#: Index of the strip between the borders of outer surface and base among the groups of triangles of a body.
+_STRIP = 2
+#: What is wrong where surfaces cross, and what to do.
+_CORE = (
+    "the base reaches through the outer surface; give the body of the cover alone as surface, the outer body minus the "
+    "core, or open surfaces that end where the cover ends"
+)
+_SHEETS = "the outer surface and the base cross each other; check frame and unit, or end both where the cover ends"
+_OUTLINES = "the sides between the borders of outer surface and base cross a surface; cut both along the same outline"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,31 +92,36 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     points, faces = merge_corners(triangles)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     border = list_border(faces, name)
-    assumed = _check_outward(points, faces, name)
+    refuse_seams(points, faces, name)
+    refuse_parts(points, faces, name)
+    assumed = _check_outward(points, faces, name) + describe_borders(points, border, name)
     points, faces = collapse_short_edges(points, faces, _SHORT * thickness)
     border = list_border(faces, name)
     normals = point_normals(points, faces)
     step = (-thickness if inward else thickness) * normals
     near = _list_neighbours(faces, len(points))
     areas = np.linalg.norm(_cross(points[faces]), axis=1)
-    best, least, distance = step, np.inf, 0.0
+    best, least, distance, sharp = step, np.inf, 0.0, points[0]
     for number in range(_ROUNDS):
         folded = _find_folds(points, points + step, faces, border, inward=inward)
         share = float(areas[folded].sum() / areas.sum())
         if share <= _MOST_FOLDED and share < least:
             near_by = nearest_points(points + step, points[faces])[0]
-            shortest = float(np.linalg.norm(near_by - points - step, axis=1).min())
+            lengths = np.linalg.norm(near_by - points - step, axis=1)
+            shortest, sharp = float(lengths.min()), points[lengths.argmin()]
             if shortest >= (_WANTED if np.isfinite(least) else _THINNEST) * thickness:
                 best, least, distance = step, share, shortest
         if not share:
             break
+        if number == 0:
+            sharp = points[faces[folded][0]].mean(axis=0)
         spots = set(faces[folded].ravel().tolist())
         step = _smooth(step, near, spots, rings=min(1 + number // _WIDEN, _MOST_RINGS))
     moved = points + best
     if not distance:
         raise ValueError(
-            f"{name} bends more sharply than a thickness of {1e3 * thickness:.3g} mm allows; take a smaller thickness, "
-            "or give the surface of the base"
+            f"{name} bends more sharply than a thickness of {1e3 * thickness:.3g} mm allows, as at "
+            f"({describe(sharp)}) mm; round the edges there, take a smaller thickness, or give the surface of the base"
         )
     outer, inner = (points, moved) if inward else (moved, points)
     notes = assumed + _describe_offset(distance, thickness)
@@ -140,6 +156,8 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
         chosen = select_base(outer, base, distance=distance, is_closed=not len(edge))
         if chosen.any():
             return Shell(surface=outer, base=outer[chosen][:, ::-1], notes=())
+        if not len(edge):
+            _refuse_crossings((outer, base), (_CORE, _CORE))
         if not len(edge) and _are_inside(base_points, outer):
             faces = base_faces if enclosed_volume(base) > 0 else base_faces[:, ::-1]
             into = base_points[faces]
@@ -151,12 +169,32 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     agreement = np.einsum("fc,fc->f", _cross(base_points[base_faces]), _unit(_cross(outer))[owner]).sum()
     if agreement < 0:
         base_faces = base_faces[:, ::-1]
-    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
     into = base_points[base_faces]
+    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
+    _refuse_crossings((outer_points[outer_faces], into, strip), (_SHEETS, _OUTLINES))
     surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
     if enclosed_volume(surface) < 0:  # the outer surface faced its base
         surface, into = surface[:, ::-1], into[:, ::-1]
     return Shell(surface=surface, base=into)
+
+
+def _refuse_crossings(groups: tuple[FloatArray, ...], words: tuple[str, str]) -> None:
+    """Refuse groups of triangles that cross each other: outer surface, base and the strip between their borders.
+
+    Args:
+        groups: Triangles of each group, shape (n, 3, 3) [m].
+        words: What is wrong if the first two cross, and if the third crosses one of them or itself.
+
+    Raises:
+        ValueError: With the number of pairs that cross and the place of one.
+    """
+    triangles, group = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(each) for each in groups])
+    pairs = np.array(sorted(find_crossings(triangles)), dtype=np.int64).reshape(-1, 2)
+    one, other = group[pairs].min(axis=1), group[pairs].max(axis=1)
+    for found, what in zip(((one == 0) & (other == 1), other == _STRIP), words, strict=True):
+        if found.any():
+            place = describe(triangles[pairs[found][0, 0]].mean(axis=0))
+            raise ValueError(f"{what} ({int(found.sum())} pairs of triangles cross, as at ({place}) mm)")
 
 
 def select_base(
@@ -225,7 +263,8 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
     size = float(np.ptp(points, axis=0).max())
     if mean < _INWARDS * size:
         raise ValueError(
-            f"{name} is inside out: its triangles face inwards; reverse its normals, or the rows of a grid"
+            f"{name} is inside out: its triangles face inwards; reverse its normals, or the rows of a grid; if it is "
+            "hollow on the touched side, give its base instead of the thickness"
         )
     if mean > _OUTWARDS * size:
         return ()

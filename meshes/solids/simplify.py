@@ -12,6 +12,8 @@ from meshes.array_types import FloatArray, IntArray
 _PASSES = 30
 #: Smallest cosine by which a collapse may turn a triangle [-].
 _TURNED = 0.3
+#: Height over the longest side of a triangle below which a collapse must not bring it [-].
+_SLIVER = 0.1
 
 
 def collapse_short_edges(points: FloatArray, faces: IntArray, length: float) -> tuple[FloatArray, IntArray]:
@@ -71,9 +73,19 @@ def _collapse(
     # Slivers say nothing about the direction of the surface; only larger triangles must not turn.
     if (np.einsum("fc,fc->f", one, other) < _TURNED * product)[np.linalg.norm(one, axis=1) > 0.1 * _largest(one)].any():
         return set()
+    shape = [_shapes(points[each]).min(initial=1.0) for each in (before, after)]
+    if shape[1] < min(_SLIVER, shape[0]):
+        return set()
     faces[moving] = after
     locked |= near[0] | near[1]
     return shared
+
+
+def _shapes(triangles: FloatArray) -> FloatArray:
+    """Return the height over the longest side of triangles, shape (n,) [-]."""
+    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
+    area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    return np.asarray(area / np.maximum(sides**2, np.finfo(float).tiny))
 
 
 def _largest(vectors: FloatArray) -> float:

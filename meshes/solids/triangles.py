@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -53,10 +55,25 @@ def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) ->
 def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
     """Merge equal corners; returns points, shape (p, 3) [m], and the points of each triangle, shape (n, 3)."""
     flat = triangles.reshape(-1, 3)
-    cell = _SAME * float(np.ptp(flat, axis=0).max())
-    rounded = np.floor((flat - flat.min(axis=0)) / cell + 0.3127).astype(np.int64)
-    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    place = cluster(flat, _SAME * float(np.ptp(flat, axis=0).max()))
+    first = np.unique(place, return_index=True)[1]
     return flat[first], place.reshape(-1, 3)
+
+
+def cluster(points: FloatArray, distance: float) -> IntArray:
+    """Number the clusters of points in which each coordinate has no gap wider than a distance [m], shape (p,).
+
+    The distance is far below that of other points, so that clusters are single places.
+    """
+    label, count = np.zeros(len(points), dtype=np.int64), 0
+    while True:  # a cut along one axis may open gaps along another
+        for values in points.T:
+            order = np.lexsort((values, label))
+            apart = (np.diff(label[order]) != 0) | (np.diff(values[order]) > distance)
+            label[order] = np.concatenate([[0], np.cumsum(apart)])
+        if label.max(initial=0) == count:
+            return label
+        count = int(label.max())
 
 
 def enclosed_volume(triangles: FloatArray) -> float:
@@ -74,18 +91,37 @@ def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
     """Find the pairs of triangles without a common corner of which an edge of one crosses the other."""
     faces = merge_corners(triangles)[1]
     low, high = triangles.min(axis=1), triangles.max(axis=1)
-    block = max(1, _PAIRS // len(triangles))
     crossing: set[tuple[int, int]] = set()
-    for start in range(0, len(triangles), block):
-        part = slice(start, start + block)
-        near = (low[part, None] <= high).all(axis=2) & (high[part, None] >= low).all(axis=2)
-        one, other = np.nonzero(near)
-        one += start
-        apart = (faces[one][:, :, None] != faces[other][:, None, :]).all(axis=(1, 2))
-        one, other = one[apart], other[apart]
-        hit = _edges_cross(triangles[one], triangles[other])
+    for near in _list_near_pairs(low, high):
+        apart = (faces[near[0]][:, :, None] != faces[near[1]][:, None, :]).all(axis=(1, 2))
+        one, other = near[0][apart], near[1][apart]
+        hit = _edges_cross(triangles[one], triangles[other]) | _edges_cross(triangles[other], triangles[one])
         crossing |= {(int(min(pair)), int(max(pair))) for pair in zip(one[hit], other[hit], strict=True)}
     return crossing
+
+
+def _list_near_pairs(low: FloatArray, high: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """List the pairs of n boxes that overlap, in blocks: those that overlap along the axis where the fewest do.
+
+    Args:
+        low: Lower ends of the boxes, shape (n, 3) [m].
+        high: Upper ends, shape (n, 3) [m].
+    """
+    orders = np.argsort(low, axis=0, kind="stable")
+    ends = [np.searchsorted(low[order, k], high[order, k], side="right") for k, order in enumerate(orders.T)]
+    axis = int(np.argmin([end.sum() for end in ends]))
+    order, following = orders[:, axis], ends[axis] - np.arange(len(low)) - 1
+    steps = np.concatenate([[0], np.cumsum(following)])
+    start = 0
+    while start < len(low):
+        stop = max(start + 1, int(np.searchsorted(steps, steps[start] + _PAIRS, side="right")) - 1)
+        count = following[start:stop]
+        first = np.repeat(np.arange(start, stop), count)
+        second = first + 1 + np.arange(count.sum()) - np.repeat(steps[start:stop] - steps[start], count)
+        one, other = order[first], order[second]
+        near = (low[one] <= high[other]).all(axis=1) & (high[one] >= low[other]).all(axis=1)
+        yield one[near], other[near]
+        start = stop
 
 
 def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -75,14 +75,14 @@ def _build_from_positions(table: ArrayTable, path: Path, *, name: str) -> TexelA
     """
     if (table.rows is None) != (table.columns is None):
         raise InputError("array: give both rows and columns, or leave both out: the image is then one row of texels")
-    centres, normals = _read_positions(path)
-    centres = centres * (table.unit or 1.0)
+    centres, normals = _read_positions(path, table.unit or 1.0)
     rows, columns = table.rows or 1, table.columns or len(centres)
     if rows * columns != len(centres):
         raise InputError(
             f"array.positions: {path} holds {len(centres)} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
         )
-    pitch = table.pitch or _smallest_spacing(centres, normals)
+    alone = table.texel_size if len(centres) == 1 else None
+    pitch = table.pitch or alone or _smallest_spacing(centres, normals)
     active = _read_mask(table, rows, columns)
     return TexelArray(
         centres=centres,
@@ -116,7 +116,7 @@ def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, 
     from scipy.spatial import cKDTree
 
     if len(centres) < 2:  # noqa: PLR2004 -- a distance needs two texels
-        raise InputError('array.pitch: is missing, and one texel has no neighbour; write for example pitch = "3.4 mm"')
+        raise InputError('array.texel_size: is missing, and one texel has no neighbour; write texel_size = "2 mm"')
     flat = bool(np.allclose(normals, [0, 0, 1]) and np.ptp(centres[:, 2]) < _SAME_HEIGHT)
     places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
     distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())
@@ -170,8 +170,12 @@ def _read_mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.boo
     return np.array([[entry == "1" for entry in line] for line in lines])
 
 
-def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
+def _read_positions(path: Path, unit: float) -> tuple[FloatArray, FloatArray]:
     """Read the positions of n texels from a CSV file.
+
+    Args:
+        path: The file.
+        unit: Length of one unit of its coordinates [m].
 
     Returns:
         Centres of the texels, shape (n, 3) [m], and their unit normals, shape (n, 3) [-].
@@ -196,15 +200,22 @@ def _read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
         )
     numbers = np.array([_read_numbers(line, len(header), path, k) for k, line in enumerate(lines[1:], start=1)])
     normals = numbers[:, 3:] if len(header) > 3 else np.tile([0.0, 0.0, 1.0], (len(numbers), 1))  # noqa: PLR2004 -- x, y, z
-    return numbers[:, :3].copy(), normals.copy()
+    centres = unit * numbers[:, :3]
+    far = np.flatnonzero(np.abs(centres).max(axis=1) > _FARTHEST)
+    if len(far):
+        raise InputError(
+            f"array.positions: {path}: texel {far[0]} is farther than {_FARTHEST:g} m from the origin; state the unit "
+            'of the file, for example unit = "mm"'
+        )
+    return centres, normals.copy()
 
 
 def _read_numbers(entries: list[str], count: int, path: Path, texel: int) -> list[float]:
-    """Read the numbers of one texel; raise an `InputError` if they are not `count` finite numbers within 1000 m."""
+    """Read the numbers of one texel; raise an `InputError` if they are not `count` finite numbers."""
     try:
         numbers = [float(entry) for entry in entries]
     except ValueError:
         numbers = []
-    if len(numbers) != count or not all(abs(number) <= _FARTHEST for number in numbers):
+    if len(numbers) != count or not np.isfinite(numbers).all():
         raise InputError(f"array.positions: {path}: texel {texel} is not {count} numbers; {_EXAMPLE}")
     return numbers

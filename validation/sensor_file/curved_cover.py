@@ -15,6 +15,7 @@ from pydantic.dataclasses import dataclass
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, check_quality, read_mesh
+from meshes.solids.cracks import close_cracks
 from meshes.solids.quality import SIZES
 from meshes.solids.shell import Shell, join, select_base, thicken
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
@@ -162,11 +163,11 @@ def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
     assert table.unit is not None  # noqa: S101 -- checked before
     if table.thickness is not None:
         name, inward = (table.surface, True) if table.surface is not None else (table.base, False)
-        triangles = read_triangles(folder / str(name), table.unit)
+        triangles = close_cracks(read_triangles(folder / str(name), table.unit))
         _check_size(triangles, str(name))
         words = f"{name} and {1e3 * table.thickness:g} mm {'below' if inward else 'above'} it"
         return thicken(triangles, table.thickness, str(name), inward=inward), words
-    outer, base = (read_triangles(folder / str(name), table.unit) for name in (table.surface, table.base))
+    outer, base = (close_cracks(read_triangles(folder / str(name), table.unit)) for name in (table.surface, table.base))
     _check_size(outer, str(table.surface))
     _check_size(base, str(table.base))
     return join(outer, base, distance=table.base_distance), f"{table.surface} over {table.base}"

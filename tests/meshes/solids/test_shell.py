@@ -94,6 +94,13 @@ def test_the_base_is_found_on_the_surface_of_a_body():
     [
         (CAP, INNER, "the outer surface is open and the base is closed"),
         (BALL, INNER + np.array([0, 0, 0.1]), "neither lies on the closed outer surface nor inside"),
+        (BALL, INNER + np.array([0, 0, 5e-3]), r"reaches through the outer surface; .* cross, as at \("),
+        (CAP, CORE + np.array([0, 0, 4e-3]), "the outer surface and the base cross each other; .* end both where"),
+        (
+            CAP[CAP[:, :, 2].min(axis=1) > 5e-3],
+            0.98 * CAP,
+            "sides between the borders .* cut both along the same outline",
+        ),
     ],
 )
 def test_surfaces_that_do_not_fit_are_refused(outer, base, said):
@@ -108,7 +115,9 @@ def test_bad_surfaces_are_refused_in_words():
     mixed[5] = mixed[5, ::-1]
     with pytest.raises(ValueError, match="face different ways"):
         thicken(mixed, 1e-3, "cap", inward=True)
-    with pytest.raises(ValueError, match="bends more sharply than a thickness of 12 mm"):
+    with pytest.raises(
+        ValueError, match=r"bends more sharply than a thickness of 12 mm allows, as at \(.* mm; round the edges"
+    ):
         thicken(CAP, 12e-3, "cap", inward=True)
 
 

@@ -100,6 +100,14 @@ def test_slivers_and_coarse_meshes_are_refused():
         check_quality(flat).require()
 
 
+def test_a_body_that_the_base_does_not_hold_is_refused():
+    nodes = np.concatenate([CORNERS, CORNERS + 20e-3])
+    mesh = classify_boundary(nodes, np.concatenate([FIVE, FIVE + len(CORNERS)]), BASE, tolerance=1e-6)
+    assert any("5 of 10 elements are not connected with the base" in each for each in check_quality(mesh).faults)
+    held = classify_boundary(CORNERS, FIVE, BASE, tolerance=1e-6)
+    assert not any("not connected" in each for each in check_quality(held).faults)
+
+
 ONE = {
     "nodes": np.eye(4, 3), "cells": np.array([[0, 1, 2, 3]]), "base": np.array([[0, 1, 2]]),
     "top": np.array([[0, 1, 3], [1, 2, 3]]), "sides": np.array([[2, 0, 3]]),

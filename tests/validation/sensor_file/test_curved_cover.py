@@ -79,11 +79,11 @@ def test_bad_surfaces_end_in_one_line(tmp_path, change, said):
     assert sorted(each.name for each in tmp_path.iterdir()) == ["outer.stl", "sensor.toml", "texels.csv"]
 
 
-def test_a_surface_that_crosses_itself_is_refused(tmp_path):
+def test_a_base_that_crosses_the_surface_is_refused(tmp_path):
     write_ball(tmp_path)
     write_ball(tmp_path, "base.stl", radius=8.0, change=lambda ball: ball.apply_translation([4, 0, 0]))
     line = refuse(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
-    assert "neither lies on" in line or "intersects itself" in line
+    assert "the base reaches through the outer surface" in line
 
 
 def test_a_body_with_open_edges_is_refused(tmp_path):
@@ -117,6 +117,28 @@ def test_texels_far_from_the_base_are_named(tmp_path):
     assert "texel 0 by " in refuse(write_sensor(tmp_path, texel="0,0,30"))
     line = refuse(write_sensor(tmp_path, array='positions = "texels.csv"\nproject = true\n'))  # metres, not millimetres
     assert "2 of 2 texels are far from the base" in line
+
+
+def test_texels_in_the_frame_of_a_robot_are_read_in_their_unit(tmp_path):
+    """A texel may be more than 1000 mm from the origin."""
+    write_ball(tmp_path)
+    ball = trimesh.load(tmp_path / "outer.stl")
+    ball.apply_translation([1500.0, 0.0, 0.0])
+    ball.export(tmp_path / "outer.stl")
+    path = write_sensor(tmp_path)
+    (tmp_path / "texels.csv").write_text("x,y,z\n1500,0,8\n1503,0,7.5\n")
+    assert load(path).array.centres[0] == pytest.approx([1.5, 0.0, 8e-3], abs=2e-4)
+    path.write_text(path.read_text().replace('unit = "mm"\nproject', "project"))
+    assert "is farther than 1000 m from the origin; state the unit" in refuse(path)
+
+
+def test_one_texel_needs_its_size_only(tmp_path):
+    write_ball(tmp_path)
+    path = write_sensor(tmp_path)
+    (tmp_path / "texels.csv").write_text("x,y,z\n0,0,8\n")
+    assert 'array.texel_size: is missing, and one texel has no neighbour; write texel_size = "2 mm"' in refuse(path)
+    path.write_text(path.read_text().replace("project", 'texel_size = "2 mm"\nproject'))
+    assert load(path).array.pitch == load(path).array.texel_size == (2e-3, 2e-3)
 
 
 def test_a_mesh_file_is_taken_and_a_changed_one_is_named(tmp_path):
