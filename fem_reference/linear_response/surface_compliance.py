@@ -38,11 +38,11 @@ _PANEL_POINTS = 12
 _TABLE_POINTS, _MOST_PER_LAYER, _LEAST_POINTS, _TABLE_GROWTH = 10, 40, 200, 1.02
 #: Distance at which the displacement counts as zero, over the decay length or, if that is longer, the distance over
 #: which the stretch of a stiff layer decays [-].
-_DECAY = 16.0
+_DECAY = 28.0
 #: Number of wave numbers per factor e at which the response is solved; others are interpolated [-].
 _SOLVED_WAVES = 30
 #: Distance between cells over their larger side below which their compliance is integrated exactly [-].
-_NEIGHBOURS = 8.0
+_NEIGHBOURS = 32.0
 #: Length of the panels of quadratures, and size of a cell below which a pair of points suffices, over the thickness of
 #: the top layer [-].
 _PANEL, _SMALL_CELL = 0.6, 0.2

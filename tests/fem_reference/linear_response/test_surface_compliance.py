@@ -110,3 +110,14 @@ def test_distant_cells_are_displaced_like_the_middle_of_one(bonded):
     x, y = np.array([4e-3, 0.0, 9e-3]), np.array([0.0, 5e-3, 9e-3])
     near = surface.of_rectangle(x, y, 0.1e-3, 0.2e-3)
     assert surface.average_over_cells(x, y, 0.1e-3, 0.2e-3) == pytest.approx(near, rel=2e-3)
+
+
+def test_cells_of_a_wide_contact_on_an_incompressible_cover_add_up_to_the_slope_of_its_long_waves(bonded):
+    cover, wave = bonded(0.5), 0.05  # wave number times thickness: the compliance is a thousandth of the half space's
+    surface = surface_compliance(cover, 1e9)
+    size = 0.25 * cover.thickness
+    far = int(surface.reach / size) + 1
+    x, y = np.meshgrid(np.arange(-far, far + 1) * size, np.arange(-far, far + 1) * size, indexing="ij")
+    pressed = (surface.average_over_cells(x, y, size, size) * np.cos(wave * x / cover.thickness)).sum()
+    exact = solve_waves(cover, np.array([wave / cover.thickness])).compliance[0]
+    assert pressed == pytest.approx(exact, rel=1e-3)
