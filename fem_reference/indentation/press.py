@@ -164,7 +164,9 @@ def _refine(
     for refinement in range(finest + 1):
         try:
             solve = partial(_press_on_grids, place=place, progress=progress, refinement=refinement)
-            results = solve_as_far(path, solve)
+            refines = refinement < _count_refinements(path, place)
+            finer = partial(solve, refinement=refinement + 1) if refines else None
+            results = solve_as_far(path, solve, finer)
         except IncompletePathError:
             if not best:
                 raise

@@ -17,18 +17,27 @@ from fem_reference.materials.stability import describe_instability
 #: attempts: finer grids may stop earlier.  The load rises steeply at last, so less of it costs little of the depth, and
 #: the finer grids then start from the solutions of the coarser ones.  One attempt in three dimensions [-].
 _WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
+#: Load or depth that a failed solution reached, over the last target, from which finer grids are tried: near the end of
+#: a path single coarse grids stop where finer ones do not [-].
+_NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
 #: Load or depth over that of the next target above which a target is left out of the part that is solved again [-].
 _LEAST_SPACING = 0.97
 #: Part of the first target that is tried if the failed solution reached nothing [-].
 _PART = 0.2
 
 
-def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentation]]) -> list[Indentation]:
+def solve_as_far(
+    path: LoadingPath,
+    solve: Callable[[LoadingPath], list[Indentation]],
+    finer: Callable[[LoadingPath], list[Indentation]] | None = None,
+) -> list[Indentation]:
     """Solve a loading path; if it stops early, solve the part that was reached and report both.
 
     Args:
         path: Loading path.
         solve: Function that solves a loading path on all grids and returns one result per target.
+        finer: The same on finer grids, tried where the path stops shortly before its last target; None if there are
+            none.
 
     Raises:
         IncompletePathError: If the path stops before its last target.  It has the results of the part that was
@@ -41,6 +50,11 @@ def solve_as_far(path: LoadingPath, solve: Callable[[LoadingPath], list[Indentat
         failure: Exception = error
     if isinstance(failure, TooShallowError) or _is_linear(path):
         raise IncompletePathError(_explain(path, failure, []), []) from failure
+    if finer is not None and _is_nearly_solved(path, failure):
+        try:
+            return finer(path)
+        except (ConvergenceError, np.linalg.LinAlgError):
+            pass  # what the coarser grids reached is reported
     first, part = failure, path
     shares = _WITHIN[path.control]
     for within in shares if path.indenter.axisymmetric else shares[:1]:
@@ -69,6 +83,13 @@ def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
         return replace(path, targets=(_PART * path.targets[0],))
     kept = tuple(target for target in path.targets if target < _LEAST_SPACING * value)
     return replace(path, targets=(*kept, value))
+
+
+def _is_nearly_solved(path: LoadingPath, error: Exception) -> bool:
+    """Return whether a failed solution without friction came near its last target."""
+    if path.friction or not isinstance(error, PathConvergenceError):
+        return False
+    return bool(getattr(error, path.control) > _NEARLY[path.control] * path.targets[-1])
 
 
 def _is_linear(path: LoadingPath) -> bool:

@@ -33,24 +33,6 @@ _BLOCK = 256
 _SMALL_WAVE = 1e-3
 
 
-def membrane_length(cover: Cover) -> float:
-    """Compute the distance in the plane of the cover over which the stretch of a stiff top decays; 0 for one layer [m].
-
-    For each interface, the layers above are a membrane of stiffness sum E t / (1 - nu^2), and the layers below are a
-    shear foundation of stiffness 1 / sum (t / mu).  The displacement in the plane decays over the square root of the
-    ratio of the two (shear lag; Cox, British Journal of Applied Physics 3, 1952).
-    """
-    lengths = [0.0]
-    for split in range(1, len(cover.layers)):
-        below, above = cover.layers[:split], cover.layers[split:]
-        yielding = sum(layer.thickness / layer.material.shear_modulus for layer in below)
-        membrane = sum(
-            layer.material.youngs_modulus * layer.thickness / (1 - layer.material.poisson_ratio**2) for layer in above
-        )
-        lengths.append((membrane * yielding) ** 0.5)
-    return max(lengths)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
     """Stretch of the top of a cover under a load.

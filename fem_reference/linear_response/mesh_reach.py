@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from fem_reference.linear_response.membrane_tension import membrane_length
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.surface_compliance import decay_length, membrane_length
 from meshes import Cover
 
 #: Distance of the outer boundary over the decay length of the cover's response: part of the radius of axisymmetric

@@ -25,7 +25,7 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Panels for integrals of the base pressure over the distance from the axis: number of equal panels near the axis,
 #: number of these per cover thickness, and ratio of neighbouring panels farther away [-].
-_EVEN_PANELS, _PER_THICKNESS, _PANEL_GROWTH = 32, 8, 1.1
+_EVEN_PANELS, _PER_THICKNESS, _PANEL_GROWTH = 48, 12, 1.1
 #: Largest distance in the table of outlines over the reach of the pressure [-].
 _FARTHEST = 300.0
 #: Smallest singular value of a table that is kept, over the largest [-].
@@ -48,8 +48,15 @@ class _OddTable:
 
     @classmethod
     def tabulate(cls, edges: FloatArray, values: FloatArray) -> _OddTable:
-        """Interpolate values at the grid of positions (edges, edges)."""
-        return cls(spline=RectBivariateSpline(edges, edges, values), limit=float(edges[-1]))
+        """Interpolate values at the grid of positions (edges, edges), the first of which is 0.
+
+        The mirror images are part of the interpolation: without them it is least accurate near the axis, where narrow
+        texels have all their corners.
+        """
+        both = np.append(-edges[:0:-1], edges)
+        right = np.vstack([-values[:0:-1], values])
+        mirrored = np.hstack([-right[:, :0:-1], right])
+        return cls(spline=RectBivariateSpline(both, both, mirrored), limit=float(edges[-1]))
 
     def at(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Evaluate the function at points (x, y) [m]."""

@@ -23,20 +23,26 @@ from meshes.array_types import FloatArray
 #: Product x of wave number and thickness of the top layer above which the layers below have no effect, because
 #: exp(-2 x) is below 1e-11 [-].
 _SHORT_WAVES = 13.0
+#: Part of the largest wave number above which the effect of the layers below is faded out: cut off, the error of the
+#: elements at short waves would ripple through all distances [-].
+_FADE = 0.8
 #: Number of quadratic elements through each layer [-].
 _ELEMENTS = 16
 #: Panels of the integral over the wave number k: largest length in half periods of J0(k reach), length at k = 0 times
 #: the cover thickness, and length over k at larger k [-].
 _PANEL_PERIODS, _FIRST_PANEL, _PANEL_RATIO = 4.0, 0.25, 0.3
 #: Number of Gauss points in each panel [-].
-_PANEL_POINTS = 8
+_PANEL_POINTS = 12
 #: Number of points of the compliance table per thickness of the thinnest layer, and largest number per thickness of the
 #: top layer; smallest number of points to the reach, and ratio of neighbouring steps far from the load [-].
 _TABLE_POINTS, _MOST_PER_LAYER, _LEAST_POINTS, _TABLE_GROWTH = 10, 40, 200, 1.02
-#: Distance over the decay length at which the displacement counts as zero [-].
-_DECAY = 16.0
+#: Distance at which the displacement counts as zero, over the decay length or, if that is longer, the distance over
+#: which the stretch of a stiff layer decays [-].
+_DECAY = 28.0
+#: Number of wave numbers per factor e at which the response is solved; others are interpolated [-].
+_SOLVED_WAVES = 30
 #: Distance between cells over their larger side below which their compliance is integrated exactly [-].
-_NEIGHBOURS = 8.0
+_NEIGHBOURS = 32.0
 #: Length of the panels of quadratures, and size of a cell below which a pair of points suffices, over the thickness of
 #: the top layer [-].
 _PANEL, _SMALL_CELL = 0.6, 0.2
@@ -75,6 +81,24 @@ def decay_length(cover: Cover) -> float:
             for layer in above
         )
         lengths.append((plate / springs) ** 0.25)
+    return max(lengths)
+
+
+def membrane_length(cover: Cover) -> float:
+    """Compute the distance in the plane of the cover over which the stretch of a stiff top decays; 0 for one layer [m].
+
+    For each interface, the layers above are a membrane of stiffness sum E t / (1 - nu^2), and the layers below are a
+    shear foundation of stiffness 1 / sum (t / mu).  The displacement in the plane decays over the square root of the
+    ratio of the two (shear lag; Cox, British Journal of Applied Physics 3, 1952).
+    """
+    lengths = [0.0]
+    for split in range(1, len(cover.layers)):
+        below, above = cover.layers[:split], cover.layers[split:]
+        yielding = sum(layer.thickness / layer.material.shear_modulus for layer in below)
+        membrane = sum(
+            layer.material.youngs_modulus * layer.thickness / (1 - layer.material.poisson_ratio**2) for layer in above
+        )
+        lengths.append((membrane * yielding) ** 0.5)
     return max(lengths)
 
 
@@ -192,12 +216,13 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
         elements_per_layer: Number of quadratic elements through each layer [-].
     """
     top = cover.layers[-1]
-    farthest = _DECAY * decay_length(cover)
+    farthest = _DECAY * max(decay_length(cover), membrane_length(cover))
     decayed, reach = reach >= farthest, min(reach, farthest)
     k, weight = _wave_numbers(cover, reach)
-    solved = solve_waves(cover, k, elements_per_layer=elements_per_layer).compliance
+    solved = _interpolate_waves(cover, k, elements_per_layer)
     half_space = (1 - top.material.poisson_ratio) / (top.material.shear_modulus * k)  # Johnson 1985, eq. 2.61
-    excess = (solved - half_space) * k * weight / (2 * np.pi)
+    fade = np.cos(np.pi / 2 * np.clip((k / k[-1] - _FADE) / (1 - _FADE), 0, 1)) ** 2
+    excess = (solved - half_space) * fade * k * weight / (2 * np.pi)
     fine = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
     step = min(max(fine, top.thickness / _MOST_PER_LAYER), reach / _LEAST_POINTS)
     growing = growing_steps(step, reach, lambda each: max(step, min(_TABLE_GROWTH * each, reach / _LEAST_POINTS)))
@@ -212,6 +237,21 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
         scale=top.thickness,
         thickness=cover.thickness,
     )
+
+
+def _interpolate_waves(cover: Cover, wave_number: FloatArray, elements_per_layer: int) -> FloatArray:
+    """Compute the compliance at ascending wave numbers, shape (m,) [m/Pa].
+
+    The compliance is smooth over the logarithm of the wave number, so that many wave numbers need few solutions.
+    """
+    first, last = np.log(wave_number[[0, -1]])
+    count = int(np.ceil(_SOLVED_WAVES * (last - first))) + 1
+    if count >= len(wave_number):
+        return solve_waves(cover, wave_number, elements_per_layer=elements_per_layer).compliance
+    solved = np.exp(np.linspace(first, last, count))
+    # Times the wave number, the compliance tends to that of the half space, which is constant.
+    compliance = solve_waves(cover, solved, elements_per_layer=elements_per_layer).compliance
+    return np.asarray(CubicSpline(np.log(solved), solved * compliance)(np.log(wave_number)) / wave_number)
 
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:

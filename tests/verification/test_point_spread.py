@@ -75,6 +75,15 @@ def test_texels_and_outside_add_up_to_the_load(bonded, wts, nu, base):
     assert spread.reaction == pytest.approx(1, abs=1e-9 if base == "sliding" else 2e-5)
 
 
+@pytest.mark.parametrize("size", [(2e-3, 0.2e-3), (0.1e-3, 0.9e-3), (0.1e-3, 0.1e-3)])
+def test_texels_much_narrower_than_the_cover_is_thick_equal_the_exact_layer(bonded, size):
+    cover, array = bonded(0.49), TexelArray.grid(1, 1, size)
+    spread = point_spread(cover)
+    for place in [(0.0, 0.0), (0.04e-3, 0.2e-3), (0.8e-3, 0.06e-3)]:
+        exact = exact_texel_forces(cover, array, place)
+        assert spread.texel_influence(array, [place])[0] == pytest.approx(exact, rel=5e-4)
+
+
 def test_masked_texels_count_as_outside(bonded, wts):
     spread = point_spread(bonded(0.49))
     active = np.ones(84, dtype=bool)

@@ -51,6 +51,26 @@ def test_less_is_tried_until_all_grids_converge(control, last):
         assert part == pytest.approx((0.1, value))
 
 
+@pytest.mark.parametrize(("reached", "tried"), [(0.95, True), (0.5, False)])
+def test_finer_grids_are_tried_where_a_path_stops_shortly_before_its_target(reached, tried):
+    def stop(path):
+        raise PathConvergenceError("stopped", cause="stopped", load=1.0, depth=reached * path.targets[-1])
+
+    asked = []
+
+    def finer(path):
+        asked.append(path)
+        return ["all of it"]
+
+    path = LoadingPath(cover=make_cover(0.45), indenter=Sphere(radius=5e-3), targets=(1e-3,), control="depth")
+    if tried:
+        assert solve_as_far(path, stop, finer) == ["all of it"]
+    else:
+        with pytest.raises(IncompletePathError):
+            solve_as_far(path, stop, finer)
+    assert len(asked) == tried
+
+
 @pytest.mark.parametrize(
     ("model", "error"),
     [

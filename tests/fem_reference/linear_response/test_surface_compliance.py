@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fem_reference.elements.line import gauss_points
 from fem_reference.linear_response.surface_compliance import decay_length, solve_waves, surface_compliance
 from meshes import Cover, Layer, Material
 
@@ -59,6 +60,27 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
     assert decay_length(cover) > cover.thickness
 
 
+@pytest.mark.parametrize("layers", [((3e5, 0.44), (2e6, 0.56)), ((1e4, 0.38), (8e7, 0.34), (3e4, 0.28))])
+def test_a_wide_even_pressure_compresses_a_cover_with_a_stiff_layer_like_a_long_wave(layers):
+    cover = Cover(
+        layers=tuple(
+            Layer(
+                thickness=thickness,
+                material=Material(
+                    name="m", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=0.45
+                ),
+            )
+            for modulus, thickness in layers
+        )
+    )
+    surface = surface_compliance(cover, 1e9)
+    # The displacement under even pressure on a circle that ends where the table does: the volume below a point load.
+    radius, weight = gauss_points(np.linspace(0, surface.reach, 20001), 3)
+    pressed = 2 * np.pi * weight @ (radius * surface.regular(radius) + surface.half_space)
+    exact = solve_waves(cover, np.array([1e-3 / surface.reach])).compliance
+    assert pressed == pytest.approx(exact, rel=2e-4)
+
+
 @pytest.mark.parametrize(
     ("nu", "ratio"),
     [
@@ -88,3 +110,14 @@ def test_distant_cells_are_displaced_like_the_middle_of_one(bonded):
     x, y = np.array([4e-3, 0.0, 9e-3]), np.array([0.0, 5e-3, 9e-3])
     near = surface.of_rectangle(x, y, 0.1e-3, 0.2e-3)
     assert surface.average_over_cells(x, y, 0.1e-3, 0.2e-3) == pytest.approx(near, rel=2e-3)
+
+
+def test_cells_of_a_wide_contact_on_an_incompressible_cover_add_up_to_the_slope_of_its_long_waves(bonded):
+    cover, wave = bonded(0.5), 0.05  # wave number times thickness: the compliance is a thousandth of the half space's
+    surface = surface_compliance(cover, 1e9)
+    size = 0.25 * cover.thickness
+    far = int(surface.reach / size) + 1
+    x, y = np.meshgrid(np.arange(-far, far + 1) * size, np.arange(-far, far + 1) * size, indexing="ij")
+    pressed = (surface.average_over_cells(x, y, size, size) * np.cos(wave * x / cover.thickness)).sum()
+    exact = solve_waves(cover, np.array([wave / cover.thickness])).compliance[0]
+    assert pressed == pytest.approx(exact, rel=1e-3)

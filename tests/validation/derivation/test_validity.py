@@ -9,7 +9,8 @@ import fastmodel
 from fem_reference import point_spread
 from fem_reference.indentation.ball_path import press_ball
 from fem_reference.linear_response.finite_cover import SolidInfluence
-from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse, membrane_length
+from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
+from fem_reference.linear_response.surface_compliance import membrane_length
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
 from validation.derivation.derive import _describe_range, _state_range
