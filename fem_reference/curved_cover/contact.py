@@ -13,25 +13,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fem_reference.curved_cover.compliance import NormalCompliance
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.pressure_shapes import GapSampler, MeanGaps
 from fem_reference.curved_cover.rays import measure_gaps
-from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import ConvergenceError
 from meshes import Indenter
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.facets import facet_shape, split_facet
 from meshes.spatial_pose import SpatialPose
 
-#: Number of nodes of the top that are loaded at a time, to limit the memory [-].
-_BLOCK = 64
 #: Largest number of exchanges of hats, and of exchanges of all wrong hats at once without fewer wrong hats [-].
-_EXCHANGES, _PATIENCE = 200, 8
+EXCHANGES, _PATIENCE = 200, 8
 #: Overlap over the deepest overlap of the undeformed top below which a hat counts as free [-].
-_NEGLIGIBLE = 1e-9
+NEGLIGIBLE = 1e-9
 #: Compliance that is added to that of each hat, over the sum of all: below an indenter smaller than a facet the hats
 #: are linearly dependent [-].
-_SOFT = 1e-8
+SOFT = 1e-8
 #: Gap over the deepest overlap below which a hat counts to the area of contact: near a sharp edge the pressure
 #: oscillates, and hats beside large forces are lifted a little [-].
 _CLOSED = 0.02
@@ -40,46 +38,14 @@ _CLOSED = 0.02
 _PARTS, _FACETS, _POINTS, _SEARCHES, _ZOOM = 6, 4, 9, 6, 1.5
 
 
-class NormalCompliance:
-    """Normal displacements of all m nodes of the top per normal force on one of them.
-
-    Args:
-        solid: Factorised cover.
-    """
-
-    def __init__(self, solid: CoverSolid) -> None:
-        self.solid = solid
-        self.top = FacetSurface.part_of(solid.nodes, solid.layout.top)
-        self._rows: dict[int, FloatArray] = {}
-
-    def rows(self, nodes: IntArray) -> FloatArray:
-        """Return the displacements against the normals per force against the normal of each of k nodes.
-
-        Args:
-            nodes: Indices of nodes of the top, shape (k,).
-
-        Returns:
-            Displacements of all nodes of the top, shape (k, m) [m/N].
-        """
-        missing = [int(node) for node in nodes if int(node) not in self._rows]
-        for start in range(0, len(missing), _BLOCK):  # loads on all nodes of the cover take much memory
-            part = missing[start : start + _BLOCK]
-            forces = np.zeros((len(part), len(self.solid.nodes), 3))
-            forces[np.arange(len(part)), self.top.index[part]] = -self.top.normals[part]
-            moved = self.solid.solve(self.top.index, forces=forces)
-            found = -np.einsum("kmc,mc->km", moved, self.top.normals, optimize=True)
-            self._rows.update(zip(part, found, strict=True))
-        return np.array([self._rows[int(node)] for node in nodes]).reshape(len(nodes), len(self.top.nodes))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactForces:
     """Contact of an indenter in one position with the m nodes of a top.
 
     Attributes:
         forces: Force of the pressure of each hat, against the normals, never negative, shape (m,) [N].
-        nodal: The same pressures as forces on the nodes, by the shape functions of the displacement; some may be
-            negative; shape (m,) [N].
+        nodal: The same pressures, and the shear of hats that stick, as forces on the nodes, by the shape functions of
+            the displacement, shape (m, 3) [N].
         area: Area of the hats in contact, those included that are lifted by less than 2 % of the depth [m2].
         spacing: Mean distance of the nodes in contact [m].
         half_width: Half the smaller width of the contact, by the second moments of its area; a disk's radius [m].
@@ -87,6 +53,7 @@ class ContactForces:
         travel: Distance by which the indenter moved from its pose, along its direction [m].
         load: Force of the indenter on the cover along its direction [N].
         stiffness: Increase of the load per travel with the same hats in contact [N/m].
+        shear: Force of the indenter on the cover across the normal of each hat, shape (m, 3) [N]; None if frictionless.
     """
 
     forces: FloatArray
@@ -98,6 +65,7 @@ class ContactForces:
     travel: float
     load: float
     stiffness: float
+    shear: FloatArray | None = None
 
 
 def solve_contact(
@@ -116,11 +84,29 @@ def solve_contact(
     """
     gaps = sampler.at(travel)
     forces, change, remaining = _find_forces(compliance, gaps)
+    top = compliance.top
+    nodal, more = (-(gaps.spread @ each)[:, None] * top.normals for each in (forces, change))
+    stiffness = float((more @ direction).sum())
+    return describe_contact(
+        top, gaps, travel, direction, forces=forces, nodal=nodal, stiffness=stiffness, remaining=remaining
+    )
+
+
+def describe_contact(
+    top: FacetSurface,
+    gaps: MeanGaps,
+    travel: float,
+    direction: FloatArray,
+    *,
+    forces: FloatArray,
+    nodal: FloatArray,
+    stiffness: float,
+    remaining: FloatArray,
+) -> ContactForces:
+    """Measure the contact of m hats; `remaining` are their mean gaps, shape (m,) [m]; others as in `ContactForces`."""
     closed = remaining < -_CLOSED * gaps.gap.min(initial=0.0)
-    rate = -(compliance.top.normals @ direction)
-    nodal = gaps.spread @ forces
     spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
-    places = (gaps.spread.T @ compliance.top.nodes)[closed]  # where the force of each hat acts
+    places = (gaps.spread.T @ top.nodes)[closed]  # where the force of each hat acts
     return ContactForces(
         forces=forces,
         nodal=nodal,
@@ -129,9 +115,31 @@ def solve_contact(
         half_width=_measure_half_width(places, gaps.area[closed], spacing),
         has_edge=bool((gaps.is_cut & (forces > 0)).any()),
         travel=travel,
-        load=float(nodal @ rate),
-        stiffness=float((gaps.spread @ change) @ rate),
+        load=float((nodal @ direction).sum()),
+        stiffness=stiffness,
     )
+
+
+class Exchange:
+    """Choice of the hats that enter or leave the contact in one step of the pivoting.
+
+    Args:
+        count: Number of hats.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._fewest, self._patience = count + 1, _PATIENCE
+
+    def choose(self, wrong: BoolArray) -> BoolArray:
+        """Return all wrong hats; only the last of them where exchanges of all do not make them fewer."""
+        count = int(wrong.sum())
+        if count < self._fewest:
+            self._fewest, self._patience = count, _PATIENCE
+        elif self._patience > 0:
+            self._patience -= 1
+        else:
+            wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last hat alone cannot cycle (Murty 1974)
+        return wrong
 
 
 def _measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
@@ -153,8 +161,8 @@ def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArr
     """Find the forces of the hats, their increase per travel, and the mean gaps that remain, shape (m,) each."""
     touching = gaps.gap < 0
     deepest = -float(gaps.gap.min(initial=0.0))
-    fewest, patience = len(touching) + 1, _PATIENCE
-    for _ in range(_EXCHANGES):
+    exchange = Exchange(len(touching))
+    for _ in range(EXCHANGES):
         hats = np.flatnonzero(touching)
         forces, change = np.zeros((2, len(touching)))
         if not len(hats):
@@ -164,22 +172,15 @@ def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArr
         moved = loads[nodes].T @ compliance.rows(nodes)  # of all nodes, per unit force of each hat
         mean = np.asarray((gaps.spread.T @ moved.T).T)
         own = mean[:, hats]
-        own[np.diag_indices(len(hats))] += np.broadcast_to(gaps.softness, len(touching))[hats] + _SOFT * np.trace(own)
+        own[np.diag_indices(len(hats))] += np.broadcast_to(gaps.softness, len(touching))[hats] + SOFT * np.trace(own)
         solved = np.linalg.solve(own, np.stack([-gaps.gap[hats], gaps.rate[hats]], axis=1))
         forces[hats], change[hats] = solved.T
         remaining = gaps.gap + forces[hats] @ mean + gaps.softness * forces
-        wrong = np.where(touching, forces < 0, remaining < -_NEGLIGIBLE * deepest)
-        count = int(wrong.sum())
-        if count == 0:
+        wrong = np.where(touching, forces < 0, remaining < -NEGLIGIBLE * deepest)
+        if not wrong.any():
             return forces, change, remaining
-        if count < fewest:
-            fewest, patience = count, _PATIENCE
-        elif patience > 0:
-            patience -= 1
-        else:
-            wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last hat alone cannot cycle (Murty 1974)
-        touching = touching ^ wrong
-    raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges")
+        touching = touching ^ exchange.choose(wrong)
+    raise ConvergenceError(f"the contact did not settle in {EXCHANGES} exchanges")
 
 
 def find_touch(top: FacetSurface, indenter: Indenter, pose: SpatialPose, direction: FloatArray) -> float:

@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from fem_reference.curved_cover.contact import find_touch
 from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.grid_press import GridPress
 from fem_reference.curved_cover.press import (
     LARGEST_DEPTH,
     CurvedIndentation,
-    GridPress,
     build_compliance,
     choose_target,
     press_curved,
@@ -86,6 +86,7 @@ def press_curved_finite(
     load: float | None = None,
     depth: float | None = None,
     direction: npt.ArrayLike | None = None,
+    friction: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> CurvedIndentation:
     """Press a rigid indenter on a curved cover at finite strain; see `press_curved` for arguments and result.
@@ -102,6 +103,10 @@ def press_curved_finite(
     towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
     if -pose.rotation[:, 2] @ towards < _ALONG * np.linalg.norm(towards):
         raise ValueError("at finite strain the indenter moves along its own axis; turn it to look along the direction")
+    if friction:
+        raise ValueError(
+            "on curved covers friction is computed at small strain only; use --strain small or no friction"
+        )
     every = check_meshes(meshes)
     given = {"load": load, "depth": depth, "progress": progress}
     accurate = press_curved(every, texels, material, indenter, pose, **given)  # type: ignore[arg-type]
@@ -148,9 +153,9 @@ def _press_points(
     penalty = PENALTY * _AUGMENTED * material.shear_modulus / thickness
     sampler = PointSampler(top, indenter, pose, towards, touch + deepest, deepest, penalty)
     contact = GridPress(compliance, sampler, towards, touch, deepest).to(*target)
-    influence = texel_responses(mesh, texels, material).finest.normal_influence
+    influence = texel_responses(mesh, texels, material).finest.influence
     return _Small(
-        texel_forces=influence @ contact.nodal,
+        texel_forces=np.einsum("nmc,mc->n", influence, contact.nodal, optimize=True),
         load=contact.load,
         depth=contact.travel - touch,
         first=float(sampler.at(touch).gap.min()),

@@ -1,4 +1,4 @@
-"""Press a rigid indenter on a curved cover from any direction: linear elastic, small strain, frictionless."""
+"""Press a rigid indenter on a curved cover from any direction at small strain, frictionless or without slip."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.curved_cover.contact import ContactForces, NormalCompliance, explain_miss, find_touch, solve_contact
+from fem_reference.curved_cover.compliance import NormalCompliance
+from fem_reference.curved_cover.contact import ContactForces, explain_miss, find_touch
 from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.grid_press import GridPress
+from fem_reference.curved_cover.no_slip import STEPS, StickingPress
 from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_error, texel_responses
-from fem_reference.errors import ConvergenceError, PiercedError, TooShallowError
 from meshes import Indenter, Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.quality import measure_thickness
 from meshes.solids.solid_mesh import SolidMesh
 from meshes.spatial_pose import SpatialPose
 
-#: Largest difference between the load and its target, over the target, and largest number of steps to it [-].
-_LOAD_ERROR, _STEPS = 1e-7, 60
-#: Every this many steps to the load the interval is halved, so that it shrinks where the secants do not [-].
-_BISECT = 5
 #: Largest depth over the thickness that is solved, and depth from which a warning states that strains are not small.
 LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
 #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
@@ -41,12 +39,9 @@ _SMOOTH = 2.0
 #: Safety factors on the largest change of texel forces between successive meshes: of one texel, and of half the sum
 #: over all, with which 36 and 34 of 36 estimates covered the errors of presses on flat pads; of both with two meshes.
 _ONE_TEXEL, _SUM, _TWO_MESHES = 2.5, 1.5, 3.0
-#: Rank of the node, by its distance from the indenter, at whose touch the search for a load starts.
-_FIRST_NODES = 4
 #: Assumptions of every result.
 _ASSUMPTIONS = {
     "strain": "small strain; materials linearised at zero load",
-    "friction": "none",
     "motion": "the indenter moves along its direction and does not turn; forces across it are borne by its guide",
     "contact": "along the normals of the undeformed cover, on average over the shapes of the pressure, which is linear "
     "between nodes",
@@ -71,6 +66,8 @@ class CurvedIndentation:
         top: Top of the cover.
         contact_forces: Force of the contact pressure around each of the m nodes of the top, against the normals, never
             negative, shape (m,) [N].
+        shear: Force of the indenter on the cover across the normal around each of these nodes, shape (m, 3) [N]; None
+            without friction.
         displacement: Displacements of the displacement nodes of the solid; those of the mesh come first, shape
             (nodes, 3) [m].
         mesh: Finest mesh.
@@ -98,6 +95,7 @@ class CurvedIndentation:
     error_estimate: Mapping[str, float]
     assumptions: Mapping[str, str]
     warnings: tuple[str, ...] = ()
+    shear: FloatArray | None = None
 
 
 def press_curved(
@@ -110,6 +108,7 @@ def press_curved(
     load: float | None = None,
     depth: float | None = None,
     direction: npt.ArrayLike | None = None,
+    friction: float = 0.0,
     progress: Callable[[str], None] | None = None,
 ) -> CurvedIndentation:
     """Press a rigid indenter on a curved cover.
@@ -125,6 +124,7 @@ def press_curved(
         load: Force along the direction [N]; give either load or depth.
         depth: Distance from the first touch [m].
         direction: Direction of motion, any length, shape (3,); that in which the indenter looks if None.
+        friction: 0, or inf for no slip [-].
         progress: Called with a line of text before each solution.
 
     Raises:
@@ -135,118 +135,48 @@ def press_curved(
     target, control = choose_target(load, depth)
     towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
     towards = towards / np.linalg.norm(towards)
+    if friction not in (0.0, np.inf):
+        raise ValueError(f"friction on curved covers must be 0, or inf for no slip; not {friction}")
     every = check_meshes(meshes)
     responses = texel_responses(every, texels, material, progress=progress)
     found, texel_forces, depths = [], [], []
     for mesh, grid in zip(every, responses.grids, strict=True):
-        compliance = build_compliance(mesh, material)
         if progress is not None:
-            progress(f"contact, {compliance.solid.unknowns} unknowns")
-        touch = find_touch(compliance.top, indenter, pose, towards)
-        if not np.isfinite(touch):
-            raise ValueError(explain_miss(compliance.top, pose, towards))
-        thickness = measure_thickness(mesh)
-        deepest = LARGEST_DEPTH * thickness
-        sampler = GapSampler(compliance.top, indenter, pose, towards, touch + deepest, deepest)
-        contact = GridPress(compliance, sampler, towards, touch, deepest).to(target, control)
+            progress(f"contact, {build_compliance(mesh, material).solid.unknowns} unknowns")
+        path = _begin(mesh, material, (indenter, pose), towards, sticks=friction > 0)
+        contact = path.to(target, control)
         found.append(contact)
-        depths.append(contact.travel - touch)
-        forces = -contact.nodal[:, None] * grid.top.normals
-        texel_forces.append(np.einsum("nmc,mc->n", grid.influence, forces, optimize=True))
+        depths.append(contact.travel - path.touch)
+        texel_forces.append(np.einsum("nmc,mc->n", grid.influence, contact.nodal, optimize=True))
     errors = _estimate(every, np.array(texel_forces), found, depths, control)
-    share = depths[-1] / thickness
-    rough = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
-    warnings = ((rough,) if share > _WARN_DEPTH else ()) + warn_of_errors(errors)
+    if isinstance(path, StickingPress):
+        rough = path.to(target, control, STEPS // 2)
+        changed = np.einsum("nmc,mc->n", grid.influence, rough.nodal - contact.nodal, optimize=True)
+        _add_step_error(errors, changed, texel_forces[-1], (rough, contact), path.touch)
+    share = depths[-1] / measure_thickness(mesh)
+    large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
+    warnings = ((large,) if share > _WARN_DEPTH else ()) + warn_of_errors(errors)
     values = np.where(texels.active, texel_forces[-1], 0.0)
-    return _collect(compliance, found[-1], depths[-1], values, texels, mesh, errors, warnings)
+    return _collect(build_compliance(mesh, material), found[-1], depths[-1], values, texels, mesh, errors, warnings)
+
+
+def _begin(
+    mesh: SolidMesh, material: Material, body: tuple[Indenter, SpatialPose], towards: FloatArray, *, sticks: bool
+) -> GridPress:
+    """Prepare the contact of an indenter in a pose that moves in a direction on one mesh, with or without slip."""
+    compliance = build_compliance(mesh, material)
+    touch = find_touch(compliance.top, *body, towards)
+    if not np.isfinite(touch):
+        raise ValueError(explain_miss(compliance.top, body[1], towards))
+    deepest = LARGEST_DEPTH * measure_thickness(mesh)
+    sampler = GapSampler(compliance.top, *body, towards, touch + deepest, deepest)
+    return (StickingPress if sticks else GridPress)(compliance, sampler, towards, touch, deepest)
 
 
 @lru_cache(maxsize=3)
 def build_compliance(mesh: SolidMesh, material: Material) -> NormalCompliance:
     """Build the compliance of the top of a mesh; the last three are kept, with the nodes that touched so far."""
     return NormalCompliance(build_solid(mesh, material))
-
-
-class GridPress:
-    """Contact of one indenter on one mesh, at a depth or under a load.
-
-    Args:
-        compliance: Compliance of the top of the mesh.
-        sampler: Points of the top that the indenter can touch.
-        direction: Unit direction of the motion, shape (3,).
-        touch: Travel to the first touch [m].
-        deepest: Largest depth that is solved [m].
-    """
-
-    def __init__(
-        self,
-        compliance: NormalCompliance,
-        sampler: GapSampler,
-        direction: FloatArray,
-        touch: float,
-        deepest: float,
-    ) -> None:
-        self._compliance, self._sampler, self._direction = compliance, sampler, direction
-        self._touch, self._deepest = touch, deepest
-
-    def to(self, target: float, control: Literal["load", "depth"]) -> ContactForces:
-        """Solve the contact under a load [N] or at a depth [m].
-
-        Raises:
-            TooShallowError: If the indenter touches less than the shapes of the pressure resolve.
-        """
-        found = self.at_depth(target) if control == "depth" else self.under_load(target)
-        if not found.load > 0:
-            raise TooShallowError(
-                f"at a depth of {1e3 * target:.3g} mm the indenter touches less than the mesh of the cover resolves; "
-                "use a larger depth or a finer mesh"
-            )
-        return found
-
-    def at_depth(self, depth: float) -> ContactForces:
-        """Solve the contact at a depth [m]."""
-        if depth > self._deepest:
-            raise PiercedError(
-                f"at a depth of {1e3 * depth:.4g} mm the indenter would go through most of the cover; use at most "
-                f"{1e3 * self._deepest:.4g} mm",
-                "depth",
-            )
-        return solve_contact(self._compliance, self._sampler, self._direction, self._touch + depth)
-
-    def under_load(self, load: float) -> ContactForces:
-        """Find the depth at which the load is reached [N], by the secant method between bounds.
-
-        The stiffness of the contact starts it: it leaves out that hats grow as the indenter moves.
-        """
-        low, high = 0.0, np.inf
-        depth, before = self._first_depth(), None
-        for number in range(1, _STEPS + 1):
-            contact = self.at_depth(min(depth, self._deepest))
-            excess = contact.load - load
-            if abs(excess) <= _LOAD_ERROR * load:
-                return contact
-            if excess < 0 and depth >= self._deepest:
-                raise PiercedError(
-                    f"{load:.4g} N would press the indenter through most of the cover; use at most {contact.load:.3g} "
-                    "N, a wider indenter or a stiffer cover",
-                    "load",
-                )
-            low, high = (depth, high) if excess < 0 else (low, depth)
-            slope = contact.stiffness
-            if before is not None and (contact.load - before[1]) * (depth - before[0]) > 0:
-                slope = (contact.load - before[1]) / (depth - before[0])
-            before = depth, contact.load
-            depth = min(depth - excess / slope, self._deepest) if slope > 0 else self._deepest
-            if not low < depth < high or (number % _BISECT == 0 and np.isfinite(high)):
-                depth = (low + high) / 2 if np.isfinite(high) else self._deepest
-        raise ConvergenceError(f"the depth under {load:.4g} N was not found in {_STEPS} steps")
-
-    def _first_depth(self) -> float:
-        """Return a depth at which a few nodes touch [m]."""
-        depth = self._deepest / 128
-        while depth < self._deepest and (self.at_depth(depth).forces > 0).sum() < _FIRST_NODES:
-            depth *= 2
-        return min(depth, self._deepest)
 
 
 def choose_target(load: float | None, depth: float | None) -> tuple[float, Literal["load", "depth"]]:
@@ -296,6 +226,26 @@ def _estimate(
     return errors
 
 
+def _add_step_error(
+    errors: dict[str, float],
+    changed: FloatArray,
+    texel_forces: FloatArray,
+    contacts: tuple[ContactForces, ContactForces],
+    touch: float,
+) -> None:
+    """Add to estimated errors what half the number of steps of the path changes; the error falls with their number."""
+    rough, fine = contacts
+    size = np.abs(changed)
+    errors["texel_forces"] += float(size.max() / max(np.abs(texel_forces).max(), np.finfo(float).tiny))
+    errors["misplaced_force"] += float(size.sum() / 2 / fine.load)
+    errors["total_force"] += abs(float(changed.sum() / texel_forces.sum()))
+    errors["contact_area"] += abs(rough.area / fine.area - 1)
+    if "depth" in errors:
+        errors["depth"] += abs((rough.travel - touch) / (fine.travel - touch) - 1)
+    else:
+        errors["load"] += abs(rough.load / fine.load - 1)
+
+
 def warn_of_errors(errors: Mapping[str, float]) -> tuple[str, ...]:
     """State in words which estimated errors are large, and what is not resolved."""
     large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
@@ -333,7 +283,7 @@ def _collect(  # noqa: PLR0917
     """Solve for the displacements and the reactions under the contact forces, and collect the result."""
     solid, top = compliance.solid, compliance.top
     nodal = np.zeros_like(solid.nodes)
-    nodal[top.index] = -contact.nodal[:, None] * top.normals
+    nodal[top.index] = contact.nodal
     displacement, reaction = solid.solve_fully(nodal)
     base_force = -reaction.sum(axis=0)
     return CurvedIndentation(
@@ -351,6 +301,7 @@ def _collect(  # noqa: PLR0917
         displacement=displacement,
         mesh=mesh,
         error_estimate=errors,
-        assumptions=_ASSUMPTIONS,
+        assumptions=_ASSUMPTIONS | {"friction": "none" if contact.shear is None else "no slip"},
         warnings=warnings,
+        shear=contact.shear,
     )

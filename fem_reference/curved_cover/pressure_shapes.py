@@ -106,6 +106,17 @@ class GapSampler:
         normals = np.einsum("qa,fac->fqc", self._shape, top.normals[self._cells], optimize=True)
         self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
+    @property
+    def nodes(self) -> IntArray:
+        """Nodes of the facets that can be touched, ascending, shape (w,)."""
+        return np.unique(self._cells)
+
+    def spread_whole(self) -> sp.csc_matrix:
+        """Compute the force on each node (row) per unit force of each hat (column) where nothing is cut off [-]."""
+        area = np.bincount(self._cells.ravel(), (self._weight @ self._hat).ravel(), len(self._top.nodes))
+        each = np.where(area > 0, area, np.inf)
+        return _assemble_spread(self._cells, self._shape, self._hat, self._weight, each)
+
     def _measure(self, travel: float) -> FloatArray:
         """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)

@@ -100,32 +100,7 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
         through = len(mesh.cells) / len(mesh.base)
     else:  # a regular tetrahedron of edge a has the volume a^3 / (6 sqrt 2)
         through = thickness / float(np.mean(np.cbrt(6 * np.sqrt(2) * np.abs(_tetrahedron_volumes(mesh)))))
-    faults = []
-    if not SIZES[0] <= mesh.size <= SIZES[1]:
-        faults.append(
-            f"the cover would be {1e3 * mesh.size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm; "
-            "state the unit of the surface (were millimetres taken for metres?)"
-        )
-    if inverted:
-        faults.append(
-            f"{inverted} of {len(jacobian)} elements are inverted; make the cover thinner than the radius of a concave "
-            "base, let the normals point out of the base, or mesh again"
-        )
-    if slivers:
-        faults.append(
-            f"{slivers} of {len(jacobian)} elements are slivers, with a scaled Jacobian below {least:g}; mesh again"
-        )
-    loose = 0 if mesh.is_hexahedral else _count_loose(mesh)
-    if loose:
-        faults.append(
-            f"{loose} of {len(jacobian)} elements are not connected with the base; remove loose bodies from the "
-            "surface, or give a base below each"
-        )
-    if not through >= LEAST_THROUGH:
-        faults.append(
-            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LEAST_THROUGH:g} "
-            "needed; take a smaller element size"
-        )
+    faults = _list_faults(mesh, inverted, slivers, through)
     return Quality(
         kind="hexahedra" if mesh.is_hexahedral else "tetrahedra",
         elements=len(mesh.cells),
@@ -139,6 +114,36 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
         through=through,
         faults=tuple(faults),
     )
+
+
+def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -> list[str]:
+    """List why a mesh cannot be used, from its numbers of bad elements and of elements through the thickness."""
+    count, least = len(mesh.cells), _LEAST_JACOBIAN[mesh.cells.shape[1]]
+    faults = []
+    if not SIZES[0] <= mesh.size <= SIZES[1]:
+        faults.append(
+            f"the cover would be {1e3 * mesh.size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm; "
+            "state the unit of the surface (were millimetres taken for metres?)"
+        )
+    if inverted:
+        faults.append(
+            f"{inverted} of {count} elements are inverted; make the cover thinner than the radius of a concave "
+            "base, let the normals point out of the base, or mesh again"
+        )
+    if slivers:
+        faults.append(f"{slivers} of {count} elements are slivers, with a scaled Jacobian below {least:g}; mesh again")
+    loose = 0 if mesh.is_hexahedral else _count_loose(mesh)
+    if loose:
+        faults.append(
+            f"{loose} of {count} elements are not connected with the base; remove loose bodies from the "
+            "surface, or give a base below each"
+        )
+    if not through >= LEAST_THROUGH:
+        faults.append(
+            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LEAST_THROUGH:g} "
+            "needed; take a smaller element size"
+        )
+    return faults
 
 
 def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -76,6 +77,7 @@ def press_sensor(
     depth: float | None = None,
     pose: PoseText | None = None,
     finite: bool = False,
+    friction: float | None = None,
     fast: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> CurvedPress:
@@ -90,14 +92,17 @@ def press_sensor(
         pose: Place, direction and rotation of the indenter; above the middle of the array and along its normal if
             None.
         finite: Whether strains are finite; else small.
+        friction: 0, or inf for no slip; that of the sensor file if None [-].
         fast: Whether the fast model presses too.
         progress: Called with a line of text before each step.
 
     Raises:
-        InputError: If the mesh, a texel, the place or the direction cannot be used, with one line per fault.
+        InputError: If the mesh, a texel, the place, the direction or the friction cannot be used, with one line per
+            fault.
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact is not found.
     """
+    coefficient = choose_friction(sensor, friction, finite=finite)
     from fem_reference.curved_cover import press_curved, press_curved_finite
 
     started = time.perf_counter()
@@ -113,12 +118,33 @@ def press_sensor(
         load=load,
         depth=depth,
         direction=touch.direction,
+        friction=coefficient,
         progress=progress,
     )
     seconds = time.perf_counter() - started
     cover = derive_fast_model(sensor, meshes, progress) if fast else None
     model = press_fast(cover, indenter, touch, found.load, found) if cover is not None else None
     return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=seconds, fast=model)
+
+
+def choose_friction(sensor: SensorDescription, given: float | None = None, *, finite: bool = False) -> float:
+    """Return the coefficient of friction of a press on a curved cover, 0 or inf for no slip [-].
+
+    Args:
+        sensor: The sensor, whose file may state one.
+        given: Coefficient of the command line, if any [-].
+        finite: Whether strains are finite.
+
+    Raises:
+        InputError: If curved covers do not have this friction.
+    """
+    coefficient = sensor.friction if given is None else given
+    place = f"{sensor.source}: contact.friction" if given is None else "--friction"
+    if coefficient not in (0.0, math.inf):
+        raise InputError(f"{place}: {coefficient:g} is not computed on curved covers; accepted: 0 and no-slip")
+    if coefficient and finite:
+        raise InputError(f"{place}: on curved covers no slip is computed at small strain only; write --strain small")
+    return coefficient
 
 
 def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:

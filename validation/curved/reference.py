@@ -17,6 +17,7 @@ from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.responses import lay_out
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh
+from validation.curved.press import choose_friction
 from validation.errors import InputError
 from validation.json_values import json_text
 
@@ -110,22 +111,33 @@ def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Cas
         case: The indentation.
 
     Raises:
+        InputError: If the sensor file states a friction that curved covers do not have.
         ValueError: If the indenter never touches or would go through most of the cover.
         ConvergenceError: If the contact or the load is not found.
     """
     texels, material, touch = sensor.array, sensor.cover.layers[0].material, require_touch(case)
-    pose = touch.pose
+    pose, friction = touch.pose, choose_friction(sensor)
 
     def compute() -> dict[str, Any]:
-        found = press_curved(meshes, texels, material, case.indenter, pose, load=case.load, direction=touch.direction)
+        found = press_curved(
+            meshes,
+            texels,
+            material,
+            case.indenter,
+            pose,
+            load=case.load,
+            direction=touch.direction,
+            friction=friction,
+        )
         values = {field.name: getattr(found, field.name) for field in fields(found) if field.name not in _FROM_MESH}
+        values = {name: value for name, value in values.items() if value is not None}
         arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray | float)}
         texts = {name: value for name, value in values.items() if name not in arrays}
         return {**arrays, "texts": np.array(json_text(texts))}
 
     inputs = {
         "meshes": [mesh.digest for mesh in meshes], "texels": texels, "material": material, "indenter": case.indenter,
-        "pose": pose, "direction": touch.direction, "load": case.load,
+        "pose": pose, "direction": touch.direction, "load": case.load, "friction": friction,
     }  # fmt: skip
     stored = result_store.fetch("curved-press", inputs, compute)
     values: dict[str, Any] = {

@@ -7,7 +7,7 @@ import numpy as np
 from fastmodel.curved.cover import CurvedCover
 from fem_reference import result_store
 from fem_reference.curved_cover import texel_responses
-from fem_reference.curved_cover.contact import NormalCompliance
+from fem_reference.curved_cover.compliance import NormalCompliance
 from fem_reference.curved_cover.pressure_shapes import spread_hats
 from fem_reference.curved_cover.responses import build_solid
 from meshes import Material, TexelArray

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.curved_cover.contact import NormalCompliance, _measure_half_width, find_touch, solve_contact
+from fem_reference.curved_cover.compliance import NormalCompliance
+from fem_reference.curved_cover.contact import _measure_half_width, find_touch, solve_contact
 from fem_reference.curved_cover.press import _estimate, build_compliance, press_curved
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import measure_gaps
@@ -71,12 +72,14 @@ def test_contact_forces_and_gaps_are_complementary():
     sampler = GapSampler(compliance.top, BALL, pose, direction, 12.5e-3)
     contact = solve_contact(compliance, sampler, direction, 12.3e-3)
     given = sampler.at(12.3e-3)
-    moved = contact.nodal @ compliance.rows(np.arange(len(contact.nodal)))
+    nodal = given.spread @ contact.forces
+    np.testing.assert_allclose(contact.nodal, -nodal[:, None] * compliance.top.normals)
+    moved = nodal @ compliance.rows(np.arange(len(nodal)))
     gap = given.gap + given.spread.T @ moved
     touching = contact.forces > 0
     assert touching.sum() > 2
     assert (contact.forces >= 0).all()
-    assert contact.nodal.sum() == pytest.approx(contact.forces.sum())
+    assert nodal.sum() == pytest.approx(contact.forces.sum())
     np.testing.assert_allclose(gap[touching], 0, atol=1e-10)
     assert gap.min() > -1e-10
 

@@ -133,10 +133,11 @@ def press(
     if has_curved_cover(sensor):
         return _press_curved(
             (sensor, material, thickness, layer),
-            unsupported={"--friction": friction, "--accuracy": accuracy, "--curve": curve,
+            unsupported={"--accuracy": accuracy, "--curve": curve,
                          "--method": method != "default"},
             text=PressText(
-                indenter=indenter, at=at, direction=direction, yaw=yaw, tilt=tilt, strain=strain or "small"
+                indenter=indenter, at=at, direction=direction, yaw=yaw, tilt=tilt, strain=strain or "small",
+                friction=friction,
             ),
             force=(load, depth), model=model, out=out, json=json,
         )  # fmt: skip

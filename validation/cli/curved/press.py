@@ -15,6 +15,7 @@ from validation.cli.failures import DONE
 from validation.cli.meaning import print_meaning
 from validation.cli.options import collect
 from validation.cli.output import print_json, print_rows, print_table, say
+from validation.cli.press_options import read_friction_option
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -42,6 +43,7 @@ class PressText:
         yaw: Rotation about the axis of the indenter.
         tilt: Rotations about its x and y axes.
         strain: `small` or `finite`.
+        friction: Coefficient of friction or `no-slip`; that of the sensor file if None.
     """
 
     indenter: str
@@ -50,6 +52,7 @@ class PressText:
     yaw: str
     tilt: str = "0deg,0deg"
     strain: str = "small"
+    friction: str | None = None
 
 
 def press_curved_cover(
@@ -109,6 +112,7 @@ def press_by_fast_model(
     from validation.curved.places import CurvedPlaces
     from validation.curved.press import make_meshes
 
+    read_friction_option(text.friction, used=False)
     if load is None or out is not None:
         faults = ["--depth: the fast model takes a load; write --load"] if load is None else []
         faults += ["--out: needs the finite elements; write --model fem,fast"] if out is not None else []
@@ -159,6 +163,7 @@ def _compute(
     from validation.curved.press import press_sensor
 
     shape, pose = _read_text(text, sensor)
+    friction = read_friction_option(text.friction, used=True)
     with Progress() as progress:
         return press_sensor(
             sensor,
@@ -168,6 +173,7 @@ def _compute(
             depth=force[1],
             pose=pose,
             finite=text.strain == "finite",
+            friction=friction,
             fast=fast,
             progress=progress,
         )
