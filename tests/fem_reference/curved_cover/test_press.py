@@ -176,7 +176,7 @@ def test_nodes_are_loaded_in_blocks_and_kept(monkeypatch):
     """The compliance does not depend on the blocks, and is symmetric."""
     solid = CoverSolid(MESH, RUBBER)
     whole = NormalCompliance(solid).rows(np.arange(20))
-    monkeypatch.setattr("fem_reference.curved_cover.contact._BLOCK", 7)
+    monkeypatch.setattr("fem_reference.curved_cover.compliance._BLOCK", 7)
     blocks = NormalCompliance(solid)
     some = blocks.rows(np.array([3, 11, 12]))
     found = blocks.rows(np.arange(20))
