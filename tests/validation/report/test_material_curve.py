@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 
 from fem_reference.materials import create_finite_strain_energy
 from fem_reference.materials.invariants import volume_ratio
@@ -44,22 +43,3 @@ def test_files_hold_the_curve(tmp_path):
     table = np.loadtxt(tmp_path / "material.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(table, np.column_stack(trace_stress(material)), rtol=1e-5, atol=1e-9)
     assert (tmp_path / "material.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_only_the_curve_and_its_range_are_coloured(tmp_path, monkeypatch):
-    """Lines through zero are grey and thinner, so that nobody takes them for a curve."""
-    figures = []
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: figures.append(figure))
-    material = MATERIALS["tpu"]
-    write_curve(material, tmp_path)
-    (axes,) = figures[0].axes
-    (curve,) = (line for line in axes.lines if len(line.get_xdata()) == len(trace_stress(material)[0]))
-    others = [line for line in axes.lines if line is not curve]
-    assert [(list(line.get_xdata()), list(line.get_ydata())) for line in others] == [([0, 1], [0, 0]), ([0, 0], [0, 1])]
-    for line in others:
-        red, green, blue = to_rgb(line.get_color())
-        assert red == green == blue
-        assert line.get_linewidth() < curve.get_linewidth()
-    assert len(set(to_rgb(curve.get_color()))) == 3
-    (area,) = axes.collections
-    assert to_rgb(area.get_facecolor()[0]) == to_rgb(curve.get_color())
