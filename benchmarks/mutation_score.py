@@ -26,6 +26,7 @@ import tempfile
 import tomllib
 from argparse import Namespace
 from functools import cache, partial
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
@@ -100,11 +101,12 @@ class Chooser:
         for _ in range(STEPS):
             further: set[str] = set()
             for name in names - seen:
-                for path, line, function in _find_uses(name):
-                    tests = self._covering(path, 1 << line)
+                for path, line, owner, runs in _find_uses(name):
+                    # A line outside functions runs in whichever test loads the file first.
+                    tests = self._covering(path, 1 << line) if runs else set()
                     found |= tests
                     # Tests that run a kernel as Python may be few, and compare it with itself.
-                    further |= set() if tests and not is_compiled(path) else {function}
+                    further |= set() if tests and not is_compiled(path) else {owner}
             seen |= names
             names = further
         return found
@@ -120,20 +122,21 @@ class Chooser:
 
 
 @cache
-def _find_uses(name: str) -> list[tuple[str, int, str]]:
-    """Find path, line and function of the lines that use a name; the function is empty outside functions."""
+def _find_uses(name: str) -> list[tuple[str, int, str, bool]]:
+    """Find the lines that use a name: path, line, function, class or constant, and whether it is a function."""
     found = []
     for path, source in _read_sources().items():
         if name not in source:
             continue
-        function = ""
+        owner, runs = "", False
         for number, line in enumerate(source.splitlines(), start=1):
             if start := re.match(r"\s*def (\w+)", line):
-                function = start[1]
+                owner, runs = start[1], True
             elif line and not line[0].isspace() and line[0] not in ")@":
-                function = ""
-            if function != name and re.search(rf"\b{name}\b", line):
-                found.append((path, number, function))
+                start = re.match(r"(?:class )?(\w+)\s*[:=(]", line)
+                owner, runs = start[1] if start and not iskeyword(start[1]) else "", False
+            if owner != name and re.search(rf"\b{name}\b", line):
+                found.append((path, number, owner, runs))
     return found
 
 

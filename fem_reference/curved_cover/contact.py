@@ -125,19 +125,23 @@ class Exchange:
 
     Args:
         count: Number of hats.
+
+    Attributes:
+        is_single: Whether the last choice was one hat, because exchanges of all did not make the wrong hats fewer.
     """
 
     def __init__(self, count: int) -> None:
-        self._fewest, self._patience = count + 1, _PATIENCE
+        self._fewest, self._patience, self.is_single = count + 1, _PATIENCE, False
 
     def choose(self, wrong: BoolArray) -> BoolArray:
         """Return all wrong hats; only the last of them where exchanges of all do not make them fewer."""
-        count = int(wrong.sum())
+        count, self.is_single = int(wrong.sum()), False
         if count < self._fewest:
             self._fewest, self._patience = count, _PATIENCE
         elif self._patience > 0:
             self._patience -= 1
         else:
+            self.is_single = True
             wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last hat alone cannot cycle (Murty 1974)
         return wrong
 

@@ -23,8 +23,8 @@ from fem_reference.curved_cover.pressure_shapes import MeanGaps
 from fem_reference.errors import ConvergenceError
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Number of steps to the target [-].
-STEPS = 8
+#: Number of steps to the target: under a ball twice as many change the force by less than 0.2 % [-].
+STEPS = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,8 +237,9 @@ class _Step:
             if not wrong.any():
                 return found
             wrong = exchange.choose(wrong)
-            sliding |= wrong & ~touching & released
-            released |= wrong & touching
+            if exchange.is_single:  # such exchanges can cycle: a hat that sticks again has another force
+                sliding |= wrong & ~touching & released
+                released |= wrong & touching
             touching = touching ^ wrong
         raise ConvergenceError(f"the contact did not settle in {EXCHANGES} exchanges")
 

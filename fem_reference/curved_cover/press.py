@@ -28,9 +28,10 @@ LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
 #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
 _ORDER = 1.0
 #: Smallest estimated errors of depth and load: the first times the distance of the nodes over half the smaller width of
-#: the contact where a sharp edge ends the pressure, which is singular there, and the second times its square elsewhere.
-#: Above the third, depth, load and area are not resolved: on flat pads the depth was up to eight times too large [-].
-_EDGE, _ROUND, _UNRESOLVED = 0.25, 0.13, 1.2
+#: the contact where a sharp edge ends the pressure, which is singular there, the second likewise without slip, and the
+#: third times its square elsewhere.  Above the fourth, depth, load and area are not resolved: on flat pads the depth
+#: was up to eight times too large [-].
+_EDGE, _STICKING_EDGE, _ROUND, _UNRESOLVED = 0.25, 0.4, 0.13, 1.2
 #: Estimated error above which a warning names it [-].
 _LARGE_ERROR = 0.05
 #: Order with which changes of texel forces between meshes decrease at least, unless a sharp edge ends the pressure:
@@ -218,8 +219,9 @@ def _estimate(
         resolved = (1 + edge) * last.spacing / float(np.sqrt(last.area / np.pi))
         errors["contact_area"] = max(errors["contact_area"], resolved)
         narrow = last.spacing / last.half_width
+        singular = _EDGE if last.shear is None else _STICKING_EDGE
         for name in ("depth", "load"):
-            errors[name] = max(errors[name], _EDGE * narrow if edge else _ROUND * narrow**2)
+            errors[name] = max(errors[name], singular * narrow if edge else _ROUND * narrow**2)
         if narrow > _UNRESOLVED:
             errors |= dict.fromkeys(("depth", "load", "contact_area"), float("nan"))
     errors.pop("load" if control == "load" else "depth")

@@ -12,6 +12,8 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 _SAME = 1e-7
 #: Volume over the cube of the size below which a surface encloses nothing [-].
 _FLAT = 1e-9
+#: Height of a triangle over its longest side below which it is a line [-].
+_THINNEST = 1e-10
 #: Number of pairs of points or triangles that are compared at once, to limit the memory [-].
 _PAIRS = 2_000_000
 
@@ -161,9 +163,11 @@ def _nearest_of_each(points: FloatArray, triangles: FloatArray) -> FloatArray:
     best = np.argmin(((sides - points[:, None]) ** 2).sum(axis=-1), axis=1)
     side = sides[np.arange(len(points)), best]
     normal = np.cross(along[:, 0], along[:, 1])
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    double_area = np.linalg.norm(normal, axis=1)
+    normal = normal / np.maximum(double_area, 1e-300)[:, None]
     plane = points - (away[:, 0] * normal).sum(axis=-1)[:, None] * normal
     inside = ((np.cross(along, plane[:, None] - triangles) * normal[:, None]).sum(axis=-1) >= 0).all(axis=-1)
+    inside &= double_area > _THINNEST * square.max(axis=1)  # a line has no normal
     return np.asarray(np.where(inside[:, None], plane, side))
 
 

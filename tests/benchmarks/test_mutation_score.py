@@ -90,6 +90,20 @@ def test_tests_are_chosen_by_line_fastest_first_and_kernels_by_their_callers(sco
     assert score.Chooser(records).choose(kernel) == ["caller"]
 
 
+def test_a_constant_is_tested_by_the_functions_that_need_it_and_not_by_what_loads_its_file_first(score):
+    """`TexelCount` is a type in a table, which is part of the tables that `parse` reads."""
+    file, reader = "validation/sensor_file/tables.py", "validation/sensor_file/sensor.py"
+    mutant = next(each for each in score.find_mutants(ROOT, ("validation/sensor_file",)) if each.owner == "TexelCount")
+    lines = {
+        name: sum(1 << number for number, line in enumerate((ROOT / name).read_text().splitlines(), start=1) if line)
+        for name in (file, reader)
+    }
+    records = [{"tests": {"loads": [0.1, {file: f"{lines[file]:x}"}], "reads": [0.2, {reader: f"{lines[reader]:x}"}]}}]
+    assert score.Chooser(records).choose(mutant)[-1] == "reads"
+    records = [{"tests": {"loads": [0.1, {file: f"{1 << mutant.line:x}"}]}}]
+    assert score.Chooser(records).choose(mutant) == []
+
+
 def test_scores_count_time_outs_as_killed_and_leave_out_equivalents(score, monkeypatch):
     outcomes = ["failed"] * 17 + ["time", "passed", "no test", "passed"]
     records = [

@@ -1,4 +1,5 @@
 import dataclasses
+import hashlib
 import json
 import os
 import shutil
@@ -124,6 +125,28 @@ def test_a_cut_entry_is_found_and_computed_again(folder, length):
     assert len(result_store.entries()) == 1
     result_store.fetch("test", {}, compute)
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize(
+    "manifest",
+    [[], "text", None, {}, {"arrays": None}, {"arrays": []}, {"arrays": ["a"]}, {"arrays": ["a", "b", "c"]}],
+)
+def test_an_entry_whose_manifest_does_not_list_its_arrays_is_computed_again(folder, manifest, caplog):
+    """Its sha256 holds, as for an entry that another program wrote."""
+    compute, calls = counted({"a": 1.0, "b": 2.0})
+    result_store.fetch("test", {}, compute)
+    (entry,) = folder.iterdir()
+    written, _, arrays = entry.read_bytes().partition(b"\n")[2].partition(b"\n")
+    other = {**json.loads(written), "arrays": None, **manifest} if isinstance(manifest, dict) else manifest
+    body = json.dumps(other).encode() + b"\n" + arrays
+    header = f"softcover-entry 1 sha256={hashlib.sha256(body).hexdigest()} bytes={len(body):016d}\n"
+    entry.write_bytes(header.encode() + body)
+    assert [found.problem for found in result_store.verify()] == [
+        "has bad content: its manifest does not list its arrays"
+    ]
+    assert result_store.fetch("test", {}, compute)["b"] == 2.0
+    assert len(calls) == 2
+    assert "does not list its arrays; it is computed again" in caplog.text
 
 
 def test_an_entry_under_another_name_is_no_entry(folder):

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from validation.cli.output import show
+from validation.cli.output import show, show_wrapped
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
     from validation.derivation.derive import Derivation
 
-#: Largest width of printed lines of text [characters].
-WIDTH = 80
 #: Shares of the force on wrong texels below which the fast model is good, and below which it is usable: those of the
 #: range that `softcover derive` states [-].
 GOOD_MISPLACED, USABLE_MISPLACED = 0.02, 0.05
@@ -28,7 +25,7 @@ def print_meaning(sentences: Iterable[str]) -> None:
     """Print an empty line, then each sentence on lines of its own."""
     show("")
     for sentence in sentences:
-        show(textwrap.fill(sentence, WIDTH, break_long_words=False, break_on_hyphens=False))
+        show_wrapped(sentence)
 
 
 def explain_derivation(derivation: Derivation) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from meshes.array_types import FloatArray
 
 
+#: Largest width of printed lines of text [characters].
+WIDTH = 80
 #: Largest number of characters of a text from a file that is printed, and how many of them are from its end [-]; the
 #: middle of a longer text is left out.  A message ends with the reason.
 _LONGEST, _END = 2000, 200
@@ -66,6 +69,28 @@ def show(text: str) -> None:
     """Write one or more lines of the result to standard output."""
     for line in text.split("\n"):
         sys.stdout.write(f"{escape(line)}\n")
+
+
+def show_wrapped(text: str, *, indent: str = "", further: str = "") -> None:
+    """Write a paragraph to standard output in lines of at most 80 characters.
+
+    Names, options and addresses are never divided, because users copy them; a longer one has a line of its own.
+
+    Args:
+        text: The paragraph.
+        indent: Start of the first line.
+        further: Start of the other lines.
+    """
+    show(
+        textwrap.fill(
+            text,
+            WIDTH,
+            initial_indent=indent,
+            subsequent_indent=further,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    )
 
 
 def print_json(result: Mapping[str, Any]) -> None:

@@ -79,8 +79,10 @@ def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:
     texels = np.column_stack([array.centres, array.normals, found.texel_forces])
     _write_table(folder / "texels.csv", "x_m,y_m,z_m,nx,ny,nz,force_N", texels)
     touched = found.contact_forces > 0
-    contact = np.column_stack([found.top.nodes, found.top.normals, found.contact_forces])[touched]
-    _write_table(folder / "contact.csv", "x_m,y_m,z_m,nx,ny,nz,normal_N", contact)
+    columns, names = [found.top.nodes, found.top.normals, found.contact_forces], "x_m,y_m,z_m,nx,ny,nz,normal_N"
+    if found.shear is not None:
+        columns, names = [*columns, found.shear], f"{names},shear_x_N,shear_y_N,shear_z_N"
+    _write_table(folder / "contact.csv", names, np.column_stack(columns)[touched])
     write_mesh(folder / MESH_FILE, found.mesh)
     title = f"{press.shape} on {press.sensor.name}, {found.load:.4g} N"
     scene = show_curved(found, array, direction=press.touch.direction, title=title)

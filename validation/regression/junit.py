@@ -37,7 +37,7 @@ def write_junit(path: Path, sensor: str, titles: Iterable[str], changes: Sequenc
     root = ET.Element("testsuites", counts)
     root.append(suite)
     ET.indent(root)
-    write_text(path, ET.tostring(root, encoding="unicode", xml_declaration=False) + "\n")
+    write_text(path, ET.tostring(root, encoding="unicode") + "\n")
 
 
 def _clean(text: str) -> str:

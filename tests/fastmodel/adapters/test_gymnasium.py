@@ -169,6 +169,27 @@ def test_reset_clears_the_image_and_the_same_seed_repeats_the_run_exactly():
     assert np.array_equal(*runs)
 
 
+def test_physics_steps_outside_a_step_of_the_environment_make_no_frames():
+    """Neither those before the first reset, nor those of a reset that lets the ball settle."""
+
+    class SettlingEnv(BallEnv):
+        def reset(self, **given):
+            found = super().reset(**given)
+            super().step(np.array([0.0]))
+            return found
+
+    spec, sensor = build_pushed_ball()
+    inner = SettlingEnv(spec.compile(), physics_steps=20)
+    env = TactileObservation(inner, sensor, listen=listen, frames=9)
+    inner.reset()
+    for _ in range(2):
+        frames = env.reset(seed=3)[1]["frames"]["tactile"]
+        assert (frames["made"], frames["dropped"]) == (0, 0)
+        frames = env.step(np.array([-0.5]))[4]["frames"]["tactile"]
+        assert frames["made"] in {5, 6}  # 271 frames/s in 20 ms
+        assert (frames["times"][: frames["made"]] > 0.02).all()
+
+
 def test_dicts_keep_their_keys_and_several_sensors_their_names():
     spec, sensor = build_pushed_ball()
     second = fastmodel.attach(spec, "world", PARAMETERS, name="second", position=[0.1, 0, 0])

@@ -83,6 +83,25 @@ def test_a_contact_equals_itself_and_no_changed_contact():
     assert not reader.find_contact(data)[0].equals(first, 1e-5, 1e-3)
 
 
+def test_contacts_of_bodies_that_are_not_selected_become_points():
+    reader, _, data = build_blocks(CONES["elliptic"])
+    both, _ = reader.find_contact(data)
+    assert np.unique(both.owner).tolist() == [0, 1]
+    assert len(both.points) == 0
+    for kept in (0, 1):
+        found = both.select([kept])
+        assert (found.bodies, found.loads, found.poses) == (
+            (both.bodies[kept],), (both.loads[kept],), (both.poses[kept],),
+        )  # fmt: skip
+        assert not found.owner.any()
+        np.testing.assert_array_equal(found.touches, both.touches[both.owner == kept])
+        np.testing.assert_array_equal(found.points, both.touches[both.owner != kept])
+        assert len(found.owner) == len(found.touches)
+    swapped = both.select([1, 0])
+    np.testing.assert_array_equal(swapped.owner, 1 - both.owner)
+    np.testing.assert_array_equal(swapped.touches, both.touches)
+
+
 def test_contact_forces_that_are_not_finite_are_refused():
     reader, _, data = build_blocks(CONES["elliptic"])
     data.efc_force[:] = np.nan

@@ -68,6 +68,14 @@ def test_bounding_boxes_hold_the_enlarged_solid():
     np.testing.assert_allclose(enlarged.planes[:, 3], plain.planes[:, 3] + 1e-4)
 
 
+def test_planes_that_equal_meshes_share_cannot_be_changed():
+    model, _ = build_model("mesh", [1, 0, 0, 0], np.random.default_rng(0))
+    one, other = describe_solid(model, 0), describe_solid(model, 0)
+    assert np.shares_memory(one.planes, other.planes)
+    with pytest.raises(ValueError, match="read-only"):
+        one.planes[0, 3] += 1e-3
+
+
 def test_height_fields_are_refused_by_name():
     spec = mujoco.MjSpec()
     spec.add_hfield(name="ground", nrow=3, ncol=3, size=[1, 1, 1, 1], userdata=[0.0] * 9)

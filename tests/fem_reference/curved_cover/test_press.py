@@ -231,7 +231,7 @@ def test_estimated_misplaced_force_is_half_the_sum_of_changes(changes, has_edge,
     forces = np.cumsum([[50.0, 30, 20], *changes], axis=0)
     counts = (8, 27, 91.125)[: len(forces)]  # element sizes 3 : 2 : 1.33
     meshes = tuple(types.SimpleNamespace(cells=np.empty(round(1000 * each))) for each in counts)
-    contact = types.SimpleNamespace(load=100.0, area=1.0, spacing=0.1, half_width=0.5, has_edge=has_edge)
+    contact = types.SimpleNamespace(load=100.0, area=1.0, spacing=0.1, half_width=0.5, has_edge=has_edge, shear=None)
     errors = _estimate(meshes, forces, [contact] * len(meshes), [1.0] * len(meshes), "load")
     assert errors["misplaced_force"] == pytest.approx(expected / 100)
 
@@ -268,7 +268,7 @@ def test_a_contact_narrower_than_the_elements_has_no_depth(load, resolved):
 @pytest.mark.parametrize(("has_edge", "expected"), [(True, 0.25 * 0.4), (False, 0.13 * 0.4**2)])
 def test_the_depth_of_a_narrow_contact_is_uncertain_however_alike_the_meshes_are(has_edge, expected):
     meshes = tuple(types.SimpleNamespace(cells=np.empty(count)) for count in (8000, 27000))
-    contact = types.SimpleNamespace(load=1.0, area=1.0, spacing=0.2, half_width=0.5, has_edge=has_edge)
+    contact = types.SimpleNamespace(load=1.0, area=1.0, spacing=0.2, half_width=0.5, has_edge=has_edge, shear=None)
     errors = _estimate(meshes, np.ones((2, 3)), [contact] * 2, [1.0] * 2, "load")
     assert errors["depth"] == pytest.approx(expected)
 

@@ -86,3 +86,14 @@ def test_holes_are_walled():
     heightmap = SmoothedHeightmap(frame, cell=0.05, steepest=STEEPEST, highest=2.0, unit=1.0)
     along = np.array([0.0, 1.5, 3.0, 5.0])
     np.testing.assert_allclose(heightmap.height(along, np.zeros(4)), [2, 0.5 * STEEPEST, 0, STEEPEST], atol=0.1)
+
+
+@pytest.mark.parametrize(("wanted", "cell"), [(1e-4, 3 / 500), (2 * 3 / 500, 2 * 3 / 500)])
+def test_the_grid_has_at_most_500_cells_along_the_longer_half_and_5_beyond_it(monkeypatch, wanted, cell):
+    roller, given = Roller(radius=0.05 * UNIT, length=6 * UNIT), []
+    gap = Roller.gap
+    monkeypatch.setattr(Roller, "gap", lambda self, x, y: given.append(y) or gap(self, x, y))
+    SmoothedHeightmap(roller, cell=wanted, steepest=STEEPEST, highest=1.0, unit=UNIT)
+    lines = np.unique(given[0]) / UNIT
+    np.testing.assert_allclose(np.diff(lines), cell, rtol=1e-9)
+    assert lines[-1] == -lines[0] == pytest.approx(3 + 5 * cell)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from meshes.solids.quality import check_quality, compute_volume, measure_area
 from meshes.solids.solid_mesh import SolidMesh
@@ -59,6 +60,35 @@ def test_nearest_points_of_triangles():
     points = np.array([[1e-3, 0, 3e-3], [5e-3, 0, 1e-3], [5e-3, 4e-3, 3e-3], [0, 0, 0.4e-3]])
     nearest, _ = nearest_points(points, BOX)
     np.testing.assert_allclose(nearest, [[1e-3, 0, 2e-3], [3e-3, 0, 1e-3], [3e-3, 2e-3, 2e-3], [0, 0, 0]], atol=1e-18)
+
+
+#: Points around a triangle with sides 3, 4 and 5 and the height above it, and their nearest points in its plane.
+AROUND = [
+    ((1, 1, 2), (1, 1)), ((1, 1, -2), (1, 1)),
+    ((2, -1, 1), (2, 0)), ((-2, 3, 1), (0, 3)), ((1.5 + 0.8, 2 + 0.6, -1), (1.5, 2)),
+    ((-1, -2, 1), (0, 0)), ((5, -1, 0), (3, 0)), ((3.4, 0, 1), (3, 0)), ((-1, 5, 1), (0, 4)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("scale", [1e-5, 1e-3, 1.0])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 1, 0)])
+def test_the_nearest_point_lies_inside_on_a_side_or_at_a_corner_at_every_scale(scale, order):
+    points = scale * np.array([point for point, _ in AROUND])
+    expected = scale * np.array([[*nearest, 0] for _, nearest in AROUND])
+    triangle = scale * np.array([[[0, 0, 0], [3, 0, 0], [0, 4, 0]]])[:, order]
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
+    found, _ = nearest_points(points @ turn.T, triangle @ turn.T)
+    np.testing.assert_allclose(found, expected @ turn.T, rtol=0, atol=1e-13 * scale)
+
+
+@pytest.mark.parametrize("corners", [(0, 0, 3), (0, 3, 3), (3, 0, 0), (0, 2, 3), (0, 3, 1)])
+@pytest.mark.parametrize("turn", [[0, 0, 0], [0.3, -1.1, 0.7], [1.2, 0.1, 0.4]])
+def test_a_triangle_without_area_is_a_line(corners, turn):
+    turned = 1e-3 * Rotation.from_rotvec(turn).as_matrix().T
+    points = np.array([[1.0, 0.5, 0.0], [1.0, 0.1, -0.7], [-1, 1, 1], [4, 0, 2]]) @ turned
+    triangle = np.array([[[corner, 0.0, 0.0] for corner in corners]]) @ turned
+    expected = np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 0], [3, 0, 0]]) @ turned
+    np.testing.assert_allclose(nearest_points(points, triangle)[0], expected, rtol=0, atol=1e-17)
 
 
 def test_base_top_and_sides_are_found_and_orientation_and_base_are_corrected():

@@ -165,6 +165,37 @@ def test_a_fault_outside_the_cases_is_an_error(wts, text, line):
     assert error.value.faults[0].startswith(line)
 
 
+def test_the_largest_file_and_the_most_cases_are_read_and_one_more_is_refused(wts, tmp_path):
+    path = tmp_path / "large.toml"
+    for size in (2**20, 2**20 + 1):
+        path.write_text(GOOD + "#" * (size - len(GOOD)))
+        if size == 2**20:
+            assert len(read_campaign(path, wts).cases) == 1
+    with pytest.raises(InputError, match="has more than the 1 MiB accepted"):
+        read_campaign(path, wts)
+    tables = parse_toml(GOOD)
+    campaign = parse_campaign({"case": tables["case"] + 999 * [{}]}, wts, source="mine.toml")
+    assert len(campaign.cases) == 1
+    assert campaign.left_out[-1].startswith("mine.toml: case[999].")
+    with pytest.raises(InputError, match="1001 cases; at most 1000 are accepted"):
+        parse_campaign({"case": tables["case"] + 1000 * [{}]}, wts, source="mine.toml")
+
+
+def test_the_most_loads_and_the_longest_name_are_read_and_one_more_is_left_out(wts):
+    table = parse_toml(GOOD)["case"][0]
+    del table["load"]
+    others = [
+        table | {"name": "a" * 80, "loads": [f"{n} g" for n in range(1, 101)]},
+        table | {"name": "a" * 81, "loads": ["200 g"]},
+        table | {"loads": [f"{n} g" for n in range(201, 302)]},
+    ]
+    campaign = parse_campaign({"case": others}, wts, source="mine.toml")
+    assert len(campaign.cases) == 100
+    names, loads = campaign.left_out
+    assert names.startswith("mine.toml: case[1].name: must be a text of 1 to 80 characters")
+    assert loads.startswith("mine.toml: case[2].loads: must be a list of 1 to 100 loads")
+
+
 def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_campaign(tmp_path / "none.toml", wts)

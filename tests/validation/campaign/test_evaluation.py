@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate, verify
 from validation.errors import InputError
 from validation.sensor_file import load
@@ -26,3 +27,20 @@ def test_cover_of_limited_size_is_refused_before_any_work():
     small = dataclasses.replace(sensor, cover=dataclasses.replace(sensor.cover, size=(30e-3, 60e-3)))
     with pytest.raises(InputError, match=r"cover\.size: a report takes laterally wide covers only"):
         evaluate(small)
+
+
+def test_the_cost_is_announced_before_the_long_computations(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    told = []
+
+    def derive(*_, **__):
+        told.append("derived")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("validation.campaign.evaluation.derive", derive)
+    cases = [Case.read(name, "sphere:radius=5mm", load) for name, load in (("light", "50 g"), ("heavy", "500 g"))]
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(load("wts-0614-34"), cases=cases, announce=told.append)
+    assert len(told) == 2
+    assert told[0].startswith("2 cases, 2 reference solutions missing from the store; about ")
+    assert told[1] == "derived"

@@ -60,7 +60,13 @@ def test_all_faults_of_a_pose_are_told_before_the_cover_is_meshed(capsys, monkey
     ("words", "said"),
     [
         (("fingertip", "--tilt=85deg,0deg", "--load=1N"), "--tilt"),
-        (("fingertip", "--friction=0.4", "--load=1N"), "--friction"),
+        (("fingertip", "--friction=0.4", "--load=1N"), "--friction: 0.4 is not computed on curved covers; accepted: 0"),
+        (
+            ("fingertip", "--friction=no-slip", "--load=1N", "--strain=finite"),
+            "--friction: on curved covers no slip",
+        ),
+        (("fingertip", "--friction=no-slip", "--load=1N", "--model=fast"), "--friction: the fast model has none"),
+        (("fingertip", "--friction=sticky", "--load=1N"), "--friction: 'sticky' is not zero"),
         (("fingertip", "--depth=0.1mm", "--model=fast"), "--depth"),
         (("fingertip", "--load=1N", "--model=fast", "--out=x"), "--out"),
         (("fingertip",), "--load, --depth"),

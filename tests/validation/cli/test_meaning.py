@@ -8,7 +8,7 @@ import pytest
 from meshes import Sphere
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.cli.meaning import WIDTH, explain_comparison, explain_verdict, print_meaning
+from validation.cli.meaning import explain_comparison, explain_verdict, print_meaning
 from validation.metrics import score
 from validation.sensor_file import BUILT_IN
 
@@ -37,7 +37,7 @@ def test_lines_fit_eighty_columns(capsys):
     print_meaning(["word " * 40, "`softcover press --accuracy 1%` " * 6])
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == ""
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= 80
 
 
 def test_a_verdict_names_the_largest_change_or_the_groups_that_moved():

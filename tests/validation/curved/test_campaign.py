@@ -13,6 +13,7 @@ from validation.campaign.cost import Plan
 from validation.campaign.verdict import judge
 from validation.curved.campaign import CURVED_MODELS, CurvedCampaign, plan_presses
 from validation.curved.derive import derive_curved
+from validation.curved.evaluate import evaluate_curved
 from validation.curved.evidence import check_shell, gather_curved_evidence
 from validation.curved.places import CurvedPlaces
 from validation.curved.reference import press_case
@@ -53,6 +54,22 @@ def cost(small_pad, plan):
 @pytest.fixture(scope="module")
 def result(bench, plan, cost):
     return bench.run(plan.cases, cost, None)
+
+
+def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    told = []
+
+    def derive(*_, **__):
+        told.append("derived")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("validation.curved.evaluate.derive_curved", derive)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate_curved(small_pad, plan, announce=told.append)
+    assert len(told) == 2
+    assert told[0].startswith("2 cases, 2 reference solutions missing from the store; about ")
+    assert told[1] == "derived"
 
 
 def test_a_stored_press_is_the_press(small_pad, plan, result):

@@ -1,8 +1,13 @@
 """Faults of a sensor file: one line each, with place and accepted values."""
 
+import tomllib
+from pathlib import Path
+
 import pytest
 
 from tests.support.sensor_text import GOOD
+from validation.errors import InputError
+from validation.sensor_file import parse
 
 
 def test_every_fault_is_listed_once_with_its_path(sensor, faults):
@@ -121,3 +126,42 @@ def test_fault_says_what_is_wrong(sensor, old, new, expected, faults):
     (only, *more) = faults(sensor(GOOD.replace(old, new)))
     assert expected in " ".join([only, *more])
     assert all("\n" not in fault for fault in (only, *more))
+
+
+#: Keys of a sensor file that take a number between two limits: place, key, the other keys of its table, both limits.
+LIMITED = [
+    (("array",), "rows", {"columns": 1}, 1, 10_000),
+    (("array",), "columns", {"rows": 1}, 1, 10_000),
+    (("cover", "layer", 0, "material"), "poisson_ratio", {}, 0.0, 0.5),
+    (("cover", "layer", 0, "material"), "spread", {}, 0.0, 10.0),
+    (("cover", "layer", 0, "material"), "poisson_spread", {"poisson_ratio": 0.0}, 0.0, 0.5),
+    (("electronics",), "bits", {}, 1, 32),
+    (("electronics",), "output_max", {"bits": 32}, 1, 2**32 - 1),
+    (("electronics",), "offset", {}, -1e12, 1e12),
+    (("electronics",), "threshold", {}, 0.0, 1e9),
+    (("electronics",), "saturation_band", {"bits": 32}, 0.0, 1e9),
+    (("filter",), "order", {"cutoff": "40 Hz"}, 1, 20),
+    *((("spread",), key, {"sigma_x": 1.0, "sigma_y": 1.0, "ksize_x": 3, "ksize_y": 3}, *limits)
+      for key, limits in {"sigma_x": (1e-3, 100.0), "sigma_y": (1e-3, 100.0),
+                          "ksize_x": (1, 9999), "ksize_y": (1, 9999)}.items()),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("place", "key", "others", "lowest", "highest"), LIMITED)
+def test_the_limits_of_a_number_are_accepted_and_numbers_beyond_them_named(place, key, others, lowest, highest):
+    def read(value):
+        table = tables = tomllib.loads(GOOD)
+        for part in place:
+            table = table[part] if isinstance(part, int) else table.setdefault(part, {})
+        table.update(others | {key: value})
+        return parse(tables, source=Path("sensor.toml"))
+
+    step = 2 if "ksize" in key else 1 if isinstance(lowest, int) else 1e-6 * highest
+    for value in (lowest, highest):
+        read(value)
+    for value in (lowest - step, highest + step):
+        with pytest.raises(InputError) as caught:
+            read(value)
+        (fault,) = caught.value.faults
+        assert f".{key}: " in fault
+        assert f"{value:.10g}" in fault

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from validation.cli.meaning import print_meaning
 from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness
-from validation.cli.output import print_json, print_table, say, show
+from validation.cli.output import print_json, print_table, say, show_wrapped
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from validation.datasheet import Entry
 
 _Out = Annotated[Path | None, Parameter(help="Also write the data sheet to this file, .md or .html.")]
-
-#: Largest width of printed lines of text [characters].
-_WIDTH = 80
 
 
 def datasheet(
@@ -70,12 +67,11 @@ def datasheet(
 def _print(entries: Sequence[Entry], name: str) -> None:
     print_table(None, [(entry.name, entry.text) for entry in entries], title=f"Data sheet: {name}", left=2)
     for entry in entries:
-        text = f"{entry.name}: {entry.definition}. From: {entry.source}."
-        show(textwrap.fill(text, _WIDTH, subsequent_indent="    "))
+        show_wrapped(f"{entry.name}: {entry.definition}. From: {entry.source}.", further="    ")
     missing = [entry.name for entry in entries if not entry.is_stated]
     if missing:
         verdict = (
             f"Not stated: {', '.join(missing)}. Recordings of the real sensor under known loads give most of these: "
             "`softcover record`, then `softcover calibrate ... --sensor FILE --out FILE`."
         )
-        show("\n" + textwrap.fill(verdict, _WIDTH))
+        print_meaning([verdict])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,7 @@ from cyclopts import Parameter
 
 from validation.cli.meaning import print_meaning
 from validation.cli.options import Json
-from validation.cli.output import print_json, print_rows, print_table, say, show
+from validation.cli.output import print_json, print_rows, print_table, say, show, show_wrapped
 from validation.errors import InputError, match_name, nearest
 
 if TYPE_CHECKING:
@@ -24,8 +23,6 @@ _Hardness = Annotated[
     str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
 ]
 
-#: Largest width of printed lines of text [characters].
-_WIDTH = 80
 #: Note for the user on the effect of the elastic constants on the point spread function and on the contact.
 PSF_NOTE = (
     "Young's modulus drops out of the point spread function (of several layers their ratio stays); "
@@ -108,7 +105,7 @@ def _show_all(materials: list[Material]) -> None:
     title = "Materials (E: Young's modulus at small strain; range: E in other sources)"
     print_table(("name", "model", "E", "range", "nu", "from"), rows, title=title, left=2, lines=False)
     for number, source in enumerate(sources, start=1):
-        show(textwrap.fill(f"({number}) {source}", _WIDTH, subsequent_indent="    "))
+        show_wrapped(f"({number}) {source}", further="    ")
     advice = (
         "Sources differ by the range, and batches by about as much: for depth and contact area measure your own sheet, "
         "and write its modulus into the sensor file or --layer 1:youngs_modulus=..."

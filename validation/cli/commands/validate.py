@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import signal
-import textwrap
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ from cyclopts import Parameter
 
 from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, note, print_json, print_table, say, show
+from validation.cli.output import describe_cover, note, print_json, print_table, say, show, show_wrapped
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
@@ -41,9 +40,9 @@ _DataSet = Annotated[
 
 #: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
-#: Names of the metrics in the printed table of scores; number of published models that are printed [-]; width [-].
+#: Names of the metrics in the printed table of scores; number of published models that are printed [-].
 _COLUMNS = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
-_BEST, _WIDTH = 5, 80
+_BEST = 5
 
 
 def demo(
@@ -237,11 +236,11 @@ def _print(evaluation: Evaluation) -> None:
     from validation.campaign.results import SKILL_METRICS, describe_reference_error
 
     sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
-    _show_wrapped(f"{sensor.name}, cover {describe_cover(sensor.cover)}")
-    _show_wrapped(f"Intended use: {evaluation.plan.intended_use}")
-    _show_wrapped(verdict.sentence)
+    show_wrapped(f"{sensor.name}, cover {describe_cover(sensor.cover)}", further="  ")
+    show_wrapped(f"Intended use: {evaluation.plan.intended_use}", further="  ")
+    show_wrapped(verdict.sentence, further="  ")
     for reason in verdict.reasons:
-        _show_wrapped(f"- {reason}", indent="  ")
+        show_wrapped(f"- {reason}", indent="  ", further="  ")
     floor = describe_reference_error(campaign)
     print_table(
         ("model", *map(_head, _COLUMNS)),
@@ -267,15 +266,9 @@ def _print(evaluation: Evaluation) -> None:
         )
         for number, split in enumerate(splits, start=1):
             notes = scores.notes[split]
-            _show_wrapped(f"({number}) {scores.about[split]}:")
+            show_wrapped(f"({number}) {scores.about[split]}:", further="  ")
             for note in notes:
-                _show_wrapped(f"- {note}", indent="  ")
-
-
-def _show_wrapped(text: str, *, indent: str = "") -> None:
-    """Print a paragraph in lines of at most 80 characters."""
-    for line in textwrap.wrap(text, _WIDTH, initial_indent=indent, subsequent_indent="  "):
-        show(line)
+                show_wrapped(f"- {note}", indent="  ", further="  ")
 
 
 def _head(name: str) -> str:

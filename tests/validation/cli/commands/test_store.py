@@ -47,7 +47,7 @@ def damage(number):
 
 
 def test_the_list_of_an_empty_store_names_its_folder(empty):
-    assert empty("store", "list")[:2] == (0, f"0 entries, 0 bytes in {result_store.folder()}\n")
+    assert empty("store", "list") == (0, f"0 entries, 0 bytes in {result_store.folder()}\n", "")
     result = json.loads(empty("store", "list", "--json")[1])
     assert (result["entries"], result["bytes"]) == ([], 0)
 
@@ -83,18 +83,23 @@ def test_an_indentation_is_described_in_the_words_of_the_command_line(softcover)
 
 
 def test_verify_of_an_undamaged_store_finds_nothing(filled):
-    assert filled("store", "verify")[0] == 0
-    assert json.loads(filled("store", "verify", "--json")[1])["damaged"] == []
+    status, out, err = filled("store", "verify")
+    assert (status, err) == (0, "")
+    assert out.endswith(" checked, none damaged\n")
+    status, out, err = filled("store", "verify", "--json")
+    assert (status, json.loads(out)["damaged"], err) == (0, [], "")
 
 
 def test_verify_names_the_damaged_entry(filled):
     path = damage(3)
-    status, out, _ = filled("store", "verify")
+    status, out, err = filled("store", "verify")
     assert status == 1
     assert out.splitlines()[0].startswith(f"{path}: has ")
     assert "5 entries" in out
-    status, out, _ = filled("store", "verify", "--json")
-    assert status == 1
+    assert out.endswith(" checked, 1 damaged\n")
+    assert "removed by `softcover store prune`" in err
+    status, out, err = filled("store", "verify", "--json")
+    assert (status, err) == (1, "")
     assert [entry["path"] for entry in json.loads(out)["damaged"]] == [str(path)]
 
 

@@ -7,7 +7,6 @@ import sys
 import pytest
 
 from tests.support.recordings import RECORDINGS
-from validation.cli.commands.validate import _show_wrapped
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
@@ -89,15 +88,3 @@ def test_a_stopped_run_reports_the_finished_cases_and_continues(tmp_path, stop):
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)  # noqa: S603
     assert again.returncode == 0, again.stderr
     assert f"verdict: ACCEPTED, {COUNT} of {COUNT} cases" in again.stdout
-
-
-@pytest.mark.parametrize("indent", ["", "  "])
-def test_paragraphs_are_wrapped_at_80_characters_and_indented(capsys, indent):
-    text = "- " + " ".join(f"word{number}" for number in range(40))
-    _show_wrapped(text, indent=indent)
-    first, *rest = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"{indent}- word0 ")
-    assert len(rest) > 2
-    assert all(line.startswith("  word") for line in rest)
-    assert all(70 < len(line) <= 80 for line in (first, *rest[:-1]))
-    assert " ".join(line.strip() for line in (first, *rest)) == text

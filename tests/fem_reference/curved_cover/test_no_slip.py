@@ -1,0 +1,132 @@
+"""Indenters that do not slip on curved covers."""
+
+import types
+
+import numpy as np
+import pytest
+
+from fem_reference import press
+from fem_reference.curved_cover import press_curved, press_curved_finite
+from fem_reference.curved_cover.contact import find_touch
+from fem_reference.curved_cover.no_slip import STEPS, StickingPress
+from fem_reference.curved_cover.press import _add_step_error, build_compliance
+from fem_reference.curved_cover.pressure_shapes import GapSampler
+from meshes import Box, Cover, Layer, Sphere
+from meshes.solids import flat_pad, phalanx
+from meshes.spatial_pose import SpatialPose
+from tests.support.rubber import make_rubber
+
+PAD = flat_pad(size=(8e-3, 8e-3), rows=2)
+MESH = PAD.mesh(1.6e-3, layers=2)
+DOWN = np.array([0.0, 0, -1])
+ABOVE = SpatialPose.facing([0.3e-3, 0.2e-3, 5e-3], DOWN)
+BALL, BOX = Sphere(radius=5e-3), Box(size=(3e-3, 3e-3, 2e-3))
+
+
+def begin(indenter, material, direction=DOWN):
+    """The path of an indenter on the pad, and its sampler."""
+    compliance = build_compliance(MESH, material)
+    touch = find_touch(compliance.top, indenter, ABOVE, direction)
+    sampler = GapSampler(compliance.top, indenter, ABOVE, direction, touch + 1e-3, 1e-3)
+    return StickingPress(compliance, sampler, direction, touch, 1e-3), sampler
+
+
+def test_a_plate_on_a_pad_without_lateral_contraction_compresses_it_evenly():
+    """Force E A d / h, and no shear."""
+    material = make_rubber(0.0)
+    plate = Box(size=(12e-3, 12e-3, 2e-3))
+    found = press_curved(MESH, PAD.texels, material, plate, ABOVE, depth=0.1e-3, friction=np.inf)
+    assert found.load == pytest.approx(material.youngs_modulus * 64e-6 * 0.1e-3 / 2e-3, rel=1e-5)
+    assert np.abs(found.shear).max() < 1e-5 * found.load
+    assert found.assumptions["friction"] == "no slip"
+
+
+@pytest.mark.parametrize("direction", [DOWN, np.array([0.6, 0, -0.8])])
+def test_hats_below_a_face_move_with_it(direction):
+    path, sampler = begin(BOX, make_rubber(0.45), direction)
+    contact = path.to(0.1e-3, "depth")
+    compliance = build_compliance(MESH, make_rubber(0.45))
+    nodal = np.zeros_like(compliance.solid.nodes)
+    nodal[compliance.top.index] = contact.nodal
+    moved = compliance.solid.solve_fully(nodal)[0][compliance.top.index]
+    gaps, held = sampler.at(contact.travel), contact.forces > 0
+    whole = held & ~gaps.is_cut  # others may slide
+    assert whole.sum() >= 4
+    mean = (gaps.spread.T @ moved)[whole]
+    np.testing.assert_allclose(mean, np.tile(0.1e-3 * direction, (whole.sum(), 1)), atol=1e-4 * 0.1e-3)
+    assert np.abs(contact.shear[~held]).max() == 0
+    assert contact.load == pytest.approx((contact.nodal @ direction).sum())
+
+
+def test_an_oblique_motion_drags_the_cover_along_and_the_base_bears_it():
+    direction = np.array([0.6, 0, -0.8])
+    material = make_rubber(0.45)
+    found, smooth = (
+        press_curved(MESH, PAD.texels, material, BALL, ABOVE, depth=0.2e-3, direction=direction, friction=friction)
+        for friction in (np.inf, 0.0)
+    )
+    assert found.force[0] > 0.2 * np.linalg.norm(found.force)
+    assert abs(smooth.force[0]) < 0.01 * np.linalg.norm(smooth.force)
+    np.testing.assert_allclose(found.base_force, found.force, atol=1e-9 * found.load)
+    np.testing.assert_allclose(found.base_moment, found.moment, atol=1e-9 * found.load * 8e-3)
+    assert smooth.shear is None
+
+
+def test_mirrored_presses_give_mirrored_forces():
+    cover = phalanx(length=8e-3, rows=2, columns=3)
+    mesh = cover.mesh(2e-3, layers=2)
+    poses = [SpatialPose.facing([x, 0.3e-3, 12e-3], [-0.1 * np.sign(x), 0, -1]) for x in (2e-3, -2e-3)]
+    one, other = (
+        press_curved(mesh, cover.texels, make_rubber(0.45), BALL, pose, load=0.2, friction=np.inf) for pose in poses
+    )
+    np.testing.assert_allclose(
+        one.texel_forces.reshape(2, 3), other.texel_forces.reshape(2, 3)[:, ::-1], atol=1e-6 * one.load
+    )
+    assert one.load == pytest.approx(0.2, rel=1e-6)
+
+
+def test_a_thin_rubber_cover_is_stiffer_without_slip():
+    """Twice and more under a face wider than the cover is thick: at most four times (thin incompressible layer)."""
+    material, face = make_rubber(0.499), Box(size=(6e-3, 6e-3, 2e-3))
+    loads = [
+        press_curved(MESH, PAD.texels, material, face, ABOVE, depth=0.05e-3, friction=friction).load
+        for friction in (0.0, np.inf)
+    ]
+    assert 1.3 < loads[1] / loads[0] < 4
+
+
+def test_half_the_steps_differ_by_more_than_many_more():
+    path, _ = begin(BALL, make_rubber(0.0))
+    exact, fine, rough = (path.to(0.3e-3, "depth", steps) for steps in (3 * STEPS, STEPS, STEPS // 2))
+    assert abs(fine.load / exact.load - 1) < abs(fine.load / rough.load - 1) < 0.01
+
+
+@pytest.mark.parametrize("name", ["load", "depth"])
+def test_estimates_contain_what_half_the_steps_change(name):
+    rough, fine = (
+        types.SimpleNamespace(load=load, travel=travel, area=area)
+        for load, travel, area in ((2.2, 1.3e-3, 1.0), (2.0, 1.2e-3, 0.8))
+    )
+    errors = dict.fromkeys(("texel_forces", "misplaced_force", "total_force", "contact_area", name), 0.01)
+    _add_step_error(errors, np.array([0.1, -0.3, 0.1]), np.array([1.0, 0.5, 0.5]), (rough, fine), 0.2e-3)
+    added = {"texel_forces": 0.3, "misplaced_force": 0.125, "total_force": 0.05, "contact_area": 0.25, name: 0.1}
+    assert errors == pytest.approx({each: 0.01 + value for each, value in added.items()})
+
+
+def test_other_coefficients_and_finite_strain_are_refused():
+    with pytest.raises(ValueError, match=r"must be 0, or inf for no slip; not 0\.4"):
+        press_curved(MESH, PAD.texels, make_rubber(0.3), BALL, ABOVE, load=0.1, friction=0.4)
+    with pytest.raises(ValueError, match="at small strain only"):
+        press_curved_finite(MESH, PAD.texels, make_rubber(0.3), BALL, ABOVE, load=0.1, friction=np.inf)
+
+
+@pytest.mark.slow
+def test_a_box_on_a_flat_pad_agrees_with_the_planar_solution_without_slip():
+    cover, material = flat_pad(size=(10e-3, 10e-3), rows=2), make_rubber(0.45, "linear-elastic")
+    pose = SpatialPose.facing([0.4e-3, 0.3e-3, 5e-3], DOWN)
+    ours = press_curved(cover.meshes(), cover.texels, material, BOX, pose, load=0.3, friction=np.inf)
+    planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
+    known = press(planar, cover.texels, BOX, load=0.3, at=(0.4e-3, 0.3e-3), friction=np.inf)
+    difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
+    assert difference < min(0.03, ours.error_estimate["texel_forces"])
+    assert abs(ours.depth / known.depth - 1) < min(0.08, ours.error_estimate["depth"])
