@@ -83,3 +83,14 @@ def test_topics_of_unknown_type_are_left_out(tmp_path):
     with contextlib.closing(sqlite3.connect(stored)) as base, base:
         base.execute("DELETE FROM message_definitions WHERE topic_type LIKE 'wts_driver%'")
     assert [array.texels.name for array in open_recording(folder).arrays] == ["/pad"]
+
+
+def test_public_types_are_known_to_bags_that_define_none_as_before_ros_2_iron(tmp_path):
+    kinds = {"/pad": "sensor_msgs/msg/Image", "/rig/force": "geometry_msgs/msg/WrenchStamped"}
+    folder = write_bag(tmp_path / "bag", kinds, first=False)
+    (stored,) = folder.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(stored)) as base, base:
+        base.execute("DELETE FROM message_definitions")
+    recording = open_recording(folder)
+    assert np.array_equal(recording.arrays[0].counts, COUNTS)
+    assert recording.forces.tolist() == [0, 0.5, 1, 1.5, 2]
