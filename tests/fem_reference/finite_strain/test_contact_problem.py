@@ -73,6 +73,17 @@ def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
     assert reached.contact.overlap > 1e-2 * reached.depth
 
 
+@pytest.mark.parametrize(
+    ("control", "target", "first"),
+    [("load", 0.05, 2.0), ("depth", 0.1, 2.0), pytest.param("load", 0.05, 5e-4, marks=pytest.mark.slow)],
+)
+def test_a_first_step_that_fails_is_halved_or_doubled_until_one_succeeds(control, target, first):
+    """At 2 the base is pressed through; at 5e-4 the sphere lies above the first quadrature point."""
+    plain, other = (path_problem(count=2).follow([target], control=control, first=each)[0] for each in (0.02, first))
+    assert getattr(plain, control) == pytest.approx(target)
+    assert (other.load, other.depth) == pytest.approx((plain.load, plain.depth), rel=1e-5)
+
+
 def solve_steps(problem, control, target, **options):
     """A path to one target with its steps."""
     steps = []
