@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from validation.cli.entry import _COMMANDS, app, main
 
-
 DOCUMENTED_KEYS = Path(__file__).parents[3] / "docs" / "json.md"
 PAGES = [[name] for name in _COMMANDS] + [["store", action] for action in ("list", "verify", "prune")]
 
@@ -25,8 +24,7 @@ SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--fric
 def test_help_has_examples_and_explains_every_option_and_a_quantity_may_begin_with_a_minus_sign(softcover, page):
     status, out, _ = softcover(*page, "--help")
     assert status == 0
-    assert "Examples of use" in out
-    assert f"softcover {' '.join(page)}" in out
+    assert f"softcover {' '.join(page)}" in out.split("Examples of use")[1]
     command = app
     for word in page:
         command = command[word]
