@@ -177,6 +177,10 @@ def test_observed_orders():
     assert observe_order([1 - 0.1 * h for h in (3, 2, 1)], (3, 2, 1)) == pytest.approx(1)
     assert math.isnan(observe_order([1.0, 1.1, 1.05], sizes))
     assert math.isnan(observe_order([1.0, 1.0, 1.0], sizes))
+    for order in (0.06, 9.9):
+        assert observe_order([1 + h**order for h in sizes], sizes) == pytest.approx(order)
+    for order in (0.04, 10.1):
+        assert math.isnan(observe_order([1 + h**order for h in sizes], sizes))
 
 
 def test_solutions_are_listed_on_three_grids(results):
