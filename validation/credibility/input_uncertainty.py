@@ -8,10 +8,12 @@ at zero load.  Contributions are added in quadrature (ASME V&V 20-2009, section 
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
 
 #: Cells across the contact [-]; half as many change the propagated uncertainty by less than 2 % of it.
 CELLS = 32
-#: Version of the formulas here, part of the key of stored results.
-_VERSION = 1
 #: Largest Poisson ratio [-].
 _INCOMPRESSIBLE = 0.5
 #: Standard deviation of a uniform distribution over its width, and over its half width [-].
@@ -122,7 +122,8 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         "case": [case.indenter, case.load, list(case.at), case.yaw],
         "inputs": [[name, value] for name, value in listed.items()],
         "cells": CELLS,
-        "version": _VERSION,
+        # The store adds the code of the finite elements only.
+        "code": hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16],
     }
     data = result_store.fetch("input-uncertainty", key, compute)
     effects = {name: data[f"effect {name}"] for name in listed}
