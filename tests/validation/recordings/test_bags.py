@@ -64,8 +64,9 @@ def write_flat(path, sides=()):
 
 def test_rows_and_columns_that_a_message_does_not_state_are_taken_from_the_caller(tmp_path):
     flat = write_flat(tmp_path / "flat")
-    with pytest.raises(RecordingError, match="no tactile frames; known are"):
-        open_recording(flat)
+    for part in ({}, {"rows": 4}, {"columns": 3}):
+        with pytest.raises(RecordingError, match="no tactile frames; known are"):
+            open_recording(flat, **part)
     recording = open_recording(flat, rows=4, columns=3)
     (array,) = recording.arrays
     assert (array.texels.rows, array.texels.columns) == (4, 3)
