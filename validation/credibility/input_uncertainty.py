@@ -8,12 +8,10 @@ at zero load.  Contributions are added in quadrature (ASME V&V 20-2009, section 
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -122,8 +120,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         "case": [case.indenter, case.load, list(case.at), case.yaw],
         "inputs": [[name, value] for name, value in listed.items()],
         "cells": CELLS,
-        # The store adds the code of the finite elements only.
-        "code": hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16],
+        "code": result_store.hash_file(__file__),
     }
     data = result_store.fetch("input-uncertainty", key, compute)
     effects = {name: data[f"effect {name}"] for name in listed}

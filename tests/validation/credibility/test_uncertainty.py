@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,9 +73,7 @@ def test_the_limit_of_the_poisson_ratio_is_one_sided(bonded, wts):
 
 def test_results_of_other_code_are_not_taken_from_the_store(bonded, wts, monkeypatch, tmp_path):
     other = tmp_path / "input_uncertainty.py"
-    other.write_text(
-        Path(input_uncertainty.__file__).read_text().replace("_INCOMPRESSIBLE = 0.5", "_INCOMPRESSIBLE = 0.4")
-    )
+    other.write_text("# other formulas\n")
     propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
     with result_store.stored_only():
         propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
