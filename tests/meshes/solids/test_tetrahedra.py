@@ -30,6 +30,10 @@ def test_a_box_is_closed_and_holds_its_volume():
     assert enclosed_volume(BOX) == pytest.approx(np.prod(SIZE))
 
 
+def test_the_volume_far_from_the_origin_is_exact_but_for_the_rounding_of_corners():
+    assert enclosed_volume(BOX + np.array([1e3, -2e3, 5e2])) == pytest.approx(np.prod(SIZE), rel=1e-9, abs=0)
+
+
 @pytest.mark.parametrize(
     ("triangles", "message"),
     [

@@ -6,9 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from fem_reference import result_store
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.run import run_case
+from validation.credibility import input_uncertainty
 from validation.credibility.comparison_error import ComparisonError, compare_quantities
 from validation.credibility.evidence import describe_domain, group_errors
 from validation.credibility.input_uncertainty import list_inputs, propagate_inputs, simulate_image
@@ -67,6 +69,17 @@ def test_effects_are_proportional_to_small_uncertainties(bonded, wts):
 def test_the_limit_of_the_poisson_ratio_is_one_sided(bonded, wts):
     inner, limit = (propagate_inputs(bonded(nu), wts, BALL, only(poisson_ratio=0.004)) for nu in (0.495, 0.5))
     assert limit.misplaced_total == pytest.approx(inner.misplaced_total, rel=0.2)
+
+
+def test_results_of_other_code_are_not_taken_from_the_store(bonded, wts, monkeypatch, tmp_path):
+    other = tmp_path / "input_uncertainty.py"
+    other.write_text("# other formulas\n")
+    propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
+    with result_store.stored_only():
+        propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
+        monkeypatch.setattr(input_uncertainty, "__file__", str(other))
+        with pytest.raises(result_store.NotStoredError):
+            propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
 
 
 def test_the_spread_of_a_material_replaces_that_of_the_campaign(bonded):
@@ -177,6 +190,10 @@ def test_observed_orders():
     assert observe_order([1 - 0.1 * h for h in (3, 2, 1)], (3, 2, 1)) == pytest.approx(1)
     assert math.isnan(observe_order([1.0, 1.1, 1.05], sizes))
     assert math.isnan(observe_order([1.0, 1.0, 1.0], sizes))
+    for order in (0.06, 9.9):
+        assert observe_order([1 + h**order for h in sizes], sizes) == pytest.approx(order)
+    for order in (0.04, 10.1):
+        assert math.isnan(observe_order([1 + h**order for h in sizes], sizes))
 
 
 def test_solutions_are_listed_on_three_grids(results):
