@@ -74,6 +74,8 @@ def describe(renderer):
     return SimpleNamespace(
         meshes=meshes, texts=texts, ruled=None if edges is None else np.array(edges.bounds),
         marks=None if edges is None else (edges.n_xlabels, edges.n_ylabels),
+        titles=[] if edges is None else [getattr(edges, f"Get{axis}Title")().strip() for axis in "XYZ"],
+        lines=[] if edges is None else [bool(getattr(edges, f"Get{axis}AxisVisibility")()) for axis in "XYZ"],
         focus=np.array(camera.focal_point), eye=np.array(camera.position), half=camera.parallel_scale,
         parallel=camera.parallel_projection,
         bars=[bar.title for bar in renderer.actors.values() if hasattr(bar, "title")],
@@ -107,6 +109,14 @@ def test_the_section_shows_the_half_behind_the_contact(views, scene):
     assert section.texts == ["\nsection through (2, 1, 2) mm"]
     assert (body.name, section.bars, body.logarithmic) == ("inside", ["displacement [mm]"], False)
     assert body.limits == pytest.approx((0, 7))  # displacements are finite everywhere: all of them have a colour
+
+
+def test_each_ruled_edge_is_named_with_its_unit(views, scene):
+    """Heights are not ruled where the heights of bars show forces."""
+    surface, section, texels, _ = views(scene)
+    for view in (surface, section):
+        assert (view.titles, view.lines) == (["x [mm]", "y [mm]", "z [mm]"], [True] * 3)
+    assert (texels.titles, texels.lines) == (["x [mm]", "y [mm]", ""], [True, True, False])
 
 
 def test_stresses_of_unlike_layers_have_a_logarithmic_scale(views, scene):
