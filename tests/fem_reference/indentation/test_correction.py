@@ -11,12 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fem_reference.fields.cover_fields import CoverFields
+from fem_reference.finite_strain.block_path import BlockState
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation import finite_cover, finite_strain
 from fem_reference.indentation.correction import BlockModel, correct_path, solve_block_pair
-from fem_reference.indentation.grid_solution import GridSolution, extrapolate_solutions
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy, extrapolate_solutions
 from fem_reference.indentation.rounding import SOLID_GRIDS, SolidGrid
-from meshes import Box, Roller
-from meshes.pose import PlanarPose
+from meshes import Box, Roller, TexelArray
+from meshes.pose import Place, PlanarPose
 from tests.support.rubber import make_cover
 
 FACE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=6e-3)
@@ -174,6 +176,35 @@ def test_solutions_on_blocks_are_read_in_units_of_the_indenter_and_fields_on_the
     assert received == [(grid.fillet, [1.1e-4, 2.2e-4], pair) for grid, pair in zip(grids, pairs, strict=True)]
     bare = solve_block_pair(replace(path, fields=False), [1.1e-4, 2.2e-4], model, None)[1]
     assert [each.fields for grids in bare for each in grids] == [None] * 6
+
+
+def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is_solved_once(monkeypatch, tmp_path):
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    accurate = GridStudy(solutions=[make_grids(2e-4)], least_order=1.0, assumptions={})
+    monkeypatch.setattr("fem_reference.indentation.small_strain.study_path", lambda *_: accurate)
+    solved = []
+
+    def press(path, block, approaches, *, elements_per_thickness, coarser, progress):
+        solved.append(block)
+        nodes = np.linspace(0, 1e-3, 5)
+        state = BlockState(
+            load=2 * path.load_scale, depth=2e-4 * path.load_scale, area=1e-6, overlap=0.0, energy=path.load_scale**2,
+            lines=(nodes, nodes), forces=np.ones((5, 5)), symmetric=block.symmetric, contact=np.zeros((1, 5)),
+        )  # fmt: skip
+        return [state], [state], None
+
+    monkeypatch.setattr("fem_reference.indentation.correction.press_paired", press)
+    path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(2e-4,), control="depth")
+    bounded = replace(path, cover=replace(path.cover, size=(16e-3, 12e-3)))
+    array, grids = TexelArray.grid(2, 2, pitch=3e-3), len(SOLID_GRIDS)
+    for number, at in enumerate([(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3)], start=1):
+        for _ in range(2):
+            finite_cover.study_path(bounded, Place(array=array, pose=PlanarPose(at=at)), None)
+            assert len(solved) == number * grids
+    for number, shape in enumerate([FACE, Box(size=(4e-3, 3e-3, 4e-3))], start=4):
+        for _ in range(2):
+            finite_strain.study_path(replace(path, indenter=shape), None)
+            assert len(solved) == number * grids
 
 
 def make_fields(stress):
