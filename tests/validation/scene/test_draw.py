@@ -44,6 +44,9 @@ def views(monkeypatch, tmp_path):
         drawn.extend(map(describe, plotter.renderers))
         drawn.append(plotter.window_size)
         assert plotter.off_screen
+        # no lines between views and no frame: releases before 0.49 draw them around each view, later ones over all
+        assert not any(renderer.has_border for renderer in plotter.renderers)
+        assert getattr(plotter.renderers, "border_overlay_renderer", None) is None
 
     monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
 
