@@ -121,7 +121,7 @@ class Chooser:
 
 @cache
 def _find_uses(name: str) -> list[tuple[str, int, str]]:
-    """Find path, line and function of the lines that use a name; the function is empty outside functions."""
+    """Find path, line, and function or constant of the lines that use a name; the last is empty outside both."""
     found = []
     for path, source in _read_sources().items():
         if name not in source:
@@ -131,7 +131,8 @@ def _find_uses(name: str) -> list[tuple[str, int, str]]:
             if start := re.match(r"\s*def (\w+)", line):
                 function = start[1]
             elif line and not line[0].isspace() and line[0] not in ")@":
-                function = ""
+                constant = re.match(r"(\w+)(:[^=]+)? = ", line)
+                function = constant[1] if constant else ""
             if function != name and re.search(rf"\b{name}\b", line):
                 found.append((path, number, function))
     return found
