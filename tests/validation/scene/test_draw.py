@@ -44,6 +44,9 @@ def views(monkeypatch, tmp_path):
         drawn.extend(map(describe, plotter.renderers))
         drawn.append(plotter.window_size)
         assert plotter.off_screen
+        # no lines between views and no frame: releases before 0.49 draw them around each view, later ones over all
+        assert not any(renderer.has_border for renderer in plotter.renderers)
+        assert getattr(plotter.renderers, "border_overlay_renderer", None) is None
 
     monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
 
@@ -74,6 +77,8 @@ def describe(renderer):
     return SimpleNamespace(
         meshes=meshes, texts=texts, ruled=None if edges is None else np.array(edges.bounds),
         marks=None if edges is None else (edges.n_xlabels, edges.n_ylabels),
+        titles=[] if edges is None else [getattr(edges, f"Get{axis}Title")().strip() for axis in "XYZ"],
+        lines=[] if edges is None else [bool(getattr(edges, f"Get{axis}AxisVisibility")()) for axis in "XYZ"],
         focus=np.array(camera.focal_point), eye=np.array(camera.position), half=camera.parallel_scale,
         parallel=camera.parallel_projection,
         background=renderer.background_color.float_rgb,
@@ -108,6 +113,14 @@ def test_the_section_shows_the_half_behind_the_contact(views, scene):
     assert section.texts == ["\nsection through (2, 1, 2) mm"]
     assert (body.name, section.bars, body.logarithmic) == ("inside", ["displacement [mm]"], False)
     assert body.limits == pytest.approx((0, 7))  # displacements are finite everywhere: all of them have a colour
+
+
+def test_each_ruled_edge_is_named_with_its_unit(views, scene):
+    """Heights are not ruled where the heights of bars show forces."""
+    surface, section, texels, _ = views(scene)
+    for view in (surface, section):
+        assert (view.titles, view.lines) == (["x [mm]", "y [mm]", "z [mm]"], [True] * 3)
+    assert (texels.titles, texels.lines) == (["x [mm]", "y [mm]", ""], [True, True, False])
 
 
 def test_stresses_of_unlike_layers_have_a_logarithmic_scale(views, scene):
