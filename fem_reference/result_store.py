@@ -260,6 +260,11 @@ def hash_sources() -> str:
     return digest.hexdigest()[:16]
 
 
+def hash_file(path: str) -> str:
+    """Hash a source outside these packages that computes a result, as an input for `fetch`."""
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+
+
 def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
     """Convert the inputs of a computation to JSON; equal inputs give equal JSON, different inputs different JSON.
 

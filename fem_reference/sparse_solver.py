@@ -229,11 +229,7 @@ class _SuperLU:
         self._pattern = permuted.indices, permuted.indptr
         self._options: dict[str, Any] = {}
         if order == "metis":
-            self._options = {
-                "permc_spec": "NATURAL",
-                "diag_pivot_thresh": _PIVOT,
-                "options": {"SymmetricMode": True},
-            }
+            self._options = {"permc_spec": "NATURAL", "diag_pivot_thresh": _PIVOT}
 
     def factorise(self, upper: sp.csr_matrix) -> None:
         matrix = sp.csc_matrix((upper.data[self._slot], *self._pattern), shape=upper.shape)

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from fastmodel.errors import FastModelError, ShapeError
 from fastmodel.fitting.width_estimators import Pair, estimate_from_image, estimate_from_profile
 from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray
 
 #: Name of the estimator of `Fit.gaussian`: the unweighted least-squares fit to the response to uniform pressure.
 ESTIMATOR = "least-squares-uniform"
@@ -171,37 +171,16 @@ def _fit_sigmas(
     i = np.arange(image.shape[1]) - loaded[1]
     j = np.arange(image.shape[0]) - loaded[0]
 
-    def parts(logs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        sx, sy = np.exp(logs)
-        kx, ky = ksizes or (_find_uncut_size(sx), _find_uncut_size(sy))
-        return (*_sample_axis(i, float(sx), kx), *_sample_axis(j, float(sy), ky))
-
     def difference(logs: FloatArray) -> FloatArray:
-        gx, _, gy, _ = parts(logs)
-        return np.asarray((np.outer(gy, gx) - image)[mask])
-
-    def jacobian(logs: FloatArray) -> FloatArray:
-        gx, dx, gy, dy = parts(logs)
-        return np.stack([np.outer(gy, dx)[mask], np.outer(dy, gx)[mask]], axis=1)
+        sx, sy = (float(each) for each in np.exp(logs))
+        kx, ky = ksizes or (_find_uncut_size(sx), _find_uncut_size(sy))
+        return np.asarray((np.outer(sample_gaussian(j, sy, ky), sample_gaussian(i, sx, kx)) - image)[mask])
 
     low, high = np.log(SIGMA_RANGE)
     start = np.log(_guess_sigma(image, loaded))
-    solution = least_squares(
-        difference, start, jac=jacobian, bounds=(low, high), xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE
-    )
+    solution = least_squares(difference, start, bounds=(low, high), xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE)
     sx, sy = np.exp(solution.x)
     return (float(sx), float(sy))
-
-
-def _sample_axis(offsets: IntArray, sigma: float, ksize: int) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the factor g of the kernel along one axis, and its derivative with respect to log(sigma) [-].
-
-    The derivative at offset d is g (d^2 - mean of d^2) / sigma^2, with the mean over the kernel.
-    """
-    g = sample_gaussian(offsets, sigma, ksize)
-    lattice = np.arange(-(ksize // 2), ksize // 2 + 1)
-    mean_square = float(np.sum(lattice**2 * sample_gaussian(lattice, sigma, ksize)))
-    return g, g * (offsets**2 - mean_square) / sigma**2
 
 
 def _guess_sigma(image: FloatArray, loaded: tuple[int, int]) -> Pair:
@@ -218,8 +197,8 @@ def _find_uncut_size(sigma: float) -> int:
 
 def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int, int]) -> FloatArray:
     """Sample the kernel around the loaded texel, cut at the edges of the image, shape (rows, columns) [-]."""
-    gx, _ = _sample_axis(np.arange(shape[1]) - loaded[1], gaussian.sigma_x, gaussian.ksize_x)
-    gy, _ = _sample_axis(np.arange(shape[0]) - loaded[0], gaussian.sigma_y, gaussian.ksize_y)
+    gx = sample_gaussian(np.arange(shape[1]) - loaded[1], gaussian.sigma_x, gaussian.ksize_x)
+    gy = sample_gaussian(np.arange(shape[0]) - loaded[0], gaussian.sigma_y, gaussian.ksize_y)
     return np.outer(gy, gx)
 
 

@@ -25,8 +25,6 @@ from meshes.solids.solid_mesh import SolidMesh
 
 #: Number of right-hand sides that are solved at once, to limit the memory [-].
 _COLUMNS = 64
-#: Polynomial order that the quadrature integrates exactly: on curved elements the error of geometry is smaller [-].
-_ORDER = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +46,7 @@ class DisplacementNodes:
         """Place the nodes: those of the mesh on hexahedra; corners and middles of edges on tetrahedra."""
         if mesh.is_hexahedral:
             return cls(elements=_prepare_hexahedra(mesh), base=mesh.base, top=mesh.top)
-        elements = prepare_elements(skfem.MeshTet1(mesh.nodes.T.copy(), mesh.cells.T.copy()), order=_ORDER)
+        elements = prepare_elements(skfem.MeshTet1(mesh.nodes.T.copy(), mesh.cells.T.copy()))
         base, top = (_add_middles(elements, facets) for facets in (mesh.base, mesh.top))
         return cls(elements=elements, base=base, top=top)
 
@@ -223,7 +221,7 @@ def _prepare_hexahedra(mesh: SolidMesh) -> MixedElements:
     cells = mesh.cells[:, order]
     places = np.empty_like(curved.doflocs)
     places[:, curved.dofs.element_dofs.ravel()] = mesh.nodes[cells.T.ravel()].T
-    elements = prepare_elements(replace(curved, doflocs=places), order=_ORDER)
+    elements = prepare_elements(replace(curved, doflocs=places))
     return replace(elements, nodes=mesh.nodes, cells=cells)
 
 

@@ -37,8 +37,6 @@ CELLS = (64, 96, 144, 224, 336)
 #: Smallest relative error that estimates assume: that of the tabulated compliance of the top, and on a cover of limited
 #: size that of the additional compliance due to its sides, whose mesh is the same on all grids [-].
 _LEAST_ERROR, _LEAST_ERROR_LIMITED = 1e-4, 1e-3
-#: Depth over cover thickness at which flat faces are solved; the value is arbitrary because the solution is linear [-].
-_FLAT_DEPTH = 1e-2
 #: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
 _WINDOW = 1.35
 #: Size of the contact over that of the rectangle of cells above which the rectangle may be too small for the contact;
@@ -100,7 +98,8 @@ def solve_path(
 
     if not path.indenter.is_flat:
         return [solve(replace(path, targets=(target,))) for target in path.targets]
-    grids = solve(replace(path, targets=(_FLAT_DEPTH * path.cover.thickness,), control="depth"))
+    # The solution is linear, so any depth serves.
+    grids = solve(replace(path, targets=(path.cover.thickness,), control="depth"))
     reached = [each.depth if path.control == "depth" else each.total_force for each in grids]
     return [
         [scale_solution(each, target / value) for each, value in zip(grids, reached, strict=True)]

@@ -104,6 +104,16 @@ def test_a_constant_is_tested_by_the_functions_that_need_it_and_not_by_what_load
     assert score.Chooser(records).choose(mutant) == []
 
 
+def test_tests_of_a_constant_are_those_of_the_constants_made_from_it(score):
+    """Imports make named materials, so no test runs the lines that use the numbers of natural rubber."""
+    mutants = score.find_mutants(ROOT, ("meshes",))
+    mutant = next(each for each in mutants if each.owner == "_NATURAL_RUBBER")
+    reader = (ROOT / "validation/sensor_file/tables.py").read_text().splitlines()
+    lines = sum(1 << number for number, line in enumerate(reader, start=1) if "return MATERIALS[" in line)
+    records = [{"tests": {"reader": [0.1, {"validation/sensor_file/tables.py": f"{lines:x}"}]}}]
+    assert score.Chooser(records).choose(mutant) == ["reader"]
+
+
 def test_scores_count_time_outs_as_killed_and_leave_out_equivalents(score, monkeypatch):
     outcomes = ["failed"] * 17 + ["time", "passed", "no test", "passed"]
     records = [

@@ -129,6 +129,17 @@ def test_a_cylinder_in_three_dimensions_stiffens_like_the_integral_equations():
     assert sticks.force / slides.force == pytest.approx(exact, rel=5e-3)
 
 
+@pytest.mark.parametrize(("at", "elements"), [((0, 0), 4), ((1e-4, 2e-4), 5)])
+def test_a_round_face_without_a_plane_of_symmetry_has_60_percent_of_the_elements_across(at, elements):
+    """The mesh of a symmetric face holds a quarter of it."""
+    grid = FaceGrid(through=1, edge=0.08, growth=1.2, across=4)
+    face, _ = press_face(cover(0.3), Cylinder(radius=THICKNESS), PlanarPose(at=at), grid)
+    for axis, line in enumerate(face.lines):
+        under = line[np.abs(line - at[axis]) < THICKNESS * (1 + 1e-6)]
+        assert len(under) == grid.order * elements + 1
+        np.testing.assert_allclose(np.diff(under), np.ptp(under) / (grid.order * elements))
+
+
 def test_a_face_that_would_pull_a_stiff_foil_is_solved_with_separation():
     silicone, film = cover(0.49).layers[0], cover(0.38, thickness=1e-4).layers[0]
     foil = replace(film, material=replace(film.material, parameters={"youngs_modulus": 3e9}))

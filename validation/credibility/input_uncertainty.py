@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 #: Cells across the contact [-]; half as many change the propagated uncertainty by less than 2 % of it.
 CELLS = 32
-#: Version of the formulas here, part of the key of stored results.
-_VERSION = 1
 #: Largest Poisson ratio [-].
 _INCOMPRESSIBLE = 0.5
 #: Standard deviation of a uniform distribution over its width, and over its half width [-].
@@ -122,7 +120,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         "case": [case.indenter, case.load, list(case.at), case.yaw],
         "inputs": [[name, value] for name, value in listed.items()],
         "cells": CELLS,
-        "version": _VERSION,
+        "code": result_store.hash_file(__file__),
     }
     data = result_store.fetch("input-uncertainty", key, compute)
     effects = {name: data[f"effect {name}"] for name in listed}

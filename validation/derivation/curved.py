@@ -39,7 +39,8 @@ def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material)
         rows = hats.T @ (hats.T @ compliance.rows(np.arange(len(top.nodes)))).T
         return {"compliance": (rows + rows.T) / 2}
 
-    found = result_store.fetch("curved-hat-compliance", {"mesh": mesh.digest, "material": material}, compute)
+    inputs = {"mesh": mesh.digest, "material": material, "code": result_store.hash_file(__file__)}
+    found = result_store.fetch("curved-hat-compliance", inputs, compute)
     return CurvedCover(
         points=top.nodes,
         normals=top.normals,

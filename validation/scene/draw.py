@@ -280,11 +280,13 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
     longest = float(np.diff(np.reshape(bounds, (3, 2))).max())
     if (bounds[5] - bounds[4]) / longest * _INTERVALS < (counts[2] - 1) / 2:
         counts[2] = 2  # no room for more than its ends
-    plotter.show_bounds(
-        bounds=bounds, location="outer", ticks="outside", xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]",
+    ruled = plotter.show_bounds(
+        bounds=bounds, location="outer", ticks="outside",
+        xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]" if height else " ",
         color="#404040", font_size=12, n_xlabels=counts[0], n_ylabels=counts[1], n_zlabels=counts[2],
-        minor_ticks=False, fmt="%.4g", show_zaxis=height, show_zlabels=height,
+        minor_ticks=False, fmt="%.4g", show_zlabels=height,
     )  # fmt: skip
+    ruled.SetZAxisVisibility(height)  # pyvista 0.49 shows the axis in spite of its option `show_zaxis`
     for bar in plotter.scalar_bars.values():
         bar.SetVerticalTitleSeparation(_APART)
     corners = np.array(list(product(*np.reshape(bounds, (3, 2)))))

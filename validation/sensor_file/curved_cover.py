@@ -187,6 +187,8 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
         flat = np.linalg.det(corner[:, 1:] - corner[:, :1]) <= 0
         if turned or flat.any():
             notes.append(f"{turned} tetrahedra of {path.name} were turned, {int(flat.sum())} without volume left out")
+        if flat.all():
+            raise ValueError(f"no tetrahedron of {path.name} has a volume; export a solid")
         oriented = oriented[~flat]
         boundary = nodes[list_boundary(oriented)]
         _refuse_overlap(nodes[oriented], boundary, path.name)

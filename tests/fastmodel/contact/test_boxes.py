@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 
 import mujoco
 import numpy as np
@@ -85,6 +86,18 @@ def test_no_contact_is_zero_and_boxes_weigh_nothing():
     mujoco.mj_step(model, data)
     assert np.array_equal(BoxTexels().bind(model, ARRAY, "a").read(data).contact_forces, np.zeros(20))
     assert model.body_mass.sum() == 0
+
+
+def test_masked_texels_are_grey_and_let_more_light_through_than_others():
+    array = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 3 > 0)
+    spec = mujoco.MjSpec()
+    BoxTexels().attach(spec.worldbody, array, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    model = spec.compile()
+    colours = np.array([model.geom(geom_name("a", i)).rgba for i in range(array.count)])
+    masked, others = colours[~array.active], colours[array.active]
+    assert (masked[:, :3] == masked[:, :1]).all()
+    assert ((masked > 0) & (masked < 1)).all()
+    assert masked[:, 3].max() < others[:, 3].min()
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -61,9 +61,12 @@ def test_lower_surfaces_lie_where_rays_from_below_hit(kind):
         np.testing.assert_allclose(found[struck], rays[struck] - 1, atol=1e-7)
 
 
-def test_bounding_boxes_hold_the_enlarged_solid():
-    model, _ = build_model("box", [1, 0, 0, 0], np.random.default_rng(0))
+@pytest.mark.parametrize("kind", KINDS)
+def test_bounding_boxes_are_those_of_mujoco_and_hold_the_enlarged_solid(kind):
+    model, _ = build_model(kind, [1, 0, 0, 0], np.random.default_rng(0))
     plain, enlarged = describe_solid(model, 0), describe_solid(model, 0, edge=1e-4)
+    np.testing.assert_allclose([*plain.centre, *plain.half], model.geom_aabb[0], rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(enlarged.centre, plain.centre)
     np.testing.assert_allclose(enlarged.half, plain.half + 1e-4)
     np.testing.assert_allclose(enlarged.planes[:, 3], plain.planes[:, 3] + 1e-4)
 

@@ -20,7 +20,7 @@ from meshes import Sphere
 from tests.support.rubber import make_cover
 
 
-def path_problem(nu=0.45, count=4, penalty=PENALTY):
+def path_problem(nu=0.45, count=4, penalty=PENALTY, friction=0.0):
     cover = make_cover(nu)
     units = Units.of(cover)
     mesh, _ = mesh_cover(units.scale_cover(cover), count, grade_outward(1 / count, 1.5, 8.0, 1.3))
@@ -28,9 +28,10 @@ def path_problem(nu=0.45, count=4, penalty=PENALTY):
     surface = IndenterSurface(indenter=Sphere(radius=4e-3), fillet=0.05, unit=units.length)
     return ContactProblem(
         solid=Solid.from_cover(elements, cover, units),
-        contact=SurfaceContact(elements, 1.0, surface, penalty=penalty * count),
+        contact=SurfaceContact(elements, 1.0, surface, penalty=penalty * count, friction=friction),
         constrained=find_constrained(units.scale_cover(cover), elements.nodes[:, 0], elements.nodes[:, 1], 8.0),
         units=units,
+        friction_steps=6,
     )
 
 
@@ -73,6 +74,17 @@ def test_a_planted_penalty_that_is_too_small_leaves_an_overlap():
     assert reached.contact.overlap > 1e-2 * reached.depth
 
 
+@pytest.mark.parametrize(
+    ("control", "target", "first"),
+    [("load", 0.05, 2.0), ("depth", 0.1, 2.0), pytest.param("load", 0.05, 5e-4, marks=pytest.mark.slow)],
+)
+def test_a_first_step_that_fails_is_halved_or_doubled_until_one_succeeds(control, target, first):
+    """At 2 the base is pressed through; at 5e-4 the sphere lies above the first quadrature point."""
+    plain, other = (path_problem(count=2).follow([target], control=control, first=each)[0] for each in (0.02, first))
+    assert getattr(plain, control) == pytest.approx(target)
+    assert (other.load, other.depth) == pytest.approx((plain.load, plain.depth), rel=1e-5)
+
+
 def solve_steps(problem, control, target, **options):
     """A path to one target with its steps."""
     steps = []
@@ -94,6 +106,17 @@ def test_steps_of_a_coarse_mesh_start_a_finer_one_where_its_guess_fails(control,
     assert getattr(guided.steps[0], control) > getattr(between[0], control)
     assert guided.equilibria[0].depth == pytest.approx(plain.equilibria[0].depth, rel=1e-5)
     assert guided.equilibria[0].load == pytest.approx(plain.equilibria[0].load, rel=1e-5)
+
+
+@pytest.mark.parametrize(("control", "target"), [("load", 0.4), ("depth", 0.2)])
+def test_friction_takes_at_least_its_number_of_steps(control, target):
+    """Slip depends on the path; the first step is not recorded."""
+    path = solve_steps(path_problem(count=3, friction=0.3), control, target)
+    reached = [getattr(step, control) for step in path.steps]
+    assert reached[-1] == pytest.approx(target)
+    assert np.diff(reached).max() <= target / 6 * (1 + 1e-9)
+    plain = solve_steps(path_problem(count=3), control, target)
+    assert len(plain.steps) + 1 < 6 <= len(path.steps) + 1
 
 
 def test_steps_to_transfer_descend_and_below_the_first_are_those_of_the_coarser_path():

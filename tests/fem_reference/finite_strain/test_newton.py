@@ -168,3 +168,17 @@ def test_a_walk_that_cannot_go_on_says_where_it_ended():
         walk(10.0, limit=4.0)
     assert 4.0 - 2 * 10 / 256 < stopped.value.depth <= 4.0
     assert isinstance(stopped.value, ConvergenceError)
+
+
+@pytest.mark.parametrize(("start", "target", "halvings"), [(4.0, 1024.0, 8), (4.01, 1024.0, 7), (0.0, 512.0, 1)])
+def test_a_step_is_halved_down_to_a_256th_of_what_is_reached_or_else_of_the_target(start, target, halvings):
+    tried = []
+
+    def fail(before, here, aim):
+        tried.append(aim)
+        raise ConvergenceError("too far")
+
+    here = make_equilibrium(np.zeros(1), 0, depth=start)
+    with pytest.raises(PathConvergenceError):
+        walk_to(target, here, control="depth", step=4.0, solve=fail, describe=lambda _: "here")
+    assert tried == [start + 4 / 2**n for n in range(halvings + 1)]

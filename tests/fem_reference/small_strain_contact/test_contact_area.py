@@ -39,3 +39,14 @@ def test_few_cells_and_odd_pressures_count_as_a_whole():
     even = np.zeros((20, 20))
     even[4:16, 4:16] = 1.0
     assert measure_area(even, np.ones((20, 20), dtype=bool), (1.0, 1.0)) == 144.0
+
+
+@pytest.mark.parametrize(("lean", "wave"), [((0.3, -0.2), 1.5), ((-0.25, 0.3), 2.0), ((0.1, 0.3), 1.0)])
+def test_a_leaning_pressure_has_the_area_of_its_ellipse_however_it_is_mirrored(lean, wave):
+    """The square of the pressure is no quadratic polynomial, so that the fit depends on where its cells lie."""
+    x, y, cell = grid(48, 1.0)
+    pressure = np.sqrt(np.maximum(0, 1 - (x / 0.8) ** 2 - (y / 0.6) ** 2))
+    pressure *= 1.5 + lean[0] * x + lean[1] * np.sin(wave * y)
+    for image in (np.asarray, np.flipud, np.fliplr, np.transpose):
+        area = measure_area(image(pressure), np.ones_like(x, dtype=bool), cell)
+        assert area == pytest.approx(np.pi * 0.8 * 0.6, rel=3e-4)

@@ -51,6 +51,16 @@ def is_convex(part, slack):
     return turn.min() > -slack
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_parts_of_an_outline_of_another_size_have_the_same_corners(size):
+    """A corner cut off by a hundred thousandth of the width stays; one by a ten thousand millionth is rounding."""
+    for cut, corners in ((1e-5, 5), (1e-10, 4)):
+        outline = size * np.array([(0, 0), (1, 0), (1, 1 - cut), (1 - cut, 1), (0, 1)])
+        parts = split_into_convex_parts([outline])
+        assert [len(part) for part in parts] == [corners]
+        assert compute_area(parts[0]) == pytest.approx(size**2 * (1 - cut**2 / 2), rel=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_parts_are_convex_and_tile_a_spiky_polygon(seed):
     rng = np.random.default_rng(seed)

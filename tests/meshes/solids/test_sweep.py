@@ -10,22 +10,11 @@ from meshes import TexelArray
 from meshes.npz import pack_npz
 from meshes.solids import check_quality, check_texels, fingertip, flat_pad, phalanx, read_mesh, sweep, write_mesh
 from meshes.solids.base_surface import cylinder_surface, flat_surface, join_grids
-from meshes.solids.facets import facet_shape, facet_slope, node_normals, node_places
+from meshes.solids.facets import node_normals
 from meshes.solids.quality import compute_volume, measure_area
 from meshes.solids.texels import covered_share, tangent_axes
 
 R, H, L = 6e-3, 2e-3, 14.4e-3
-
-
-def test_shape_functions_are_one_at_their_node_and_their_slopes_are_their_derivatives():
-    for nodes in (9, 3):
-        np.testing.assert_allclose(facet_shape(nodes, node_places(nodes)), np.eye(nodes), atol=1e-15)
-        place, step = np.array([[0.21, 0.37]]), 1e-6
-        slope = facet_slope(nodes, place)[0]
-        for axis in (0, 1):
-            move = step * np.eye(2)[axis]
-            difference = (facet_shape(nodes, place + move) - facet_shape(nodes, place - move))[0] / (2 * step)
-            np.testing.assert_allclose(slope[axis], difference, atol=1e-9)
 
 
 def test_volume_and_base_of_a_fingertip_are_those_of_its_geometry():

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -28,6 +30,10 @@ FIVE = np.array([[0, 3, 5, 6], [0, 3, 1, 5], [0, 6, 2, 3], [0, 5, 4, 6], [3, 6, 
 def test_a_box_is_closed_and_holds_its_volume():
     check_closed(BOX, "box")
     assert enclosed_volume(BOX) == pytest.approx(np.prod(SIZE))
+
+
+def test_the_volume_far_from_the_origin_is_exact_but_for_the_rounding_of_corners():
+    assert enclosed_volume(BOX + np.array([1e3, -2e3, 5e2])) == pytest.approx(np.prod(SIZE), rel=1e-9, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -168,6 +174,33 @@ def test_meshes_that_do_not_fit_together_are_refused(change, words):
 def test_millimetres_are_noticed_before_meshing():
     with pytest.raises(ValueError, match="millimetres taken for metres"):
         fill_with_tetrahedra(1e3 * BOX, 1e3 * BASE, 1.0)
+
+
+#: Keeps what the mesher is given, and takes the corners of the box as nodes.
+MESHER = f"""
+import os, numpy
+def tetrahedralize(points, faces, **options):
+    numpy.savez(os.environ["KEPT"], points=points, faces=faces, **options)
+    return points, numpy.array({FIVE.tolist()})
+"""
+
+
+def test_the_mesher_works_in_lengths_of_order_one_and_its_mesh_is_scaled_back(tmp_path, monkeypatch):
+    (tmp_path / "pytetwild.py").write_text(MESHER)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setenv("KEPT", str(tmp_path / "given.npz"))
+    monkeypatch.setattr("meshes.solids.tetrahedra.find_spec", lambda _: "found")
+    mesh = fill_with_tetrahedra(BOX, BASE, 1.3e-3)
+    diagonal = np.linalg.norm(SIZE)
+    with np.load(tmp_path / "given.npz") as given:
+        np.testing.assert_allclose(diagonal * given["points"][given["faces"]], BOX, atol=1e-15)
+        assert given["faces"].dtype == np.int32
+        assert given["edge_length_abs"] == pytest.approx(1.3e-3 / diagonal)
+        assert given["epsilon"] == pytest.approx(2e-3 / 50 / diagonal)  # a fiftieth of the thickness
+        assert given["num_threads"] == 1
+    np.testing.assert_allclose(mesh.nodes, CORNERS, atol=1e-15)
+    assert compute_volume(mesh) == pytest.approx(np.prod(SIZE))
+    assert measure_area(mesh, "base") == pytest.approx(24e-6)
 
 
 @pytest.mark.slow

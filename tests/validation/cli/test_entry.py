@@ -12,17 +12,28 @@ from hypothesis import strategies as st
 
 from validation.cli.entry import _COMMANDS, app, main
 
-
-@pytest.mark.parametrize("command", _COMMANDS)
-def test_help_has_examples(softcover, command):
-    status, out, _ = softcover(command, "--help")
-    assert status == 0
-    assert "Examples of use" in out
-    assert f"softcover {command}" in out
-
-
 DOCUMENTED_KEYS = Path(__file__).parents[3] / "docs" / "json.md"
 PAGES = [[name] for name in _COMMANDS] + [["store", action] for action in ("list", "verify", "prune")]
+
+
+#: Options of texts that may begin with a minus sign; that of a number may always.
+SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--friction", "--thickness", "--mass"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=" ".join)
+def test_help_has_examples_and_explains_every_option_and_a_quantity_may_begin_with_a_minus_sign(softcover, page):
+    status, out, _ = softcover(*page, "--help")
+    assert status == 0
+    assert f"softcover {' '.join(page)}" in out.split("Examples of use")[1]
+    command = app
+    for word in page:
+        command = command[word]
+    for argument in command.assemble_argument_collection() if command.default_command else ():
+        name, parameter = argument.names[0], argument.parameter
+        assert parameter.help, name
+        assert parameter.help[0].isupper() or parameter.help[0] == "`", name
+        assert parameter.help.endswith("."), name
+        assert bool(parameter.allow_leading_hyphen) == (name in SIGNED), name
 
 
 @pytest.mark.parametrize(
@@ -56,23 +67,6 @@ def test_help_examples_name_options_that_exist(page):
         if command.default_command:
             known = {name for argument in command.assemble_argument_collection() for name in argument.names}
             assert {word.split("=")[0] for word in words if word.startswith("--")} <= known
-
-
-#: Options of texts that may begin with a minus sign; that of a number may always.
-SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--friction", "--thickness", "--mass"}
-
-
-def test_every_option_is_explained_and_a_quantity_may_begin_with_a_minus_sign():
-    for page in PAGES:
-        command = app
-        for word in page:
-            command = command[word]
-        for argument in command.assemble_argument_collection() if command.default_command else ():
-            name, parameter = argument.names[0], argument.parameter
-            assert parameter.help, (page, name)
-            assert parameter.help[0].isupper() or parameter.help[0] == "`", (page, name)
-            assert parameter.help.endswith("."), (page, name)
-            assert bool(parameter.allow_leading_hyphen) == (name in SIGNED), (page, name)
 
 
 def test_help_pages_import_no_heavy_package():

@@ -2,13 +2,16 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fem_reference import ConvergenceError, result_store
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.run import run_case
+from validation.credibility import evidence, input_uncertainty
 from validation.credibility.comparison_error import ComparisonError, compare_quantities
 from validation.credibility.evidence import describe_domain, group_errors
 from validation.credibility.input_uncertainty import list_inputs, propagate_inputs, simulate_image
@@ -67,6 +70,17 @@ def test_effects_are_proportional_to_small_uncertainties(bonded, wts):
 def test_the_limit_of_the_poisson_ratio_is_one_sided(bonded, wts):
     inner, limit = (propagate_inputs(bonded(nu), wts, BALL, only(poisson_ratio=0.004)) for nu in (0.495, 0.5))
     assert limit.misplaced_total == pytest.approx(inner.misplaced_total, rel=0.2)
+
+
+def test_results_of_other_code_are_not_taken_from_the_store(bonded, wts, monkeypatch, tmp_path):
+    other = tmp_path / "input_uncertainty.py"
+    other.write_text("# other formulas\n")
+    propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
+    with result_store.stored_only():
+        propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
+        monkeypatch.setattr(input_uncertainty, "__file__", str(other))
+        with pytest.raises(result_store.NotStoredError):
+            propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
 
 
 def test_the_spread_of_a_material_replaces_that_of_the_campaign(bonded):
@@ -177,6 +191,10 @@ def test_observed_orders():
     assert observe_order([1 - 0.1 * h for h in (3, 2, 1)], (3, 2, 1)) == pytest.approx(1)
     assert math.isnan(observe_order([1.0, 1.1, 1.05], sizes))
     assert math.isnan(observe_order([1.0, 1.0, 1.0], sizes))
+    for order in (0.06, 9.9):
+        assert observe_order([1 + h**order for h in sizes], sizes) == pytest.approx(order)
+    for order in (0.04, 10.1):
+        assert math.isnan(observe_order([1 + h**order for h in sizes], sizes))
 
 
 def test_solutions_are_listed_on_three_grids(results):
@@ -231,3 +249,27 @@ def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
     ):
         propagated = math.sqrt(sum(value**2 for value in found.of(quantity).values()))
         assert np.std(drawn) == pytest.approx(propagated, rel=0.2)  # 200 draws: 5 % of a standard deviation
+
+
+def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_line(monkeypatch):
+    """The comparison of each other case has the inputs of this case."""
+    cases = [SimpleNamespace(case=SimpleNamespace(name=name)) for name in ("a", "b", "c")]
+
+    def propagate(cover, array, case, inputs):
+        if case.name == "b":
+            raise ConvergenceError("too coarse")
+        return f"inputs of {case.name}"
+
+    found = {
+        "verify_code": lambda *_: (), "verify_solutions": lambda *_: (), "score_stages": lambda *_: None,
+        "group_errors": lambda *_: {}, "describe_domain": lambda *_: {}, "propagate_inputs": propagate,
+        "compare_quantities": lambda array, result, inputs, data: [(result.case.name, inputs, data)],
+    }  # fmt: skip
+    for name, function in found.items():
+        monkeypatch.setattr(evidence, name, function)
+    parameters, campaign = SimpleNamespace(array=None), SimpleNamespace(inputs=SimpleNamespace(data=0.1))
+    result = SimpleNamespace(interrupted=False, cases=cases)
+    gathered = evidence.gather_evidence(None, parameters, campaign, result)
+    assert gathered.inputs == {"a": "inputs of a", "c": "inputs of c"}
+    assert gathered.errors == (("a", "inputs of a", 0.1), ("c", "inputs of c", 0.1))
+    assert gathered.failed == ("input uncertainty of b: too coarse",)

@@ -7,10 +7,12 @@ import pytest
 
 from fem_reference.curved_cover import press_curved
 from fem_reference.result_store import NotStoredError, stored_only
+from meshes import Material
 from meshes.bounded_file import parse_toml
 from validation.campaign.campaign_file import Criterion, parse_campaign
 from validation.campaign.cost import Plan
 from validation.campaign.verdict import judge
+from validation.curved import evidence
 from validation.curved.campaign import CURVED_MODELS, CurvedCampaign, plan_presses
 from validation.curved.derive import derive_curved
 from validation.curved.evaluate import evaluate_curved
@@ -170,12 +172,23 @@ def test_a_case_that_never_touches_costs_itself(bench, plan, cost):
 
 
 def test_groups_and_range_are_those_of_the_cases(small_pad, result):
-    evidence = gather_curved_evidence(small_pad, small_pad.body.meshes(), dataclasses.replace(result, interrupted=True))
-    assert set(evidence.groups["shape"]) == {"sphere", "box"}
-    assert set(evidence.groups["direction"]) == {"along the normal", "oblique"}
-    assert evidence.domain["load_N"] == (0.2, 0.3)
-    assert np.degrees(evidence.domain["obliquity_rad"]) == pytest.approx((0, 30), abs=1e-6)
-    assert evidence.failed == ("interrupted: codes are not verified",)
+    stopped = dataclasses.replace(result, interrupted=True)
+    found = gather_curved_evidence(small_pad, small_pad.body.meshes(), stopped)
+    assert set(found.groups["shape"]) == {"sphere", "box"}
+    assert set(found.groups["direction"]) == {"along the normal", "oblique"}
+    assert found.domain["load_N"] == (0.2, 0.3)
+    assert np.degrees(found.domain["obliquity_rad"]) == pytest.approx((0, 30), abs=1e-6)
+    assert found.failed == ("interrupted: codes are not verified",)
+
+
+def test_coarse_meshes_of_the_shell_converge_to_its_closed_form_alike_at_every_thickness(monkeypatch):
+    monkeypatch.setattr(evidence, "_SHELL_MESHES", ((1.5, 2), (1.2, 2)))
+    rubber = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+    thin, thick = check_shell(rubber, 0.5e-3), check_shell(rubber, 8e-3)
+    assert thin.errors == pytest.approx(thick.errors, rel=1e-6)
+    assert 0.002 < thin.errors[1] < thin.errors[0] < 0.07
+    assert thin.result == thin.errors[1]
+    assert thin.sizes == pytest.approx((1.0, 0.8))
 
 
 @pytest.mark.slow
@@ -183,9 +196,7 @@ def test_the_shell_agrees_with_its_closed_form_and_a_stiffer_one_does_not(small_
     material = small_pad.cover.layers[0].material
     check = check_shell(material, 2e-3)
     assert check.passed
-    import validation.curved.evidence as module
-
     wrong = dataclasses.replace(material, poisson_ratio=0.45)
-    solve = module.texel_responses
-    monkeypatch.setattr(module, "texel_responses", lambda mesh, texels, _: solve(mesh, texels, wrong))
+    solve = evidence.texel_responses
+    monkeypatch.setattr(evidence, "texel_responses", lambda mesh, texels, _: solve(mesh, texels, wrong))
     assert not check_shell(material, 2e-3).passed

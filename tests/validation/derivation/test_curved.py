@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from fastmodel.curved.press import press_curved as press_fast
+from fem_reference import result_store
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.curved_cover.pressure_shapes import evaluate_hats
 from meshes import Box, Material, Sphere
 from meshes.solids import phalanx
 from meshes.solids.facets import split_facet
 from meshes.spatial_pose import SpatialPose
+from validation.derivation import curved
 from validation.derivation.curved import derive_curved_cover
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
@@ -51,3 +53,14 @@ def test_a_uniform_pressure_presses_on_the_texels_as_in_the_reference(cover, mes
     expected = known.normal_influence @ top.areas
     np.testing.assert_allclose(fast.influence @ forces, expected, atol=1e-3 * expected.max())
     assert np.linalg.eigvalsh(fast.compliance).min() > 0
+
+
+def test_a_compliance_of_other_code_is_not_taken_from_the_store(cover, mesh, monkeypatch, tmp_path):
+    derive_curved_cover(mesh, cover.texels, RUBBER)
+    other = tmp_path / "curved.py"
+    other.write_text("# other formulas\n")
+    with result_store.stored_only():
+        derive_curved_cover(mesh, cover.texels, RUBBER)
+        monkeypatch.setattr(curved, "__file__", str(other))
+        with pytest.raises(result_store.NotStoredError, match="hat"):
+            derive_curved_cover(mesh, cover.texels, RUBBER)

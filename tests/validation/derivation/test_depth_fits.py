@@ -5,7 +5,10 @@ import dataclasses
 import pytest
 
 from fem_reference import press
+from fem_reference.closed_form.contact import sphere
 from meshes import Sphere
+from tests.support.rubber import make_cover
+from validation.derivation.depth_fits import fit_depth
 from validation.derivation.undetermined import list_undetermined
 
 
@@ -23,3 +26,16 @@ def test_depths_are_those_of_the_elements_and_what_they_leave_open_is_said(deriv
         assert word in told
     hard = dataclasses.replace(derivation.sensor.cover, assumed=False)
     assert "nobody measured" not in " ".join(list_undetermined(hard, derivation.fit, None))
+
+
+@pytest.mark.parametrize(
+    ("thickness", "contacts"),
+    [(2e-3, [0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3]), (6e-3, [1.5e-3, 3e-3, 4e-3]), (9e-3, [1e-3, 2e-3, 4e-3])],
+)
+def test_radii_of_the_contact_follow_the_thickness_up_to_80_percent_of_the_sphere(thickness, contacts):
+    """Where fewer than three of 1/4, 1/2, 3/4, 1 and 3/2 thicknesses remain, they follow the sphere."""
+    cover = make_cover(0.45, "linear-elastic", thickness=thickness)
+    found = fit_depth(cover)
+    expected = [sphere(cover, 5e-3, contact) for contact in contacts]
+    assert found.load == pytest.approx([each.force for each in expected])
+    assert found.depth == pytest.approx([each.depth for each in expected], abs=0)

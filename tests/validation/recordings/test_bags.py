@@ -64,8 +64,9 @@ def write_flat(path, sides=()):
 
 def test_rows_and_columns_that_a_message_does_not_state_are_taken_from_the_caller(tmp_path):
     flat = write_flat(tmp_path / "flat")
-    with pytest.raises(RecordingError, match="no tactile frames; known are"):
-        open_recording(flat)
+    for part in ({}, {"rows": 4}, {"columns": 3}):
+        with pytest.raises(RecordingError, match="no tactile frames; known are"):
+            open_recording(flat, **part)
     recording = open_recording(flat, rows=4, columns=3)
     (array,) = recording.arrays
     assert (array.texels.rows, array.texels.columns) == (4, 3)
@@ -83,3 +84,14 @@ def test_topics_of_unknown_type_are_left_out(tmp_path):
     with contextlib.closing(sqlite3.connect(stored)) as base, base:
         base.execute("DELETE FROM message_definitions WHERE topic_type LIKE 'wts_driver%'")
     assert [array.texels.name for array in open_recording(folder).arrays] == ["/pad"]
+
+
+def test_public_types_are_known_to_bags_that_define_none_as_before_ros_2_iron(tmp_path):
+    kinds = {"/pad": "sensor_msgs/msg/Image", "/rig/force": "geometry_msgs/msg/WrenchStamped"}
+    folder = write_bag(tmp_path / "bag", kinds, first=False)
+    (stored,) = folder.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(stored)) as base, base:
+        base.execute("DELETE FROM message_definitions")
+    recording = open_recording(folder)
+    assert np.array_equal(recording.arrays[0].counts, COUNTS)
+    assert recording.forces.tolist() == [0, 0.5, 1, 1.5, 2]

@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -19,6 +20,7 @@ pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
 from tests.support.virtual_port import VirtualPort, is_ramp
 from validation.recordings import capture, mcap_reader
 from validation.recordings.recording import Setup
+from validation.weiss.clock import Residual
 from validation.weiss.frames import Reading
 from validation.weiss.parser import Parser
 from validation.weiss.sensor import Sensor
@@ -70,6 +72,7 @@ def test_frames_and_clocks_come_back(recorded):
     assert recording.gaps == ()
     assert done.frames == len(recording.times) == len(readings) == 130
     assert done.rate == pytest.approx((done.frames - 1) / np.ptp(recording.times), rel=0.02)
+    assert done.rate * np.ptp(recording.host_monotonic) * 1e-9 == pytest.approx(129, rel=1e-9)  # times between frames
     (array,) = recording.arrays
     assert (array.counts == [reading.counts for reading in readings]).all()
     assert recording.ticks.tolist() == [reading.ticks for reading in readings]
@@ -81,6 +84,20 @@ def test_frames_and_clocks_come_back(recorded):
     assert done.residual.largest >= delays.max() - 1e-4
     assert (array.texels.rows, array.texels.columns, array.texels.pitch) == (14, 6, (3.4e-3, 3.4e-3))
     assert recording.temperatures.shape == (2, 1)
+
+
+NO_DELAY = Residual(median=0.0, p95=0.0, largest=0.0, tick=1e-3, unfitted=0, restarts=0)
+
+
+@pytest.mark.parametrize(
+    ("frames", "seconds", "rate"),
+    [(0, 0.0, np.nan), (1, 0.0, np.nan), (2, 0.0, np.nan), (2, 0.25, 4.0), (101, 2.0, 50.0)],
+)
+def test_a_rate_needs_two_frames_at_different_times(frames, seconds, rate):
+    done = capture.Captured(
+        path=Path("a.mcap"), frames=frames, gaps=0, seconds=seconds, residual=NO_DELAY, ended="done"
+    )
+    assert done.rate == pytest.approx(rate, nan_ok=True)
 
 
 def test_the_setup_and_the_properties_of_the_device_come_back(recorded):

@@ -56,6 +56,25 @@ def test_a_disk_failure_is_reported_once_and_the_chunks_before_are_kept(tmp_path
     assert recording.arrays[0].counts[:5, 0].tolist() == [0, 1, 2, 3, 4]
 
 
+def test_what_a_full_disk_took_of_a_chunk_is_removed(tmp_path, monkeypatch):
+    path, write = tmp_path / "a.mcap", os.write
+    writer = _open_writer(path)
+    writer.add_frame(0, Clocks(0), np.full(84, 1))
+    writer._flush()
+    complete = path.read_bytes()
+
+    def fill_up(descriptor, data):
+        if path.stat().st_size > len(complete):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(descriptor, data[:7])
+
+    writer.add_frame(0, Clocks(1), np.full(84, 2))
+    monkeypatch.setattr(os, "write", fill_up)
+    with pytest.raises(StorageError, match="the disk takes no more"):
+        writer.close()
+    assert path.read_bytes() == complete
+
+
 def test_a_recorder_killed_before_its_first_frame_leaves_no_file_or_one_with_its_setup(tmp_path, monkeypatch):
     path, sizes = tmp_path / "early.mcap", []
     write = os.write

@@ -9,6 +9,9 @@ import fastmodel
 from fastmodel import Butterworth
 from fem_reference import point_spread
 from tests.validation.regression.planted import NEIGHBOURS, REFERENCE, REQUIRED
+from validation.campaign import campaign_file
+from validation.campaign.case import Case
+from validation.campaign.run import run_case
 from validation.derivation import kernel_fit
 from validation.derivation.cover_kernels import cover_cells
 from validation.regression.baseline import compare, make_baseline
@@ -19,6 +22,7 @@ from validation.sensor_file import load
 # A warning of the sensors under test would reach the user of `softcover regress`, who can do nothing about it.
 pytestmark = pytest.mark.filterwarnings("error::fastmodel.OptionWarning")
 
+BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
 #: Groups of quantities that need no finite elements.
 FAST = tuple(EXPERIMENTS)[:13]
 
@@ -109,6 +113,22 @@ def test_shipped_parameters_that_are_not_those_derived_are_named(wts_derivation,
     after = measured_reference(wts_derivation, ["shipped parameters"])
     (change,) = compare(before, after, {})
     assert (change.quantity, change.label) == ("shipped parameters: difference", "spread")
+
+
+def test_accuracy_is_that_of_the_derived_parameters_on_the_cover_of_the_sensor(wts_derivation, monkeypatch):
+    cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
+    monkeypatch.setattr(campaign_file, "default_cases", lambda _: (BALL,))
+    heard = []
+    subject = Subject(parameters=parameters, derivation=wts_derivation, progress=lambda *words: heard.append(words))
+    groups = {group: EXPERIMENTS[group] for group in ("reference", "accuracy")}
+    readings, failures = measure(subject, groups=groups, progress=lambda _: None)
+    assert not failures
+    expected = run_case(cover, parameters, BALL)
+    assert readings["reference: load"].numbers == {"ball": pytest.approx((BALL.load,))}
+    assert readings["reference: depth"].numbers == {"ball": pytest.approx((1e3 * expected.reference.depth,), rel=1e-5)}
+    misplaced = expected.predictions["fast"].score.misplaced_force
+    assert readings["accuracy: misplaced force"].numbers == {"ball": pytest.approx((100 * misplaced,), rel=1e-5)}
+    assert heard[0][:2] == (0, 1)
 
 
 @pytest.fixture(scope="module")

@@ -44,6 +44,9 @@ def views(monkeypatch, tmp_path):
         drawn.extend(map(describe, plotter.renderers))
         drawn.append(plotter.window_size)
         assert plotter.off_screen
+        # no lines between views and no frame: releases before 0.49 draw them around each view, later ones over all
+        assert not any(renderer.has_border for renderer in plotter.renderers)
+        assert getattr(plotter.renderers, "border_overlay_renderer", None) is None
 
     monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
 
@@ -74,8 +77,11 @@ def describe(renderer):
     return SimpleNamespace(
         meshes=meshes, texts=texts, ruled=None if edges is None else np.array(edges.bounds),
         marks=None if edges is None else (edges.n_xlabels, edges.n_ylabels),
+        titles=[] if edges is None else [getattr(edges, f"Get{axis}Title")().strip() for axis in "XYZ"],
+        lines=[] if edges is None else [bool(getattr(edges, f"Get{axis}AxisVisibility")()) for axis in "XYZ"],
         focus=np.array(camera.focal_point), eye=np.array(camera.position), half=camera.parallel_scale,
         parallel=camera.parallel_projection,
+        background=renderer.background_color.float_rgb,
         bars=[bar.title for bar in renderer.actors.values() if hasattr(bar, "title")],
     )  # fmt: skip
 
@@ -109,6 +115,14 @@ def test_the_section_shows_the_half_behind_the_contact(views, scene):
     assert body.limits == pytest.approx((0, 7))  # displacements are finite everywhere: all of them have a colour
 
 
+def test_each_ruled_edge_is_named_with_its_unit(views, scene):
+    """Heights are not ruled where the heights of bars show forces."""
+    surface, section, texels, _ = views(scene)
+    for view in (surface, section):
+        assert (view.titles, view.lines) == (["x [mm]", "y [mm]", "z [mm]"], [True] * 3)
+    assert (texels.titles, texels.lines) == (["x [mm]", "y [mm]", ""], [True, True, False])
+
+
 def test_stresses_of_unlike_layers_have_a_logarithmic_scale(views, scene):
     uneven = dataclasses.replace(scene, inside_label="von Mises stress [kPa]", logarithmic=True)
     (body,) = views(uneven)[1].meshes
@@ -130,6 +144,23 @@ def test_a_bar_on_each_texel_is_as_high_as_its_force(views, scene):
     assert bars.limits == pytest.approx((0, 200))  # hardly negative forces have the colour of none
     assert texels.texts == ["\n16 texels, sum 1.592 N"]
     assert views(dataclasses.replace(scene, texel_forces=-scene.texel_forces[::-1]))[2].meshes[0].limits[0] == -200
+
+
+def test_bars_are_closed_and_their_faces_look_outwards(scene):
+    """The volume follows from the faces, by the divergence theorem, and is negative for faces that look inwards."""
+    bars = draw.make_bars(scene, 1e3)
+    for corners in bars.points[bars.regular_faces].reshape(16, 6, 4, 3):
+        edges = [(tuple(face[k - 1]), tuple(face[k])) for face in corners for k in range(4)]
+        assert {(end, start) for start, end in edges} == set(edges)
+        triangles = np.concatenate([corners[:, :3], corners[:, [0, 2, 3]]])
+        volume = np.linalg.det(triangles - corners.mean(axis=(0, 1))).sum() / 6
+        assert volume == pytest.approx(np.ptp(corners, axis=(0, 1)).prod(), rel=1e-4)
+
+
+def test_black_texts_stand_on_a_light_ground_in_every_view_whatever_the_theme(views, scene, monkeypatch):
+    monkeypatch.setattr(pyvista.global_theme, "background", "black")
+    *drawn, _ = views(scene)
+    assert [min(view.background) > 0.9 for view in drawn] == [True] * 3
 
 
 def test_the_camera_looks_at_all_of_a_view_from_the_front(views, scene):

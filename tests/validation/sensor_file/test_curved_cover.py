@@ -192,6 +192,10 @@ def flatten(nodes, cells):
     nodes[-1] = [0, 0, 4.999]
 
 
+def squash(nodes, cells):
+    nodes[:, 2] = -5
+
+
 def test_slivers_are_refused_with_a_way_out_that_works(tmp_path):
     write_base(tmp_path)
     write_tetrahedra(tmp_path / "cube.tet", flatten)
@@ -218,3 +222,10 @@ def test_overlapping_tetrahedra_are_refused(tmp_path):
     write_base(tmp_path)
     write_tetrahedra(tmp_path / "cube.tet", tangle)
     assert "cube.tet has tetrahedra that overlap" in refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
+
+
+def test_tetrahedra_without_any_volume_are_refused(tmp_path):
+    write_base(tmp_path)
+    write_tetrahedra(tmp_path / "cube.tet", squash)
+    said = refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
+    assert said.endswith("no tetrahedron of cube.tet has a volume; export a solid")

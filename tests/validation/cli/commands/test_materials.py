@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pytest
 
 from meshes.catalogue import MATERIALS
@@ -10,6 +11,19 @@ def test_materials_are_listed_as_a_table_and_as_json(softcover):
     assert status == 0
     assert json.loads(out)["materials"]["dragon-skin-30"]["youngs_modulus"] == pytest.approx(669e3)
     assert "dragon-skin-30" in softcover("materials")[1]
+
+
+def test_natural_rubbers_are_named_by_their_hardness_which_fits_their_modulus(softcover):
+    listed = json.loads(softcover("materials", "--json")[1])["materials"]
+    hardnesses = [int(name.removeprefix("natural-rubber-")) for name in listed if name.startswith("natural-rubber-")]
+    assert hardnesses == [30, 40, 50, 60, 70]
+    moduli = [listed[f"natural-rubber-{hardness}"]["youngs_modulus"] for hardness in hardnesses]
+    assert (np.diff(moduli) > 0).all()
+    for hardness in hardnesses:
+        found = json.loads(softcover("materials", f"natural-rubber-{hardness}", "--json")[1])
+        assert f"at {hardness} IRHD" in found["source"]
+        band = json.loads(softcover("materials", "--hardness", hardness, "--json")[1])
+        assert band["low"] < found["youngs_modulus"] < band["high"]
 
 
 def test_all_materials_with_source_and_spread(softcover):

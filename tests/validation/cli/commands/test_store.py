@@ -159,10 +159,3 @@ def test_bad_options_remove_nothing(filled, words, expected):
     assert (status, out) == (2, "")
     assert expected in err
     assert stored() == [0, 1, 2, 3, 4]
-
-
-@pytest.mark.parametrize("action", ["list", "verify", "prune"])
-def test_help_has_examples(softcover, action):
-    status, out, _ = softcover("store", action, "--help")
-    assert status == 0
-    assert f"softcover store {action}" in out.split("Examples")[1]

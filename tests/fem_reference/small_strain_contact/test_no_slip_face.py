@@ -1,0 +1,37 @@
+"""Flat faces without slip: the mesh of a cover with free sides, and its scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
+from meshes import Box, Cylinder
+from meshes.pose import PlanarPose
+from tests.support.rubber import make_cover
+
+GRID = FaceGrid(through=2, edge=0.5, growth=0.8, across=2)
+
+
+def press(at=(0.0, 0.0), *, scale=1.0, face=Box, thickness=2e-3):
+    """Press a face on a cover of 8 x 6 mm with free sides, all lengths times a factor."""
+    cover = make_cover(0.45, "linear-elastic", thickness=scale * thickness, size=(scale * 8e-3, scale * 6e-3))
+    shape = Box(size=(scale * 3e-3, scale * 2e-3, 5e-3)) if face is Box else Cylinder(radius=scale * 1.5e-3)
+    return press_face(cover, shape, PlanarPose(at=(scale * at[0], scale * at[1])), GRID)
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), (1.5e-3, 0.0), (0.5e-3, -1e-3)])
+@pytest.mark.parametrize("thickness", [1.5e-3, 3e-3])
+def test_the_mesh_ends_at_the_sides_of_the_cover_or_at_a_plane_of_symmetry(at, thickness):
+    for found in press(at, thickness=thickness):
+        for nodes, half, middle in zip(found.lines, (4e-3, 3e-3), at, strict=True):
+            assert (nodes[0], nodes[-1]) == pytest.approx((0.0 if middle == 0 else -half, half), abs=1e-12)
+            assert (np.diff(nodes) > 0).all()
+
+
+@pytest.mark.parametrize("face", [Box, Cylinder])
+def test_the_stiffness_of_a_cover_with_free_sides_is_proportional_to_its_size(face):
+    for small, large in zip(press(face=face), press(scale=1000.0, face=face), strict=True):
+        assert large.force == pytest.approx(1000 * small.force, rel=1e-9)
+        assert large.contact[:, :2] == pytest.approx(1000 * small.contact[:, :2], rel=1e-9, abs=1e-9)
+        assert large.base == pytest.approx(1000 * small.base, rel=1e-6, abs=1e-6 * large.force)
