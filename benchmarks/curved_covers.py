@@ -6,6 +6,7 @@ radius     responses of cylinder segments of growing radius against the flat pad
 balance    force and moment on the base of each built-in cover against those of the indenter
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
 estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
+no-slip    presses of a flat pad without slip against the planar solution with free edges
 scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
 
 Each part prints a table; `curved_covers.md` holds them.
@@ -48,6 +49,12 @@ SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "box 12 x 12 mm": (Box(size=(12e-3, 12e-3, 6e-3)), 0.0, 1.0),
     "edge of a box": (Box(size=(8e-3, 14e-3, 8e-3)), np.pi / 4, 0.15),
 }
+#: Poisson ratios and shapes of `no-slip`.
+STICKING: tuple[tuple[float, Indenter], ...] = (
+    (0.0, Sphere(radius=5e-3)), (0.45, Sphere(radius=5e-3)), (0.49, Sphere(radius=8e-3)),
+    (0.0, Box(size=(2e-3, 4e-3, 2e-3))), (0.45, Box(size=(3e-3, 3e-3, 2e-3))), (0.49, Box(size=(3e-3, 3e-3, 2e-3))),
+    (0.3, Cylinder(radius=1e-3)), (0.5, Cylinder(radius=2e-3)),
+)  # fmt: skip
 #: Presses of `estimates`: name, indenter, load [N], place [mm], yaw and tilts about x and y [deg].
 FLAT: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float, float]]] = [
     (name, indenter, load, place, 0.0, (0.0, 0.0))
@@ -282,6 +289,31 @@ def compare_estimates() -> None:
     )
 
 
+def compare_no_slip() -> None:
+    """Compare presses without slip with the planar solution with free edges, with their estimates."""
+    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
+    print("| shape | nu | misplaced force: error, estimate [%] | texel forces | depth | CPU s | planar CPU s |")
+    print("|---|---|---|---|---|---|---|")
+    for ratio, indenter in STICKING:
+        material = rubber(ratio)
+        planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
+        pose, load = SpatialPose.facing([0.4e-3, 0.3e-3, 5e-3], [0.0, 0.0, -1.0]), 0.3
+        times = [time.process_time()]
+        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, friction=np.inf)
+        times.append(time.process_time())
+        exact = press(planar, cover.texels, indenter, load=load, at=(0.4e-3, 0.3e-3), friction=np.inf)
+        times.append(time.process_time())
+        difference = np.abs(found.texel_forces - exact.texel_forces)
+        errors = {
+            "misplaced_force": difference.sum() / (2 * load),
+            "texel_forces": difference.max() / exact.texel_forces.max(),
+            "depth": abs(found.depth / exact.depth - 1),
+        }
+        cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in errors.items())
+        seconds = " | ".join(f"{each:.0f}" for each in np.diff(times))
+        print(f"| {type(indenter).__name__.lower()} | {ratio:g} | {cells} | {seconds} |", flush=True)
+
+
 def list_presses() -> Iterator[tuple[str, str, Indenter, SpatialPose, list[float], float]]:
     """Shape, place, indenter, pose, direction and load of the 40 presses."""
     for shape, (indenter, tilt, load) in SHAPES.items():
@@ -330,6 +362,7 @@ PARTS = {
     "balance": check_balance,
     "responses": measure_responses,
     "estimates": compare_estimates,
+    "no-slip": compare_no_slip,
     "scores": score_fast_model,
 }
 
