@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.triangles import cluster, merge_corners
+from meshes.solids.triangles import cluster, list_near_pairs, merge_corners
 
 #: Width of a crack along the border that is closed, over the size of the surface [-].
 _CRACK = 1e-4
@@ -13,8 +13,10 @@ _CRACK = 1e-4
 _SEAM, _BESIDE = 1e-3, 0.1
 #: Largest cosine between the directions of two edges of a seam, which run against each other [-].
 _AGAINST = -0.7
-#: Number of pairs of edges that are compared at once, to limit the memory [-].
-_PAIRS = 2_000_000
+#: Extent of corners that are merged, over the width of a crack: corners that are denser along a border stay [-].
+_CHAIN = 4.0
+#: Number of edges of seams after which the search ends: the surface is refused anyway [-].
+_ENOUGH = 1000
 
 
 def close_cracks(triangles: FloatArray) -> FloatArray:
@@ -29,17 +31,17 @@ def close_cracks(triangles: FloatArray) -> FloatArray:
         The triangles without those that collapse, shape (m, 3, 3) [m].
     """
     points, faces = merge_corners(triangles)
-    border = np.unique(_list_border(faces))
+    border = np.unique(_list_border(faces)[:, :2])
     if not len(border):
         return triangles
     size = float(np.ptp(points, axis=0).max())
     label = cluster(points[border], _CRACK * size)
-    first = np.unique(label, return_index=True)[1]
-    points[border] = points[border[first]][label]
+    goal = border[np.unique(label, return_index=True)[1]][label]
+    near = np.linalg.norm(points[goal] - points[border], axis=1) <= _CHAIN * _CRACK * size
     place = np.arange(len(points))
-    place[border] = border[first][label]
+    place[border[near]] = goal[near]
     kept = (place[faces] != np.roll(place[faces], 1, axis=1)).all(axis=1)
-    return np.asarray(points[faces[kept]])
+    return np.asarray(points[place[faces[kept]]])
 
 
 def refuse_seams(points: FloatArray, faces: IntArray, name: str) -> None:
@@ -53,31 +55,52 @@ def refuse_seams(points: FloatArray, faces: IntArray, name: str) -> None:
     Raises:
         ValueError: If there is a seam, with its place.
     """
-    edges = _list_border(faces)
-    size = float(np.ptp(points, axis=0).max())
-    start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
-    length = np.linalg.norm(along, axis=1)
-    middle = start + along / 2
-    found, gap, place = 0, 0.0, np.zeros(3)
-    for first in range(0, len(edges), block := max(1, _PAIRS // max(1, len(edges)))):
-        part = slice(first, first + block)
-        away = middle[part, None] - start
-        share = np.clip((away * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-300), 0.0, 1.0)
-        distance = np.linalg.norm(away - share[..., None] * along, axis=2)
-        against = along[part] @ along.T <= _AGAINST * length[part, None] * length
-        apart = (edges[part, None, :, None] != edges[:, None, :]).all(axis=(2, 3))
-        near = distance <= np.maximum(_SEAM * size, _BESIDE * np.minimum(length[part, None], length))
-        row, column = np.nonzero(against & apart & near)
-        if len(row):
-            found += len(np.unique(row))
-            worst = np.argmax(distance[row, column])
-            if distance[row[worst], column[worst]] >= gap:
-                gap, place = float(distance[row[worst], column[worst]]), middle[first + row[worst]]
-    if found:
+    number, gap, place = _find_seams(points, _list_border(faces))
+    if number:
+        least = "at least " if number >= _ENOUGH else ""
         raise ValueError(
-            f"{name} has a seam: {found} edges of its border lie within {1e3 * gap:.2g} mm of another part of the "
-            f"border, as at ({describe(place)}) mm; join the faces there before the export"
+            f"{name} has a seam: {least}{number} edges of its border lie within {1e3 * gap:.2g} mm of another part of "
+            f"the border, as at ({describe(place)}) mm; join the faces there before the export"
         )
+
+
+def _find_seams(points: FloatArray, border: IntArray) -> tuple[int, float, FloatArray]:
+    """Return the number of edges of seams, the largest distance between two of them [m] and its place [m].
+
+    Args:
+        points: Positions of the points, shape (p, 3) [m].
+        border: Points of each edge of the border and the third point of its triangle, shape (k, 3).
+    """
+    edges = border[:, :2]
+    start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
+    square = np.maximum(_dot(along, along), 1e-300)
+    length = np.sqrt(square)
+    inward = points[border[:, 2]] - start
+    inward -= (_dot(inward, along) / square)[:, None] * along
+    close = _SEAM * float(np.ptp(points, axis=0).max())
+    reach = np.maximum(close, _BESIDE * length)[:, None] / 2
+    ends = np.stack([start, start + along])
+    found, gap, place = set[int](), 0.0, np.zeros(3)
+    for pairs in list_near_pairs(ends.min(axis=0) - reach, ends.max(axis=0) + reach):
+        one, other = np.concatenate([pairs, pairs[::-1]], axis=1)
+        against = _dot(along[one], along[other]) <= _AGAINST * length[one] * length[other]
+        apart = (edges[one][:, :, None] != edges[other][:, None, :]).all(axis=(1, 2))
+        one, other = one[against & apart], other[against & apart]
+        away = start[one] + along[one] / 2 - start[other]
+        away -= np.clip(_dot(away, along[other]) / square[other], 0.0, 1.0)[:, None] * along[other]
+        distance = np.linalg.norm(away, axis=1)
+        # The surface lies between the borders of a narrow strip: the other one is beyond the triangle at this edge.
+        across = -_dot(away, inward[one]) > _dot(inward[one], inward[one]) / 2
+        beside = ~across & (distance <= _BESIDE * np.minimum(length[one], length[other]))
+        near = beside | (distance <= close)
+        if near.any():
+            found |= set(one[near].tolist())
+            worst = np.argmax(np.where(near, distance, -1.0))
+            if distance[worst] >= gap:
+                gap, place = float(distance[worst]), start[one[worst]] + along[one[worst]] / 2
+        if len(found) >= _ENOUGH:
+            break
+    return len(found), gap, place
 
 
 def refuse_parts(points: FloatArray, faces: IntArray, name: str) -> None:
@@ -130,7 +153,9 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
     label = np.arange(count)
     while True:
         before = label.copy()
-        np.minimum.at(label, faces, label[faces].min(axis=1, keepdims=True))
+        lowest = label[faces].min(axis=1, keepdims=True)
+        np.minimum.at(label, before[faces], lowest)  # whole parts at once, so that long rows of points take few rounds
+        np.minimum.at(label, faces, lowest)
         label = label[label]
         if (label == before).all():
             return label
@@ -142,7 +167,12 @@ def describe(place: FloatArray | tuple[float, ...]) -> str:
 
 
 def _list_border(faces: IntArray) -> IntArray:
-    """List the directed edges of one triangle only, shape (k, 2)."""
-    edges = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    _, place, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    """List the directed edges of one triangle only, and its third point, shape (k, 3)."""
+    edges = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
+    _, place, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(edges[count[place.ravel()] == 1])
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Compute the scalar products of k pairs of vectors, shape (k,)."""
+    return np.asarray(np.einsum("kc,kc->k", one, other))

@@ -94,7 +94,7 @@ def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
     faces = merge_corners(triangles)[1]
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     crossing: set[tuple[int, int]] = set()
-    for near in _list_near_pairs(low, high):
+    for near in list_near_pairs(low, high):
         apart = (faces[near[0]][:, :, None] != faces[near[1]][:, None, :]).all(axis=(1, 2))
         one, other = near[0][apart], near[1][apart]
         hit = _edges_cross(triangles[one], triangles[other]) | _edges_cross(triangles[other], triangles[one])
@@ -102,7 +102,7 @@ def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
     return crossing
 
 
-def _list_near_pairs(low: FloatArray, high: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+def list_near_pairs(low: FloatArray, high: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
     """List the pairs of n boxes that overlap, in blocks: those that overlap along the axis where the fewest do.
 
     Args:

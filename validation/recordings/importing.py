@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -163,13 +164,15 @@ def _find_start(recording: Recording) -> int:
     """
     every = np.concatenate([recording.times, recording.force_times, recording.temperature_times, [0.0]])
     earliest, latest = float(every.min()), float(every.max())
-    begun = max(recording.started.timestamp(), -earliest)
-    if not 0 <= begun + latest <= _LATEST:
+    # In whole microseconds; rounded down, the earliest reading would lie before 1970.
+    start = max(round(recording.started.timestamp() * 1_000_000), math.ceil(-earliest * 1_000_000))
+    last = start * 1e-6 + latest
+    if not 0 <= last <= _LATEST:
         raise RecordingError(
-            f"{recording.path}: times up to {begun + latest:.4g} s do not fit an MCAP file, which ends at {_LATEST} s; "
+            f"{recording.path}: times up to {last:.4g} s do not fit an MCAP file, which ends at {_LATEST} s; "
             "write seconds since 1970 or since the first frame"
         )
-    return round(begun * 1_000_000) * 1000
+    return start * 1000
 
 
 def _fill_clock(clock: ClockArray, recording: Recording) -> ClockArray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshes.solids.cracks import close_cracks
+from meshes.solids.cracks import close_cracks, label_parts
 from meshes.solids.shell import thicken
 from meshes.solids.triangles import check_closed, count_crossings, enclosed_volume, merge_corners
 
@@ -40,6 +40,46 @@ def test_a_seam_of_faces_that_do_not_share_corners_is_named():
     seamed = np.concatenate([make_dome(24, start=0.6), make_dome(19, rings=5, stop=0.6)])
     with pytest.raises(ValueError, match=r"dome has a seam: \d+ edges .* join the faces"):
         thicken(seamed, 1e-3, "dome", inward=True)
+
+
+@pytest.mark.parametrize("around", [8, 60])
+def test_a_seam_is_found_where_one_side_overlaps_the_other(around):
+    seamed = np.concatenate([make_dome(24, start=0.6), make_dome(around, rings=5, stop=0.6)])
+    with pytest.raises(ValueError, match="dome has a seam"):
+        thicken(seamed, 1e-3, "dome", inward=True)
+
+
+@pytest.mark.parametrize(("length", "width"), [(60e-3, 4e-3), (150e-3, 10e-3)])
+@pytest.mark.parametrize("count", [1, 6])
+def test_a_long_narrow_strip_has_no_seam(length, width, count):
+    """CAD programs divide a cylinder across its axis only, so that the edges of the border are as long as the strip."""
+    turn = np.linspace(-0.5, 0.5, count + 1) * width / 10e-3
+    one = 10e-3 * np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=-1)
+    other = one + np.array([0, length, 0])
+    triangles = [[one[:-1], one[1:], other[1:]], [one[:-1], other[1:], other[:-1]]]
+    strip = np.concatenate([np.stack(each, axis=1) for each in triangles])
+    assert thicken(strip, 1e-3, "strip", inward=True).nominal == 1e-3
+
+
+def test_a_border_of_very_many_corners_is_no_crack():
+    turn = np.linspace(0, 2 * np.pi, 40_001)
+    ring = 10e-3 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
+    cone = np.stack([np.broadcast_to([0, 0, 5e-3], (40_000, 3)), ring[:-1], ring[1:]], axis=1)
+    closed = close_cracks(cone)
+    assert len(closed) > 39_000
+    assert np.linalg.norm(np.cross(*(closed[:, [1, 2]] - closed[:, :1]).transpose(1, 0, 2)), axis=1).sum() / 2 == (
+        pytest.approx(np.pi * 10e-3 * np.hypot(10e-3, 5e-3), rel=1e-2)
+    )
+
+
+def test_parts_of_a_long_row_are_found_in_few_rounds():
+    """Numbered at random, the lowest number would pass along the row one edge after the other."""
+    order = np.random.default_rng(0).permutation(50_000)
+    row = np.stack([order[:-1], order[1:]], axis=1)
+    assert (label_parts(50_001, row) == [*[0] * 50_000, 50_000]).all()
+    halves = label_parts(50_000, np.delete(row, 24_999, axis=0))
+    assert (halves[order[:25_000]] == order[:25_000].min()).all()
+    assert (halves[order[25_000:]] == order[25_000:].min()).all()
 
 
 def test_loose_parts_are_refused_with_their_place():

@@ -112,6 +112,14 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
             open_recording(broken)
 
 
+@pytest.mark.parametrize("delay", [0.1234567, 0.1234564, 3e-7])
+def test_times_finer_than_a_microsecond_before_the_first_frame_are_kept(tmp_path, delay):
+    (tmp_path / "a.csv").write_text("# rows = 1\n# columns = 1\ntime,a\n0,1\n1,2\n")
+    (tmp_path / "f.csv").write_text("time,force\n0,1\n1,2\n2,3\n")
+    save(add_forces(open_recording(tmp_path / "a.csv"), tmp_path / "f.csv", delay=delay), tmp_path / "a.mcap")
+    assert open_recording(tmp_path / "a.mcap").force_times == pytest.approx([-delay, 1 - delay, 2 - delay], abs=2e-9)
+
+
 def test_readings_before_1970_are_kept_and_times_after_2038_are_refused(tmp_path):
     """A force sensor may begin before the first frame, and a file may count from 0; milliseconds do not fit."""
     (tmp_path / "a.csv").write_text("# rows = 1\n# columns = 1\ntime,a\n0,1\n1,2\n")
