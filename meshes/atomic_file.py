@@ -92,7 +92,8 @@ def flush(path: Path) -> None:
 
 def temporary_files(folder: Path) -> list[Path]:
     """List the temporary files in a folder: abandoned ones and those that are being written."""
-    return [path for path in folder.glob(f"{PREFIX}*") if stat.S_ISREG(path.lstat().st_mode)]
+    # A file may be renamed or removed by its writer while the folder is listed.
+    return [path for path in folder.glob(f"{PREFIX}*") if path.is_file() and not path.is_symlink()]
 
 
 def sweep(folder: Path) -> int:
