@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
@@ -92,7 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if getattr(sys, name) is None:  # the shell closed it: `softcover materials >&-`
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 -- open until the end
     try:
-        status = _run(list(sys.argv[1:] if arguments is None else arguments))
+        with _interrupt_on_terminate():
+            status = _run(list(sys.argv[1:] if arguments is None else arguments))
     except BrokenPipeError:
         _drop_output()
         status = PIPE_CLOSED
@@ -102,6 +105,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _drop_output()
         status = OUTSIDE_FAILED
     raise SystemExit(status)
+
+
+@contextlib.contextmanager
+def _interrupt_on_terminate() -> Iterator[None]:
+    """Treat the signal SIGTERM like Ctrl-C, so that a command completes its file and removes its temporary folder."""
+    if threading.current_thread() is not threading.main_thread():  # only the main thread handles signals
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _run(words: Sequence[str]) -> int:

@@ -1,13 +1,10 @@
-"""Live tactile image on standard error, and the orderly end of a running command on SIGTERM."""
+"""Live tactile image on standard error."""
 
 from __future__ import annotations
 
 import contextlib
-import signal
 import sys
 import time
-from collections.abc import Iterator
-from types import FrameType
 from typing import TYPE_CHECKING, Self
 
 from validation.cli.output import say
@@ -71,17 +68,3 @@ class LiveImage(contextlib.ExitStack):
 
         image = counts.reshape(-1, self._columns)
         self._live.update(draw_heat_map(image, image / self._full_scale).append(text), refresh=True)
-
-
-@contextlib.contextmanager
-def interrupt_on_terminate() -> Iterator[None]:
-    """Treat the signal SIGTERM like Ctrl-C, so that a command stops the device and completes its file at its end."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 -- the signature of a signal handler
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -2,8 +2,10 @@ import contextlib
 import io
 import json
 import re
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -274,3 +276,32 @@ def test_a_full_disk_behind_standard_error_ends_with_its_status():
     with Path("/dev/full").open("w") as full:
         ended = subprocess.run([sys.executable, "-c", code], stderr=full, check=False)  # noqa: S603 -- own code
     assert ended.returncode == 3
+
+
+def test_a_request_to_terminate_ends_every_command_like_ctrl_c(monkeypatch, capsys):
+    before = signal.getsignal(signal.SIGTERM)
+
+    def run(*_, **__):
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr("validation.cli.entry.app", run)
+    with pytest.raises(SystemExit) as raised:
+        main(["materials"])
+    assert raised.value.code == 130
+    assert capsys.readouterr().err == "softcover: interrupted\n"
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_command_outside_the_main_thread_leaves_signals_alone(capsys):
+    ended = []
+
+    def run():
+        with pytest.raises(SystemExit) as raised:
+            main(["materials"])
+        ended.append(raised.value.code)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert ended == [0]
+    assert "dragon-skin-30" in capsys.readouterr().out

@@ -1,9 +1,6 @@
-import signal
-
 import numpy as np
-import pytest
 
-from validation.cli.live_image import LiveImage, interrupt_on_terminate
+from validation.cli.live_image import LiveImage
 
 
 def test_without_a_terminal_a_line_is_written_at_most_every_few_seconds(capsys):
@@ -20,10 +17,3 @@ def test_without_a_terminal_a_line_is_written_at_most_every_few_seconds(capsys):
 def test_a_quiet_image_is_never_due():
     with LiveImage(columns=6, full_scale=4095, quiet=True) as live:
         assert not live.is_due
-
-
-def test_a_request_to_terminate_ends_a_command_like_ctrl_c():
-    before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(KeyboardInterrupt), interrupt_on_terminate():
-        signal.raise_signal(signal.SIGTERM)
-    assert signal.getsignal(signal.SIGTERM) is before

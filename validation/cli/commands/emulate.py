@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.live_image import interrupt_on_terminate
 from validation.cli.options import Json, PressedArrayIndex, check_range, choose_array, read_time_span
 from validation.cli.output import print_json, say
 from validation.errors import InputError, nearest
@@ -85,7 +84,7 @@ def emulate(
         )
     except ValueError as error:
         raise InputError(str(error)) from error
-    with interrupt_on_terminate(), contextlib.ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
         is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
         end = SerialEnd(port) if port and is_device else PseudoTerminal(port)
         stack.callback(end.close)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.live_image import LiveImage, interrupt_on_terminate
+from validation.cli.live_image import LiveImage
 from validation.cli.options import Json, Note, RecordedIndenter, RecordedLoad, check_range, read_setup
 from validation.cli.output import print_json, say
 from validation.errors import InputError
@@ -71,7 +71,7 @@ def record(
     check_range("--threshold", threshold, _MOST_16_BIT)
     check_range("--gain", gain, _MOST_8_BIT)
     path = _make_path(out)
-    with interrupt_on_terminate(), Sensor(port, baud_rate=baud_rate) as sensor:
+    with Sensor(port, baud_rate=baud_rate) as sensor:
         if threshold is not None:
             sensor.set_threshold(threshold)
         if gain is not None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -161,7 +158,7 @@ def _evaluate(
     from validation.report import write_report
 
     _tell_friction(sensor)
-    with new_folder(out) as folder, _interrupt_when_terminated(), Progress() as progress:
+    with new_folder(out) as folder, Progress() as progress:
         if sensor.body is not None:
             from validation.curved.evaluate import evaluate_curved
 
@@ -193,19 +190,6 @@ def _choose_status(evaluation: Evaluation) -> int:
     if evaluation.plan.left_out:
         return BAD_INPUT
     return DONE if evaluation.verdict.accepted else CHECK_FAILED
-
-
-@contextlib.contextmanager
-def _interrupt_when_terminated() -> Iterator[None]:
-    """Treat a request to terminate the process like Ctrl-C, so that finished cases are reported."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _tell_friction(sensor: SensorDescription) -> None:

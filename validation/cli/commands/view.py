@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from validation.cli.live_image import LiveImage, interrupt_on_terminate
+from validation.cli.live_image import LiveImage
 from validation.cli.options import (
     Json,
     Layers,
@@ -89,7 +89,7 @@ def view(
         parameters = find_parameters(found, progress)
     scene = Scene(parameters, shape, load=weight, method=method)
     # Ctrl-C is the normal way to end `softcover view`: it ends the simulation, and then the last image is printed.
-    with interrupt_on_terminate(), contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt):
         _play(scene, seconds, place)
     if json:
         print_json({**_list_last_frame(scene, indenter, weight), "warnings": list(warnings)})
