@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from fem_reference.errors import IncompletePathError, PiercedError
+from fem_reference.errors import ConvergenceError, IncompletePathError, PiercedError
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_friction, small_strain
 from fem_reference.indentation.grid_solution import GridStudy
@@ -164,8 +164,7 @@ def _refine(
     for refinement in range(finest + 1):
         try:
             solve = partial(_press_on_grids, place=place, progress=progress, refinement=refinement)
-            refines = refinement < _count_refinements(path, place)
-            finer = partial(solve, refinement=refinement + 1) if refines else None
+            finer = partial(_press_on_finer_grids, place=place, progress=progress, refinement=refinement)
             results = solve_as_far(path, solve, finer)
         except IncompletePathError:
             if not best:
@@ -194,6 +193,15 @@ def _press_on_grids(
     if path.fields and progress is not None:
         progress("displacement and stress in the cover")
     return [combine_grids(study, number, path, place, seconds=seconds) for number in range(len(path.targets))]
+
+
+def _press_on_finer_grids(
+    path: LoadingPath, place: Place, progress: Callable[[str], None] | None, refinement: int
+) -> list[Indentation]:
+    """Solve a loading path on the grids of one refinement more; raise a `ConvergenceError` if there are none."""
+    if refinement >= _count_refinements(path, place):
+        raise ConvergenceError("there are no finer grids")
+    return _press_on_grids(path, place, progress, refinement + 1)
 
 
 def _study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] | None, refinement: int) -> GridStudy:
