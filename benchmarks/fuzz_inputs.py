@@ -214,7 +214,8 @@ def read_damaged(kind: str, path: Path, out: Path) -> str:
     if kind in ("parameters", "npz"):
         return run(main, ["export", str(path), "--format", "gazebo", "--out", str(out)])
     if kind in ("mcap", "csv") or kind.startswith("ros"):
-        return run(main, ["import", str(path), "--out", str(out), "--json"])
+        out.mkdir()
+        return run(main, ["import", str(path), "--out", str(out / "a.mcap"), "--json"])
     try:
         load(path) if kind in ("sensor file", "positions") else read_indenter(f"mesh:path={path}")
     except InputError:
