@@ -153,9 +153,8 @@ def _press_points(
     penalty = PENALTY * _AUGMENTED * material.shear_modulus / thickness
     sampler = PointSampler(top, indenter, pose, towards, touch + deepest, deepest, penalty)
     contact = GridPress(compliance, sampler, towards, touch, deepest).to(*target)
-    influence = texel_responses(mesh, texels, material).finest.influence
     return _Small(
-        texel_forces=np.einsum("nmc,mc->n", influence, contact.nodal, optimize=True),
+        texel_forces=texel_responses(mesh, texels, material).finest.texel_forces(contact.nodal),
         load=contact.load,
         depth=contact.travel - touch,
         first=float(sampler.at(touch).gap.min()),

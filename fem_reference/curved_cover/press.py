@@ -148,11 +148,11 @@ def press_curved(
         contact = path.to(target, control)
         found.append(contact)
         depths.append(contact.travel - path.touch)
-        texel_forces.append(np.einsum("nmc,mc->n", grid.influence, contact.nodal, optimize=True))
+        texel_forces.append(grid.texel_forces(contact.nodal))
     errors = _estimate(every, np.array(texel_forces), found, depths, control)
     if isinstance(path, StickingPress):
         rough = path.to(target, control, STEPS // 2)
-        changed = np.einsum("nmc,mc->n", grid.influence, rough.nodal - contact.nodal, optimize=True)
+        changed = grid.texel_forces(rough.nodal - contact.nodal)
         _add_step_error(errors, changed, texel_forces[-1], (rough, contact), path.touch)
     share = depths[-1] / measure_thickness(mesh)
     large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"

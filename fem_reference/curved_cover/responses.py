@@ -68,6 +68,17 @@ class GridResponse:
         """Force on each texel per unit force on each node of the top against its normal, shape (n, m) [-]."""
         return -np.asarray(np.einsum("nmc,mc->nm", self.influence, self.top.normals, optimize=True))
 
+    def texel_forces(self, forces: FloatArray) -> FloatArray:
+        """Compute the force on each texel under forces on the nodes of the top, inactive texels included.
+
+        Args:
+            forces: Force vectors, shape (m, 3) or (k, m, 3) [N].
+
+        Returns:
+            Forces, shape (n,) or (k, n) [N].
+        """
+        return np.asarray(np.einsum("...mc,nmc->...n", forces, self.influence, optimize=True))
+
     def at(self, points: FloatArray, directions: FloatArray | None = None) -> FloatArray:
         """Compute the force on each texel per unit point force at points of the top.
 
@@ -120,8 +131,7 @@ class TexelResponses:
         Returns:
             Forces, 0 on inactive texels, shape (n,) or (k, n) [N].
         """
-        out = np.einsum("...mc,nmc->...n", forces, self.finest.influence, optimize=True)
-        return np.where(self.texels.active, out, 0.0)
+        return np.where(self.texels.active, self.finest.texel_forces(forces), 0.0)
 
     def under_pressure(self, pressure: FloatArray) -> FloatArray:
         """Compute the force on each texel under a pressure on the top of the finest mesh.
