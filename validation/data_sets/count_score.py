@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from typing import Annotated
 
 import numpy as np
 
@@ -11,10 +12,11 @@ from fastmodel.signal.electronics import grey_levels
 from meshes.array import FloatArray, TexelArray
 from validation import metrics
 from validation.recordings.recording import BoolArray
+from validation.results import Column, Number, Result, result_model
 
 
-@dataclass(frozen=True, kw_only=True)
-class CountScore:
+@result_model
+class CountScore(Result):
     """Differences between a predicted and a recorded mean frame of counts, over active texels.
 
     Attributes:
@@ -29,13 +31,13 @@ class CountScore:
             count [-].
     """
 
-    image_changed_percent: float
-    pixels_changed: float
-    relative_l2: float
-    total_counts_error: float
-    centre_of_pressure_m: float
-    wasserstein_m: float
-    active_area_iou: float
+    image_changed_percent: Annotated[Number, Column(heading="image changed", unit="%")]
+    pixels_changed: Number
+    relative_l2: Annotated[Number, Column(heading="relative L2", unit="%", factor=100)]
+    total_counts_error: Annotated[Number, Column(heading="total counts", unit="%", factor=100)]
+    centre_of_pressure_m: Annotated[Number, Column(heading="centre of counts", unit="mm", factor=1e3)]
+    wasserstein_m: Annotated[Number, Column(heading="Wasserstein-1", unit="mm", factor=1e3)]
+    active_area_iou: Annotated[Number, Column(heading="active-area IoU")]
 
 
 def score_counts(

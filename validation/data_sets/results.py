@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
 
 from fastmodel import Electronics
 from validation.campaign.pooling import Pooled
 from validation.data_sets.count_score import CountScore
+from validation.results import GreyImage, Number, Result, result_model
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordingRow:
+@result_model
+class RecordingRow(Result):
     """Row of the table of scores: one model on one split of the recordings into fitted and scored ones.
 
     Attributes:
@@ -35,15 +32,15 @@ class RecordingRow:
     kind: str
     texel_gains: bool
     fitted: tuple[str, ...]
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Number]
     per_case: Mapping[str, CountScore]
     pooled: Mapping[str, Pooled]
     skill: Mapping[str, Pooled]
     electronics: Electronics | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingExample:
+@result_model
+class RecordingExample(Result):
     """Tactile images of one scored recording: the recorded image and the image that each model predicts.
 
     Attributes:
@@ -56,13 +53,13 @@ class RecordingExample:
 
     split: str
     case: str
-    load: float
-    recorded: npt.NDArray[np.uint8]
-    predicted: Mapping[str, npt.NDArray[np.uint8]]
+    load: Number
+    recorded: GreyImage
+    predicted: Mapping[str, GreyImage]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingScores:
+@result_model
+class RecordingScores(Result):
     """All scores on the recordings of a data set.
 
     Attributes:
@@ -83,7 +80,7 @@ class RecordingScores:
     about: Mapping[str, str]
     notes: Mapping[str, tuple[str, ...]]
     files: Mapping[str, str]
-    noise: float
+    noise: Number
     source: str
     problems: tuple[str, ...]
 
