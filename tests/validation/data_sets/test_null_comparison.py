@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from validation.campaign.pooling import pool
-from validation.data_sets.count_score import CountScore
-from validation.data_sets.null_comparison import compare_with_nulls
+from validation.data_sets.results import CountScore
+from validation.data_sets.results import compare_with_nulls
 from validation.data_sets.results import RecordingRow
 
 RANDOM = np.random.default_rng(4)

@@ -14,7 +14,7 @@ from validation.calibration.parameters import Options
 from validation.data_sets import score
 from validation.data_sets.data_set import build_data_set, read_tables
 from validation.data_sets.images import observe, read_images
-from validation.data_sets.null_comparison import compare_with_nulls
+from validation.data_sets.results import compare_with_nulls
 from validation.errors import InputError
 from validation.sensor_file import load
 
