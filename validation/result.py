@@ -43,6 +43,10 @@ class Result(BaseModel):
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other result writes the same JSON."""
-        return type(self) is type(other) and isinstance(other, Result) and json_text(self.as_json()) == json_text(other.as_json())
+        return (
+            type(self) is type(other)
+            and isinstance(other, Result)
+            and json_text(self.as_json()) == json_text(other.as_json())
+        )
 
     __hash__ = None  # type: ignore[assignment]

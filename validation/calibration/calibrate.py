@@ -132,7 +132,9 @@ class Calibration(Result):
     polynomial: Numbers | None
     hold_out: HoldOut | None
     notes: tuple[str, ...]
-    report_line: dict[str, float] = {"sensitivity": WTS_0614_34.sensitivity, "offset": WTS_0614_34.offset}
+    report_line: dict[str, float] = Field(
+        default_factory=lambda: {"sensitivity": WTS_0614_34.sensitivity, "offset": WTS_0614_34.offset}
+    )
     left_out: tuple[str, ...] = ()
 
     def electronics(self, *, polynomial: bool = False) -> dict[str, Any]:
@@ -250,9 +252,7 @@ def _find_pressed(fit: ForwardFit) -> npt.NDArray[np.intp]:
     return np.intersect1d(np.flatnonzero((share > NUMBERS.least_share).any(axis=0)), fit.layout.gain_texels)
 
 
-def _list_estimates(
-    fit: ForwardFit, mean: float, of_mean: FloatArray, uncertainty: Uncertainty
-) -> dict[str, Estimate]:
+def _list_estimates(fit: ForwardFit, mean: float, of_mean: FloatArray, uncertainty: Uncertainty) -> dict[str, Estimate]:
     """Return the parameters that all texels share, with their intervals.
 
     Args:

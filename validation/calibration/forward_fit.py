@@ -262,9 +262,7 @@ def lay_out(
     unknowns = [each for placement, pose in guesses.items() for each in _list_pose(placement, pose, array)]
     if options.placing:
         level = float(np.log(fixed.sensitivity))
-        unknowns.append(
-            Unknown(name="ln_sensitivity", start=level, scale=0.3, mean=level, spread=NUMBERS.level_spread)
-        )
+        unknowns.append(Unknown(name="ln_sensitivity", start=level, scale=0.3, mean=level, spread=NUMBERS.level_spread))
     else:
         unknowns += _list_curve(fixed, observations, options)
         lit = np.flatnonzero((observations.measured & (observations.counts > 0)).any(axis=0)).tolist()
@@ -305,7 +303,9 @@ def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unkn
     if placement.yaw is not None or placement.indenter.axisymmetric:
         turns = []
     if placement.tilt is None:
-        turns += [(key, part, 0.01, numbers.largest_tilt, numbers.tilt_spread) for part, key in ((3, "tilt x"), (4, "tilt y"))]
+        turns += [
+            (key, part, 0.01, numbers.largest_tilt, numbers.tilt_spread) for part, key in ((3, "tilt x"), (4, "tilt y"))
+        ]
     return unknowns + [
         Unknown(
             name=f"{name} {key}", start=values[key], scale=scale, lower=-limit, upper=limit, spread=spread,
@@ -581,9 +581,7 @@ def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
     options = replace(fit.options, placing=True)
     poses, levels = dict(fit.poses), dict(fit.levels)
     for placement in observations.distinct_placements:
-        placed = fit_forward(
-            fit.method, observations.select(observations.rows_of(placement)), options, start=fit
-        )
+        placed = fit_forward(fit.method, observations.select(observations.rows_of(placement)), options, start=fit)
         poses |= placed.poses
         levels[placement.name] = placed.curve.sensitivity / fit.curve.sensitivity
     return replace(fit, poses=poses, levels=levels)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import fastmodel
 from fastmodel import Parameters
 from validation.cli.output import note, say
 from validation.errors import InputError
-from validation.extras import require
+from validation.parameters import find_parameters
 from validation.sensor_file import BUILT_IN, CURVED, SensorDescription, load
 from validation.text.friction import describe_friction
+
+__all__ = ["check_curved_method", "find_parameters", "read_description", "read_sensor", "tell_unused"]
 
 
 def read_description(
@@ -125,30 +127,6 @@ def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple
     sentence = f"friction {friction} from {sensor.source} is not used; the fast model has none"
     say(f"softcover: warning: {sentence}{more}")
     return (sentence,)
-
-
-def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[str], None]) -> Parameters:
-    """Find the parameters of a sensor's fast model.
-
-    Parameters that were read from a folder are returned as they are.  Those of a built-in sensor come with the package.
-    Those of any other sensor are derived by finite elements.
-
-    Args:
-        sensor: Result of `read_sensor`.
-        progress: Called with the name of each stage of the derivation.
-
-    Raises:
-        ConvergenceError: If the finite elements did not converge.
-        MissingExtraError: If finite elements are needed and not installed.
-    """
-    if isinstance(sensor, Parameters):
-        return sensor
-    if sensor is BUILT_IN.get(sensor.name):
-        return fastmodel.load(sensor.name)
-    require("skfem")
-    from validation.derivation.derive import derive
-
-    return derive(sensor, progress=progress).parameters
 
 
 def _holds_parameters(sensor: str) -> bool:
