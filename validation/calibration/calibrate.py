@@ -86,9 +86,9 @@ class HoldOut(Result):
     recordings: tuple[str, ...]
     image_changed_percent: float
     line_per_texel_percent: float | None
-    loads: Numbers = Field(default=(), exclude=True)
-    recorded: Numbers = Field(default=(), exclude=True)
-    predicted: Numbers = Field(default=(), exclude=True)
+    loads: Numbers = Field(default_factory=lambda: np.empty(0), exclude=True)
+    recorded: Numbers = Field(default_factory=lambda: np.empty(0), exclude=True)
+    predicted: Numbers = Field(default_factory=lambda: np.empty(0), exclude=True)
 
     def __str__(self) -> str:
         """Return the score beside that of a line per texel, in words."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -112,15 +113,11 @@ class Observations:
     def select(self, chosen: BoolArray) -> Observations:
         """Return the images for which `chosen`, shape (m,), is true."""
         index = np.flatnonzero(chosen)
-        parts = {each.name: getattr(self, each.name) for each in fields(self)}
-        return replace(
-            self,
-            **{
-                name: part[index] if isinstance(part, np.ndarray) else tuple(part[k] for k in index)
-                for name, part in parts.items()
-                if len(part)
-            },
-        )
+        parts: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
+        for name, part in parts.items():
+            if len(part):
+                parts[name] = part[index] if isinstance(part, np.ndarray) else tuple(part[k] for k in index)
+        return Observations(**parts)
 
 
 def join_observations(parts: Sequence[Observations]) -> Observations:
@@ -131,10 +128,8 @@ def join_observations(parts: Sequence[Observations]) -> Observations:
     """
     if not parts:
         raise ValueError("there are no recordings; name at least three")
-    columns = {each.name: [getattr(part, each.name) for part in parts] for each in fields(Observations)}
-    return Observations(
-        **{
-            name: np.concatenate(values) if isinstance(values[0], np.ndarray) else sum(values, start=())
-            for name, values in columns.items()
-        }
-    )
+    columns: dict[str, Any] = {}
+    for name in (each.name for each in fields(Observations)):
+        values = [getattr(part, name) for part in parts]
+        columns[name] = np.concatenate(values) if isinstance(values[0], np.ndarray) else sum(values, start=())
+    return Observations(**columns)
