@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import fastmodel
 from fastmodel import Parameters
 from validation.extras import require
-from validation.sensor_file import BUILT_IN, SensorDescription
+from validation.sensor_file import BUILT_IN, CURVED, SensorDescription
+
+
+def holds_parameters(sensor: str) -> bool:
+    """Return whether the text is the path of a folder that `softcover derive` wrote, or of its `parameters.toml`."""
+    path = Path(sensor)
+    return sensor not in (*BUILT_IN, *CURVED) and (
+        path.name == "parameters.toml" or (path / "parameters.toml").is_file()
+    )
 
 
 def find_parameters(

@@ -34,14 +34,14 @@ from validation.calibration.uncertainty import (
 )
 from validation.errors import InputError
 from validation.output_folder import write_text
-from validation.result import Indices, Numbers, Result
-from validation.sensor_file import parse
+from validation.results import Array, Indices, Result, result
+from validation.sensor_file import SensorDescription, parse
 from validation.sensor_file.sensor import read_tables
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationNumbers:
-    """Numbers of a calibration.
+    """Array of a calibration.
 
     Attributes:
         least_share: Smallest force on a texel whose gain is reported, over the largest force on any texel in the same
@@ -70,6 +70,7 @@ NUMBERS = CalibrationNumbers()
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 
+@result
 class HoldOut(Result):
     """Predictions of recordings that were left out of a second fit, beside a line per texel.
 
@@ -86,9 +87,9 @@ class HoldOut(Result):
     recordings: tuple[str, ...]
     image_changed_percent: float
     line_per_texel_percent: float | None
-    loads: Numbers = Field(default_factory=lambda: np.empty(0), exclude=True)
-    recorded: Numbers = Field(default_factory=lambda: np.empty(0), exclude=True)
-    predicted: Numbers = Field(default_factory=lambda: np.empty(0), exclude=True)
+    loads: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
+    recorded: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
+    predicted: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
 
     def __str__(self) -> str:
         """Return the score beside that of a line per texel, in words."""
@@ -98,6 +99,7 @@ class HoldOut(Result):
         )
 
 
+@result
 class Calibration(Result):
     """Result of a calibration; n is the number of texels.
 
@@ -124,12 +126,12 @@ class Calibration(Result):
     method: str
     threshold: float
     estimates: dict[str, Estimate]
-    gains: Numbers
-    gain_half_widths: Numbers
+    gains: Array
+    gain_half_widths: Array
     texels: Indices
     poses: dict[str, dict[str, tuple[float, float]]]
     residual_rms_counts: float
-    polynomial: Numbers | None
+    polynomial: Array | None
     hold_out: HoldOut | None
     notes: tuple[str, ...]
     report_line: dict[str, float] = Field(
@@ -164,6 +166,15 @@ class Calibration(Result):
         if "noise" in found:
             table["noise"] = f"{found['noise'] / found['sensitivity']:.4g} N"
         return table
+
+    def write_files(
+        self, sensor: SensorDescription, *, out: str | Path | None, picture: str | Path | None, polynomial: bool
+    ) -> None:
+        """Write a sensor file with the calibrated electronics, and a picture of left-out recordings, where named."""
+        if out is not None:
+            write_sensor(self, sensor.source, out, polynomial=polynomial)
+        if picture is not None and self.hold_out is not None:
+            draw_hold_out(self.hold_out, sensor.array, Path(picture))
 
 
 def calibrate(

@@ -15,7 +15,7 @@ from validation.calibration.observations import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
 from validation.derivation.calibration_tip import compute_tip_share, linearise
 from validation.derivation.kernel_fit import Influence
-from validation.result import Result
+from validation.results import Result, result
 from validation.sensor_file import SensorDescription
 
 #: Counts over the largest count of a trial, from which the saturation bends the line, so that images are left out [-].
@@ -26,6 +26,7 @@ _SATURATED = 0.97
 _FEWEST_IMAGES = 2
 
 
+@result
 class Trial(Result):
     """Line from applied force to counts of one trial.
 
@@ -43,6 +44,7 @@ class Trial(Result):
     saturation_force: float | None
 
 
+@result
 class PointLoadCalibration(Result):
     """Slopes of the trials.
 

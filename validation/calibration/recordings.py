@@ -3,118 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fastmodel import METHODS
-from validation.calibration.calibrate import Calibration, calibrate, draw_hold_out, write_sensor
+from validation.calibration.calibrate import Calibration, calibrate
 from validation.calibration.contact import REFERENCE, ContactMethod, make_fast_method, make_reference_method
 from validation.calibration.point_load import PointLoadCalibration, calibrate_point_load
-from validation.data_sets.data_set import DEFAULT_WINDOW
 from validation.data_sets.from_files import Keys, describe_files
 from validation.data_sets.images import Image, observe, read_images
 from validation.errors import InputError, nearest
 from validation.extras import require
 from validation.parameters import find_parameters
 from validation.recordings.importing import list_modules
-from validation.sensor_file import BUILT_IN, SensorDescription, load
-from validation.text.quantity import read_quantity
+from validation.sensor_file import BUILT_IN, SensorDescription
 
 
 def calibrate_recordings(
-    recordings: Sequence[str | Path],
-    sensor: str | Path | SensorDescription,
+    paths: Sequence[Path],
+    sensor: SensorDescription,
+    keys: Keys,
     *,
-    indenter: str = "",
-    at: str | None = None,
-    yaw: str | None = None,
-    moved: bool = False,
     method: str = "default",
-    array: int | None = None,
-    threshold: float | None = None,
-    window: tuple[float, float] = DEFAULT_WINDOW,
-    temperature_channel: int = -1,
     heights: bool = False,
-    tip: str | None = None,
+    tip: float | None = None,
     texel: int | None = None,
-    out: str | Path | None = None,
-    picture: str | Path | None = None,
-    polynomial: bool = False,
+    draws: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration | PointLoadCalibration:
     """Fit the electronics of a sensor to recordings under known loads.
 
     Args:
-        recordings: Recordings, or one data-set file, which states tool, pose, threshold and window itself.
-        sensor: The sensor, its file, or the name of a built-in one; its cover gives the share of each texel.
-        indenter: Tool that pressed, such as `box:size=10mmx10mmx5mm`; empty to take it from the labels.
-        at: Position of its axis, such as `1mm,-2mm`; None to fit it.
-        yaw: Its yaw, such as `10deg`; None for 0 if `at` is given, else to fit it.
-        moved: Whether each recording has a pose of its own.
+        paths: Recordings, or one data-set file, which states tool, pose, threshold and window itself.
+        sensor: The sensor; its cover gives the share of each texel.
+        keys: Tool, pose, pressed array, threshold and window of the recordings.
         method: Contact method: `default`, one of `fastmodel.METHODS`, or `reference` for finite elements.
-        array: Index of the pressed array; None for the one that is pressed most.
-        threshold: Counts that the firmware subtracted; None for what the labels say [-].
-        window: First and last time after loading between which frames are averaged [s].
-        temperature_channel: Index of the temperature sensor, negative from the last.
         heights: Whether a seating height is fitted to each texel.
-        tip: Radius of a rounded tip that pressed on one texel, such as `1mm`; the slope of each trial is fitted then.
+        tip: Radius of a rounded tip on one texel, whose slope is fitted per trial; None for an array [m].
         texel: Index of the texel under the tip.
-        out: Sensor file to write: a copy of `sensor` with new electronics.
-        picture: Picture of left-out recordings to write.
-        polynomial: Whether the written characteristic is the polynomial of degree 5 instead of the line.
+        draws: Whether the caller will draw left-out recordings.
         progress: Called with the name of each stage.
-
-    Returns:
-        The calibration; with `tip` the slopes of the trials.
 
     Raises:
         InputError: If an option is wrong, or no recording can be used.
         MissingExtraError: If a package is missing that reads the recordings, solves the contact or draws.
         ConvergenceError: If the finite elements did not converge.
     """
-    paths = [Path(each) for each in recordings]
-    for option, path in (("--out", out), ("--picture", picture)):
-        if path is not None and Path(path).exists():
-            raise InputError(f"{option}: {path} exists; name a new file")
-    if (tip is None) != (texel is None):
-        raise InputError("--tip, --texel: give both to calibrate one texel with a rounded tip, or neither")
-    if threshold is not None and threshold < 0:
-        raise InputError(f"--threshold: must be 0 or more, not {threshold:g}")
+    if keys.threshold is not None and keys.threshold < 0:
+        raise InputError(f"--threshold: must be 0 or more, not {keys.threshold:g}")
     accepted = ("default", *METHODS, REFERENCE)
     if method not in accepted:
         raise InputError(f"--method: unknown contact method {method!r}; {nearest(method, accepted)}")
-    description = sensor if isinstance(sensor, SensorDescription) else load(sensor)
-    if out is not None and description is BUILT_IN.get(description.name):
-        raise InputError(f"--out: {description.name} is built in and has no file to copy; see `softcover init`")
-    keys = Keys(
-        indenter=indenter or (f"tip:radius={tip}" if tip else ""),
-        at=at,
-        yaw=yaw,
-        moved=moved,
-        array=array,
-        threshold=threshold,
-        window=window,
-        temperature_channel=temperature_channel,
-    )
-    images, left_out = _read_images(paths, description, keys, method="" if tip else method, draws=picture is not None)
+    if (tip is None) != (texel is None):
+        raise InputError("--tip, --texel: give both to calibrate one texel with a rounded tip, or neither")
+    images, left_out = _read_images(paths, sensor, keys, method="" if tip else method, draws=draws)
+    found: Calibration | PointLoadCalibration
     if tip is not None and texel is not None:
         # Recordings with a force channel are a trial each; recordings under single loads are one trial together.
         names = [image.file.name for image in images]
         trials = names if len(set(names)) < len(names) else ["all recordings"] * len(names)
-        radius = read_quantity(tip, "length", place="--tip")
-        slopes = calibrate_point_load(observe(images), trials, description, radius=radius, texel=texel)
-        return slopes.model_copy(update={"left_out": left_out})
-    found = calibrate(
-        observe(images),
-        choose_method(description, method, images, progress),
-        noise=[image.noise for image in images],
-        full_scale=max(image.full_scale for image in images),
-        heights=heights,
-    )
-    if out is not None:
-        write_sensor(found, description.source, out, polynomial=polynomial)
-    if picture is not None and found.hold_out is not None:
-        draw_hold_out(found.hold_out, description.array, Path(picture))
-    return found.model_copy(update={"left_out": left_out})
+        found = calibrate_point_load(observe(images), trials, sensor, radius=tip, texel=texel)
+    else:
+        found = calibrate(
+            observe(images),
+            choose_method(sensor, method, images, progress),
+            noise=[image.noise for image in images],
+            full_scale=max(image.full_scale for image in images),
+            heights=heights,
+        )
+    return replace(found, left_out=left_out)
 
 
 def _read_images(

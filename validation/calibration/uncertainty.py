@@ -17,6 +17,7 @@ from scipy.stats import t as student
 
 from meshes.array import FloatArray
 from validation.calibration.forward_fit import ForwardFit, describe_confounding
+from validation.results import Result, result
 
 #: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
 FEWEST_RECORDINGS = 3
@@ -48,8 +49,8 @@ class UncertaintyNumbers:
 NUMBERS = UncertaintyNumbers()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
+@result
+class Estimate(Result):
     """An estimated quantity with its confidence interval.
 
     Attributes:

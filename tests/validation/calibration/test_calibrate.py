@@ -1,5 +1,6 @@
 """Calibration of a made-up sensor: what was put in is found again, inside intervals that cover as often as they say."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from validation.calibration.calibrate import Calibration, calibrate, fit_charact
 from validation.calibration.forward_fit import Options, lay_out
 from validation.calibration.observations import Observations, Placement, Pose, join_observations
 from validation.errors import InputError
+from validation.json_values import json_text
 from validation.sensor_file import load as load_sensor
 
 METHOD = uniform_method()
@@ -31,7 +33,7 @@ def known():
     return seen, calibrate(seen, METHOD, noise=[2.0, 3.0, 4.0]), gains
 
 
-def test_sensitivity_and_gains_are_those_of_the_sensor(known, tmp_path):
+def test_sensitivity_and_gains_are_those_of_the_sensor(known):
     _, found, gains = known
     mean = gains[found.texels].mean()
     assert found.estimates["sensitivity"].value == pytest.approx(917 * mean, rel=0.01)
@@ -43,7 +45,7 @@ def test_sensitivity_and_gains_are_those_of_the_sensor(known, tmp_path):
     assert np.isnan(found.gain_half_widths[outside]).all()
     assert found.estimates["dead_force"].value == pytest.approx(0.02, abs=0.005)
     assert found.estimates["noise"].value == 3.0
-    assert Calibration.read(found.write(tmp_path / "found.json")) == found
+    assert Calibration.from_json(json.loads(json_text(found.as_json()))) == found
 
 
 def test_left_out_recordings_are_predicted_without_taking_part(known):

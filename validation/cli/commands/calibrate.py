@@ -83,11 +83,11 @@ def calibrate(
         softcover calibrate data-set.toml --sensor sensor.toml --out calibrated.toml --picture left-out.png
         softcover calibrate trial*.mcap --sensor wts-0614-34 --tip 1mm --texel 39
     """
-    from validation.calibration.recordings import calibrate_recordings
+    from validation import api
     from validation.cli.sensors import read_description
 
     with Progress() as progress:
-        found = calibrate_recordings(
+        found = api.calibrate(
             recordings,
             read_description(sensor),
             indenter=indenter,

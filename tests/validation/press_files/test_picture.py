@@ -14,7 +14,7 @@ from fem_reference.indentation.result import Indentation
 from meshes import Sphere
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.press.picture import find_profile, list_images, write_picture
+from validation.press_files.picture import find_profile, list_images, write_picture
 from validation.sensor_file import BUILT_IN
 
 SENSOR = BUILT_IN["wts-0614-34"]
