@@ -301,7 +301,7 @@ def find_differences(run: Run, stored: dict[str, Any], found: dict[str, Any]) ->
 
 
 def agree(stored: Any, found: Any, tolerance: float, scale: float) -> bool:
-    """Whether two values agree; texts agree if their words do and the numbers in them to three digits or the tolerance."""
+    """Whether two values agree; of texts the words, and the numbers to three digits or the tolerance."""
     if isinstance(stored, bool) or stored is None or isinstance(found, bool) or found is None:
         return stored is found or (stored == found)
     if isinstance(stored, (int, float)) and isinstance(found, (int, float)):
