@@ -334,6 +334,9 @@ def main() -> None:
             continue
         if (options.tier and not run.ten) or (run.recordings and not os.environ.get("SOFTCOVER_RECORDINGS")):
             continue
+        if options.action == "compare" and not path.exists():
+            print(f"{run.name}: not recorded", flush=True)
+            continue
         before, store = os.times(), Path(tempfile.mkdtemp())
         try:
             found = execute(run, texts, store)
