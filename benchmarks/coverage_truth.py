@@ -16,15 +16,15 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fem_reference import press
-from fem_reference.closed_form import LayerContact, PressedCells, indent, press_face, pressed_shape, stuck_punch
-from fem_reference.closed_form.boundary import measure_areas
+from fem_reference.closed_form import LayerContact, indent
 from fem_reference.closed_form.influence import tabulate_excess
-from fem_reference.closed_form.no_slip import stuck_shape
-from fem_reference.closed_form.outline import assemble_compliance, split_face
-from fem_reference.closed_form.rings import RingContact, press_with_friction
 from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
+from tests.exact.boundary import PressedCells, measure_areas, pressed_shape
+from tests.exact.no_slip import stuck_punch, stuck_shape
+from tests.exact.outline import assemble_compliance, press_face, split_face
+from tests.exact.rings import RingContact, press_with_friction
 
 #: Cells of the boundary elements on the successive grids: rectangles and nuts, other faces, and rollers [-].
 BOX_CELLS, FACE_CELLS, ROLLER_CELLS = (8, 12, 18, 27), (6, 9, 14, 21), (15, 22, 33)

@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from fastmodel.curved.press import press_curved as press_fast
 from fem_reference import press
-from fem_reference.closed_form.curved import CylinderLayer, SpotLoad, touch_cylinder
+from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere, TexelArray
@@ -37,6 +37,7 @@ from meshes.solids import SweptCover, fingertip, flat_pad, phalanx, sweep
 from meshes.solids.base_surface import cylinder_surface
 from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
 from meshes.spatial_pose import SpatialPose
+from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
 
 #: Depth of the presses of `balance` [m].

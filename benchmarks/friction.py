@@ -21,11 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem_reference import press
-from fem_reference.closed_form import stuck_punch, stuck_shape
 from fem_reference.closed_form.contact import LayerContact
 from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Sphere, TexelArray
 from meshes.pose import PlanarPose
+from tests.exact.no_slip import stuck_punch, stuck_shape
 
 #: Thickness of the covers, and edges of those of limited size [m].
 THICKNESS, PAD = 2e-3, (27.2e-3, 27.2e-3)

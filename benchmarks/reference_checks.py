@@ -22,10 +22,11 @@ import numpy as np
 from coverage_truth import find_root
 
 from fem_reference import press
-from fem_reference.closed_form import PressedCells, press_face, pressed_shape
 from fem_reference.errors import IncompletePathError
 from meshes import Box, Cover, Indenter, Layer, Material, Nut, Prism, Roller, Sphere, TexelArray
 from meshes.pose import PlanarPose
+from tests.exact.boundary import PressedCells, pressed_shape
+from tests.exact.outline import press_face
 
 PITCH = 3.4e-3
 #: Depth of the balls over the thickness: compressible, and incompressible [-].

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fem_reference.errors import ConvergenceError, IncompletePathError
-    from fem_reference.finite_strain.bonded_disk import Squeezed, compress_disk
     from fem_reference.indentation.press import press, press_path
     from fem_reference.indentation.result import Indentation
     from fem_reference.linear_response.point_spread import PointSpread, point_spread
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 _MODULES = {
     "ConvergenceError": "fem_reference.errors",
     "IncompletePathError": "fem_reference.errors",
-    "Squeezed": "fem_reference.finite_strain.bonded_disk",
-    "compress_disk": "fem_reference.finite_strain.bonded_disk",
     "Indentation": "fem_reference.indentation.result",
     "press": "fem_reference.indentation.press",
     "press_path": "fem_reference.indentation.press",
@@ -37,8 +34,6 @@ __all__ = [
     "IncompletePathError",
     "Indentation",
     "PointSpread",
-    "Squeezed",
-    "compress_disk",
     "point_spread",
     "press",
     "press_path",

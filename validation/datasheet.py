@@ -271,7 +271,7 @@ def _separate_two_points(parameters: Parameters) -> float | str:
     try:
         from fem_reference.linear_response.point_spread import PointSpread
     except ImportError:
-        return "its computation needs the extra fem, python -m pip install 'softcover[fem]'"
+        return "its computation needs the extra fem; run in a clone of softcover: python -m pip install -e '.[fem]'"
     from validation.derivation.resolution import texel_separation
 
     spread = PointSpread(

@@ -7,12 +7,14 @@ replaces the folder only if it holds these files and no others, so files that a 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import glob
 import hashlib
 import json
 import os
 import re
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -26,6 +28,10 @@ from validation.errors import InputError
 _MANIFEST = ".softcover-output"
 #: Largest size of a manifest that is read [bytes].
 _MOST_MANIFEST_BYTES = 2**24
+#: Name of the earlier output in a temporary folder, between the two renames of `_replace`.
+_BEFORE = "before"
+#: The arguments of Linux' `renameat2` that mean "relative to the current folder" and "exchange"; see `man 2 renameat2`.
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 #: Age above which a temporary output folder counts as left by a killed run, because no run lasts a day [s].
 _STALE_AGE = 24 * 3600.0
 #: Largest number of characters of a file name that `make_file_name` makes [-].
@@ -55,6 +61,8 @@ def new_folder(target: Path) -> Iterator[Path]:
     """Provide a temporary folder beside `target`, and rename it to `target` if the `with` block raises no error.
 
     The temporary folder is made at the start, so that an unwritable location is reported before a long computation.
+    If an error or an interruption stops the replacement, `target` holds the earlier output or the new one.  Linux
+    exchanges the two in one step.  Elsewhere a killed run may leave no `target`; the next run restores the earlier one.
 
     Args:
         target: The output folder; if it holds an earlier output of this program and nothing else, that is replaced.
@@ -68,10 +76,11 @@ def new_folder(target: Path) -> Iterator[Path]:
         OSError: If the parent folder of `target` cannot be written, or a file in the `with` block.
     """
     target = target.absolute()
+    _restore_lost(target)
     _check_replaceable(target)
     with contextlib.ExitStack() as cleanup:
         work = _make_work_folder(target)
-        cleanup.callback(shutil.rmtree, work, ignore_errors=True)
+        cleanup.callback(_discard, work, target)
         fresh = work / target.name
         fresh.mkdir()
         (fresh / _MANIFEST).touch()
@@ -85,10 +94,40 @@ def new_folder(target: Path) -> Iterator[Path]:
                 raise OSError(error.errno, error.strerror, str(target)) from None
             raise
         _check_replaceable(target)  # the computation may have taken hours
-        if target.exists():
-            target.rename(work / "before")
-        fresh.rename(target)
+        if not (target.exists() and _exchange(fresh, target)):
+            if target.exists():
+                target.rename(work / _BEFORE)  # `_discard` puts it back if the next line fails
+            fresh.rename(target)
         atomic_file.flush(target.parent)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two folders in one step; return whether the operating system and the file system can do so."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None) if sys.platform == "linux" else None
+    if rename is None:
+        return False
+    return bool(rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _RENAME_EXCHANGE) == 0)
+
+
+def _discard(work: Path, target: Path) -> None:
+    """Remove a temporary folder; an earlier output in it is put back first if there is no `target`."""
+    before = work / _BEFORE
+    if before.exists() and not target.exists():
+        before.rename(target)  # if this fails, the temporary folder stays, and the next run tries again
+    shutil.rmtree(work, ignore_errors=True)
+
+
+def _restore_lost(target: Path) -> None:
+    """Put back the latest earlier output that a killed run moved away, if there is no `target`."""
+    if not target.exists() and not target.is_symlink():
+        lost = [path for path in _list_work_folders(target) if (path / _BEFORE / _MANIFEST).is_file()]
+        if lost:
+            _discard(max(lost, key=lambda path: path.stat().st_mtime), target)
+
+
+def _list_work_folders(target: Path) -> list[Path]:
+    """List the temporary folders beside `target`, of killed runs and of runs that have not ended."""
+    return list(target.parent.glob(f".{glob.escape(target.name)}-*"))
 
 
 def _make_work_folder(target: Path) -> Path:
@@ -103,8 +142,8 @@ def _make_work_folder(target: Path) -> Path:
 
 def _remove_leftovers(target: Path) -> None:
     """Remove temporary output folders beside `target` that are older than `_STALE_AGE`; others may still be in use."""
-    for folder in target.parent.glob(f".{glob.escape(target.name)}-*"):
-        is_ours = (folder / target.name / _MANIFEST).is_file() or (folder / "before" / _MANIFEST).is_file()
+    for folder in _list_work_folders(target):
+        is_ours = any((folder / name / _MANIFEST).is_file() for name in (target.name, _BEFORE))
         if is_ours and time.time() - folder.stat().st_mtime > _STALE_AGE:
             shutil.rmtree(folder, ignore_errors=True)
 

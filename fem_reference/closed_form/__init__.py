@@ -1,24 +1,10 @@
-"""Exact solutions of linear elastic layers, contacts on layers, and bonded disks, to verify the finite elements.
+"""Exact solutions of linear elastic layers, contacts on layers, bonded disks, and layers on a rigid cylinder.
 
-`pressed_shape` and `press_face` are boundary-element solutions on the exact compliance of the layers, for shapes of
-indenters without an exact solution.  `curved` holds layers on a rigid cylinder and on a rigid sphere.
-
-No module of this package uses code of the finite elements.
+They verify the finite elements.  No module of this package uses code of the finite elements.
 """
 
-from fem_reference.closed_form.boundary import PressedCells, pressed_shape
 from fem_reference.closed_form.contact import LayerContact, hertz, indent, punch, sphere
-from fem_reference.closed_form.curved import (
-    ArcLoad,
-    CapLoad,
-    CylinderLayer,
-    LineLoad,
-    PointLoad,
-    SphereLayer,
-    SpherePatch,
-    SpotLoad,
-    touch_cylinder,
-)
+from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer, LineLoad
 from fem_reference.closed_form.disk import bonded_disk, gent_lindley
 from fem_reference.closed_form.influence import tabulate_texel_response
 from fem_reference.closed_form.layer import (
@@ -31,21 +17,12 @@ from fem_reference.closed_form.layer import (
     transfer,
     variance,
 )
-from fem_reference.closed_form.no_slip import StuckPunch, stuck_punch, stuck_shape
-from fem_reference.closed_form.outline import press_face
 
 __all__ = [
     "ArcLoad",
-    "CapLoad",
     "CylinderLayer",
     "LayerContact",
     "LineLoad",
-    "PointLoad",
-    "PressedCells",
-    "SphereLayer",
-    "SpherePatch",
-    "SpotLoad",
-    "StuckPunch",
     "Transfer",
     "bonded_disk",
     "gent_lindley",
@@ -55,14 +32,9 @@ __all__ = [
     "one_layer_compliance",
     "point_response",
     "point_response_spline",
-    "press_face",
-    "pressed_shape",
     "punch",
     "sphere",
-    "stuck_punch",
-    "stuck_shape",
     "tabulate_texel_response",
-    "touch_cylinder",
     "traction_compliance",
     "transfer",
     "variance",

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_reference import closed_form, compress_disk
+from fem_reference import closed_form
 from fem_reference.closed_form.disk import _Edge, _evaluate_edge_fields, _evaluate_squeeze_film
-from fem_reference.finite_strain.bonded_disk import Disk
+from fem_reference.finite_strain.bonded_disk import Disk, compress_disk
 from meshes import Material
 
 FACTORS = [0.25, 0.5, 1.0, 2.0, 3.0]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form, press
-from fem_reference.closed_form import boundary, pressed_shape
 from meshes import Box, Cover, Cylinder, Layer, Material, Roller, Sphere
+from tests.exact import boundary
+from tests.exact.boundary import pressed_shape
 
 RATIOS = [0.3, 0.45, 0.49, 0.499, 0.5]
 SQUARE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=8e-3)

@@ -7,12 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.closed_form.curved import CylinderLayer, SpotLoad, touch_cylinder
+from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
 from meshes.solids import flat_pad, sweep
 from meshes.solids.base_surface import cylinder_surface
 from meshes.spatial_pose import SpatialPose
+from tests.exact.spots import SpotLoad, touch_cylinder
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
 

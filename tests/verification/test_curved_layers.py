@@ -8,16 +8,10 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form
-from fem_reference.closed_form import (
-    ArcLoad,
-    CapLoad,
-    CylinderLayer,
-    LineLoad,
-    PointLoad,
-    SphereLayer,
-    SpherePatch,
-)
+from fem_reference.closed_form import ArcLoad, CylinderLayer, LineLoad
 from meshes import Material
+from tests.exact.sphere import CapLoad, PointLoad, SphereLayer
+from tests.exact.sphere_patch import SpherePatch
 
 RATIOS = [0.0, 0.3, 0.49, 0.5]
 CORE = 6e-3

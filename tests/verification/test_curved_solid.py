@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem_reference.closed_form.curved import ArcLoad, CapLoad, CylinderLayer, SphereLayer
+from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer
 from fem_reference.curved_cover import texel_responses
 from meshes import Material, TexelArray
 from meshes.solids import sweep
 from meshes.solids.base_surface import join_grids
+from tests.exact.sphere import CapLoad, SphereLayer
 
 THICKNESS = 2e-3
 PRESSURE = 1e4

@@ -7,10 +7,11 @@ import pytest
 from scipy.special import iv, ivp, kv, kvp
 
 from fem_reference import closed_form
-from fem_reference.closed_form import CylinderLayer, LineLoad, SpotLoad, touch_cylinder
-from fem_reference.closed_form.curved.cylinder_waves import _decay, _grow, transfer_cylinder_waves
-from fem_reference.closed_form.curved.harmonic import transfer_cylinder
+from fem_reference.closed_form import CylinderLayer, LineLoad
+from fem_reference.closed_form.harmonic import transfer_cylinder
 from meshes import Material
+from tests.exact.cylinder_waves import _decay, _grow, transfer_cylinder_waves
+from tests.exact.spots import SpotLoad, touch_cylinder
 
 RATIOS = [0.0, 0.3, 0.49, 0.5]
 CORE = 6e-3

@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.closed_form import (
-    half_space_compliance,
-    punch,
-    sphere,
-    stuck_punch,
-    stuck_shape,
-    traction_compliance,
-    transfer,
-)
+from fem_reference.closed_form import half_space_compliance, punch, sphere, traction_compliance, transfer
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import no_slip
@@ -24,6 +16,7 @@ from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
 from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.pose import PlanarPose
+from tests.exact.no_slip import stuck_punch, stuck_shape
 
 THICKNESS = 2e-3
 ARRAY = TexelArray.grid(9, 9, pitch=3.4e-3)

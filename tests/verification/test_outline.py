@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form
-from fem_reference.closed_form import boundary, indent, press_face
+from fem_reference.closed_form import indent
 from fem_reference.closed_form.influence import tabulate_excess
 from meshes import (
     Box,
@@ -26,6 +26,9 @@ from meshes import (
     TexelArray,
 )
 from meshes.pose import PlanarPose
+from tests.exact import boundary
+from tests.exact.boundary import pressed_shape
+from tests.exact.outline import press_face
 
 MM = 1e-3
 L_SHAPE = Prism(
@@ -62,7 +65,7 @@ def test_square_face_on_a_half_space(bonded):
 
 def test_faces_equal_the_older_boundary_elements(bonded):
     cover, box = bonded(0.49), Box(size=(4e-3, 3e-3, 4e-3))
-    coarse, fine = (closed_form.pressed_shape(cover, box, 1e-5, cells=n).total_force for n in (10, 15))
+    coarse, fine = (pressed_shape(cover, box, 1e-5, cells=n).total_force for n in (10, 15))
     assert refine(cover, box, 1e-5, cells=(14, 21))[0] == pytest.approx(fine + (fine - coarse) / 1.25, rel=1e-3)
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.special import j0, jv
 
-from fem_reference.closed_form import indent, stuck_punch, stuck_shape
-from fem_reference.closed_form.rings import _find_contact, _find_slip, _transform_rings, press_with_friction
+from fem_reference.closed_form import indent
 from meshes import Cylinder, Sphere, TexelArray
+from tests.exact.no_slip import stuck_punch, stuck_shape
+from tests.exact.rings import _find_contact, _find_slip, _transform_rings, press_with_friction
 
 ARRAY = TexelArray.grid(3, 3, 3.4e-3)
 PUNCH, BALL = Cylinder(radius=3e-3), Sphere(radius=5e-3)

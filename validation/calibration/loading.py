@@ -13,8 +13,51 @@ _APPLIED_SHARE = 0.5
 _FINAL_PERIOD = 2.0
 #: Time after loading at which the creep factor 1 + c ln(t / t0) is one, and from which it is fitted [s].
 CREEP_START = 2.0
+#: Fewest frames of a part at rest [-].
+_FLAT_FRAMES = 4
+#: Least change of the image by a load over its noise [-].
+_STEP_OVER_NOISE = 6.0
+#: Quantile of the change over time that counts as the whole of it [-].
+_WHOLE = 0.95
+#: Steps of the power iteration for the principal component; the change by a load dominates all others [-].
+_POWERS = 10
+#: Longest time in which half of the change happens [s].
+_STEP_TIME = 1.0
 #: Smallest ratio of last to first time of a fit of creep [-].
 _SHORTEST_CREEP = 2.0
+
+
+def find_rest(times: FloatArray, counts: FloatArray) -> int:
+    """Count the frames at the start of a recording that show the sensor at rest, before a load is put on or removed.
+
+    The largest change of the image over time (first principal component) must stay within its noise and then exceed it
+    by a factor, and reach half of its size within one second.  A recording that begins under load creeps: it changes
+    fastest at its start, and has no such part.
+
+    Args:
+        times: Times of the frames, shape (frames,) [s].
+        counts: Counts of the n texels, shape (frames, n) [-].
+
+    Returns:
+        Number of frames at rest, 0 if the recording does not begin at rest.
+    """
+    if len(times) < 2 * _FLAT_FRAMES:
+        return 0
+    centred = counts - np.median(counts, axis=0)
+    image = centred[np.argmax(np.abs(centred).sum(axis=1))]  # the frame that differs most from the median
+    for _ in range(_POWERS):
+        image = centred.T @ (centred @ image)
+        image = image / max(float(np.linalg.norm(image)), np.finfo(float).tiny)
+    main = centred @ image
+    moved = np.abs(main - np.median(main[:_FLAT_FRAMES]))
+    # The standard deviation of one frame, from the median of the differences between successive ones.
+    noise = max(1.4826 * float(np.median(np.abs(np.diff(main)))) / np.sqrt(2), 1.0)
+    beyond = moved > _STEP_OVER_NOISE * noise
+    if not beyond.any() or beyond[:_FLAT_FRAMES].any():
+        return 0
+    still = int(np.flatnonzero(moved[: np.argmax(beyond)] <= 3 * noise)[-1])
+    half = int(np.argmax(moved >= _APPLIED_SHARE * np.quantile(moved, _WHOLE)))
+    return still + 1 if times[half] - times[still] <= _STEP_TIME else 0
 
 
 def find_load_onset(times: FloatArray, counts: FloatArray) -> float:

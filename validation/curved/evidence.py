@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fem_reference import ConvergenceError
-from fem_reference.closed_form.curved import ArcLoad, CylinderLayer
+from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer
 from fem_reference.curved_cover import texel_responses
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import detrend
 
 from meshes.array import FloatArray, TexelArray
-from validation.calibration.loading import find_creep, find_load_onset
+from validation.calibration.loading import find_creep, find_load_onset, find_rest
 from validation.calibration.observations import Observations
 from validation.data_sets.data_set import DataFile, DataSet
 from validation.data_sets.tables import FORCE
@@ -18,6 +18,9 @@ from validation.recordings.recording import BoolArray, RecordedArray, Recording,
 
 #: Smallest number of frames from which the noise about a straight trend can be estimated [-].
 _FEWEST_FRAMES = 3
+#: Counts at rest over the counts that a load adds, both summed, above which the zero is not zero; and share of the
+#: largest force of a channel below which a frame counts as unloaded [-].
+_ZERO_SHARE, _UNLOADED = 0.01, 0.005
 #: Largest number of images that a recording with a force channel is divided into [-].
 _MOST_IMAGES = 24
 
@@ -150,6 +153,9 @@ def _average_steady(
     Raises:
         RecordingError: If the load does not stay on, or not for long enough.
     """
+    if load > 0:
+        rest = find_rest(recording.times, counts)
+        _check_rest(file, counts[:rest], counts[rest:])
     age = recording.times - find_load_onset(recording.times, counts)
     if load > 0 and not counts[-1].any():
         raise RecordingError(f"{file.path}: not under load at its end; expected a weight that stays on")
@@ -218,6 +224,9 @@ def _average_by_force(
     if not len(recording.forces):
         raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
     loads = np.interp(recording.times, recording.force_times, recording.forces)
+    unloaded = loads <= _UNLOADED * loads.max(initial=0.0)
+    if unloaded.any() and not unloaded.all():
+        _check_rest(file, counts[unloaded], counts[~unloaded])
     pieces = np.array_split(np.arange(len(loads)), min(_MOST_IMAGES, len(loads)))
     return [
         Image(
@@ -231,6 +240,39 @@ def _average_by_force(
         )
         for piece in pieces
     ]
+
+
+def _check_rest(file: DataFile, rest: FloatArray, pressed: FloatArray) -> None:
+    """Refuse a recording whose counts at rest are not zero, or whose counts fall under load.
+
+    A texel is above zero at rest if its mean exceeds three standard deviations and one count, the resolution.  Such
+    texels matter if their counts add up to more than a hundredth of what the load changes.
+
+    Args:
+        file: The recording, for messages.
+        rest: Frames without load, shape (frames, n) [counts]; none if the recording begins under load.
+        pressed: Frames under load, shape (frames, n) [counts].
+
+    Raises:
+        RecordingError: If the counts at rest are not zero, or the counts fall under load.
+    """
+    if not len(rest):
+        return
+    level, noise = rest.mean(axis=0), rest.std(axis=0)
+    change = np.median(pressed, axis=0) - level
+    shifted = level > 3 * noise + 1
+    if level[shifted].sum() <= _ZERO_SHARE * np.abs(change).sum():
+        return
+    seen = f"{np.median(level[shifted]):.0f} counts at rest (noise {np.median(noise[shifted]):.0f})"
+    if change.sum() < 0:
+        raise RecordingError(
+            f"{file.path}: the counts fall by {-change.sum():.0f} in all while the load is on, from {seen}; expected "
+            "counts that are zero at rest and rise with the load: subtract each texel's counts from its mean at rest"
+        )
+    raise RecordingError(
+        f"{file.path}: {int(shifted.sum())} texels have {seen}, and the load adds {change.sum():.0f} in all; expected "
+        "counts that are zero at rest: subtract each texel's mean at rest from its counts"
+    )
 
 
 def _noise(frames: FloatArray) -> float:

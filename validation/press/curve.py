@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshes import Cover, Indenter, TexelArray
+from validation.extras import MissingExtraError
 
 if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
@@ -85,7 +86,7 @@ class LoadCurve:
         try:
             self._draw([folder / "curve.svg", folder / "curve.png"])
         except ImportError:
-            _LOG.warning("no picture: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
+            _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
             return ("curve.csv",)
         return ("curve.csv", "curve.svg", "curve.png")
 

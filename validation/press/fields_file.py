@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes.npz import pack_npz
+from validation.extras import MissingExtraError
 
 if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
@@ -42,7 +43,7 @@ def write_indentation(found: Indentation, folder: Path) -> tuple[str, ...]:
     try:
         write_vtu(found.fields, folder / "fields.vtu")
     except ImportError:
-        _LOG.warning("no fields.vtu: pyvista is not installed; run: python -m pip install 'softcover[view]'")
+        _LOG.warning("no fields.vtu: %s", MissingExtraError("pyvista"))
         return tuple(files)
     return (*files, "fields.vtu")
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from validation.extras import MissingExtraError
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -42,7 +44,7 @@ def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        _LOG.warning("no picture: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
+        _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
         return ()
     images = list(list_images(comparison))
     fields = None if comparison.fem is None else comparison.fem.fields

@@ -128,4 +128,4 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
 def test_without_matplotlib_there_is_no_picture(comparison, tmp_path, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert write_picture(comparison, tmp_path) == ()
-    assert "softcover[report]" in caplog.text
+    assert ".[report]" in caplog.text

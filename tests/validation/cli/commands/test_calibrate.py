@@ -1,5 +1,6 @@
 """`softcover calibrate` on recordings of a made-up WTS array, with texel forces by finite elements."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -108,3 +109,14 @@ def test_bad_options_end_in_one_line(softcover, recordings, options, fault):
     status, _, err = softcover("calibrate", *recordings[0], "--sensor", "wts-0614-34", *options)
     assert status == 2
     assert fault in err
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_recordings_with_an_offset_are_refused(softcover, tmp_path, sign):
+    made = press(METHOD, make_curve(np.ones(WTS.array.count)), 6.0, POSE, indenter=Box(size=(10e-3, 10e-3, 5e-3)))
+    array = dataclasses.replace(made.arrays[0], counts=25000 + sign * made.arrays[0].counts, full_scale=2**16)
+    path = write(dataclasses.replace(made, arrays=(array,)), tmp_path / "offset.csv")
+    status, out, err = softcover("calibrate", path, "--indenter", TOOL, "--at", "1mm,-2mm", "--sensor", "wts-0614-34")
+    assert (status, out) == (2, "")
+    assert "offset.csv" in err
+    assert "at rest" in err

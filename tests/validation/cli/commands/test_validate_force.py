@@ -3,8 +3,9 @@ import json
 import numpy as np
 import pytest
 
-from fem_reference.closed_form import sphere, stuck_shape
+from fem_reference.closed_form import sphere
 from meshes import Cover, Layer, Material, Sphere
+from tests.exact.no_slip import stuck_shape
 
 RADIUS, CONTACTS, FACTOR = 5e-3, (0.8e-3, 1.2e-3, 1.6e-3), 0.7
 FILE = """

@@ -19,9 +19,16 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.closed_form.curved.harmonic import HarmonicTransfer, transfer_cylinder
-from fem_reference.closed_form.curved.profile import Traction, check_resolved, place_points, sample
-from fem_reference.closed_form.curved.series import converge_top, count_base_terms, taper
+from fem_reference.closed_form.harmonic import HarmonicTransfer, transfer_cylinder
+from fem_reference.closed_form.series import (
+    Traction,
+    check_resolved,
+    converge_top,
+    count_base_terms,
+    place_points,
+    sample,
+    taper,
+)
 from meshes import Material
 from meshes.array_types import FloatArray
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.closed_form.curved.cylinder import CylinderLayer
-from fem_reference.closed_form.curved.cylinder_waves import transfer_cylinder_waves
+from fem_reference.closed_form.cylinder import CylinderLayer
 from meshes.array_types import FloatArray
+from tests.exact.cylinder_waves import transfer_cylinder_waves
 
 ComplexArray = npt.NDArray[np.complex128]
 #: Cosines and sines, or their integrals.
@@ -126,7 +126,7 @@ class SpotResponse:
             ValueError: If a patch ends where or before it starts, or the layer is too thin.
         """
         out = np.asarray(patches, dtype=float)
-        if out.ndim != 2 or out.shape[1] != 4 or not (out[:, 1::2] > out[:, ::2]).all():  # noqa: PLR2004
+        if out.ndim != 2 or out.shape[1] != 4 or not (out[:, 1::2] > out[:, ::2]).all():
             raise ValueError("patches must be rows of first angle, last angle, first z and last z, in this order")
         theta, half_angle = out[:, :2].mean(axis=1), np.diff(out[:, :2], axis=1)[:, 0] / 2
         z, half_length = out[:, 2:].mean(axis=1), np.diff(out[:, 2:], axis=1)[:, 0] / 2
@@ -211,7 +211,7 @@ def _superpose(base: FloatArray, around: list[Pair], along: Pair, forces: tuple[
         if force == 0:
             continue
         for i in range(3):
-            turn, shift = (i == 1) - (j == 1), (i == 2) - (j == 2)  # noqa: PLR2004 -- axial
+            turn, shift = (i == 1) - (j == 1), (i == 2) - (j == 2)
             angular = turn * around[i][1] if turn else around[i][0]
             axial = shift * along[1] if shift else along[0]
             out[:, i] += force * np.einsum("nk,nk->n", angular @ base[:, :, i, j], axial)

@@ -59,7 +59,7 @@ def transfer_cylinder(orders: FloatArray, core: float, outer: float, material: M
     c, b, d = nu / (1 - nu), (1 - 2 * nu) / (2 * (1 - nu)), 2 / (1 - nu)
     one, scale = np.ones_like(m), np.maximum(m, 1.0)
     # Displacements are in units of (core radius / (mu scale)), so that all entries are of the same size at large m.
-    matrix = _stack_rows(
+    matrix = stack_rows(
         [
             [-c * one, -c * m, b * scale, 0 * one],
             [m, one, 0 * one, scale],
@@ -67,42 +67,15 @@ def transfer_cylinder(orders: FloatArray, core: float, outer: float, material: M
             [d * m / scale, d * m**2 / scale, c * m, -one],
         ]
     )
-    return _cross_layer(matrix, m, 0.0, (core, outer), material.shear_modulus * scale)
+    return cross_layer(matrix, m, 0.0, (core, outer), material.shear_modulus * scale)
 
 
-def transfer_sphere(degrees: FloatArray, core: float, outer: float, material: Material) -> HarmonicTransfer:
-    """Compute the response of a layer on a rigid sphere to axisymmetric tractions of degree n.
-
-    The outward components are proportional to P_n(cos theta), the tangential ones, along theta, to its derivative by
-    theta, over n + 1/2.
-
-    Args:
-        degrees: Degrees n >= 0, shape (n,) [-].
-        core: Radius of the core [m].
-        outer: Radius of the top of the layer [m].
-        material: Material, with its linear elastic properties at zero load.
-    """
-    n = np.asarray(degrees, dtype=float)
-    nu = material.poisson_ratio
-    c, b, g = nu / (1 - nu), (1 - 2 * nu) / (2 * (1 - nu)), 2 * (1 + nu) / (1 - nu)
-    k, q, one = n + 0.5, n * (n + 1), np.ones_like(n)
-    matrix = _stack_rows(
-        [
-            [-2 * c * one, c * q / k, b * k, 0 * one],
-            [-k, one, 0 * one, k],
-            [2 * g / k, -g * q / k**2, (2 * c - 1) * one, q / k],
-            [-2 * (2 * c + 1) * one, 2 * ((c + 1) * q - 1) / k, -c * k, -2 * one],
-        ]
-    )
-    return _cross_layer(matrix, k, -0.5, (core, outer), material.shear_modulus * k)
-
-
-def _stack_rows(rows: list[list[FloatArray]]) -> FloatArray:
+def stack_rows(rows: list[list[FloatArray]]) -> FloatArray:
     """Stack the entries of a matrix, each of shape (n,), to shape (n, 4, 4)."""
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _cross_layer(
+def cross_layer(
     matrix: FloatArray, k: FloatArray, mean: float, radii: tuple[float, float], stiffness: FloatArray
 ) -> HarmonicTransfer:
     """Solve the layer between a core that does not move and a top with given tractions.

@@ -14,12 +14,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from fem_reference.closed_form.active_set import solve_active_set
-from fem_reference.closed_form.boundary import PressedCells, collect_rectangles, measure_areas, place_gauss_points
 from fem_reference.closed_form.influence import Excess, tabulate_excess
 from meshes import Box, Cover, Indenter
 from meshes.array_types import FloatArray
 from meshes.indenters.polygonal_punch import PolygonalPunch
+from tests.exact.active_set import solve_active_set
+from tests.exact.boundary import PressedCells, collect_rectangles, measure_areas, place_gauss_points
 
 #: Gauss points along each side of a quadrangle: for distances above `_NEAR` diagonals, and for smaller ones [-].
 _FAR_POINTS, _NEAR_POINTS = 2, 6
@@ -76,7 +76,7 @@ def split_face(indenter: Indenter, cells: int, largest: float) -> FloatArray:
     sides = [np.diff(np.array([*each, each[0]]), axis=0) for each in polygons]
     if all((np.abs(side) < _COINCIDENT).any(axis=1).all() for side in sides):
         return _split_rectilinear(polygons, cells, largest, indenter)
-    if len(polygons) == 2 and len(polygons[0]) == len(polygons[1]):  # noqa: PLR2004 -- outline and bore
+    if len(polygons) == 2 and len(polygons[0]) == len(polygons[1]):
         return _split_frame(np.array(polygons[0]), np.array(polygons[1]), cells, largest)
     raise ValueError("no boundary elements for a face with oblique sides and without a bore like its outline")
 

@@ -260,7 +260,7 @@ def _find_edge(edges: FloatArray, pressure: FloatArray) -> float:
     The last ring is only partly in contact; the two rings before it are used.
     """
     last = int(np.flatnonzero(pressure > 0)[-1])
-    if last < 2 or pressure[last - 2] <= pressure[last - 1]:  # noqa: PLR2004 -- three rings
+    if last < 2 or pressure[last - 2] <= pressure[last - 1]:
         return float(edges[last + 1])
     (r, s), (before, after) = (edges[:-1] + edges[1:])[last - 2 : last] ** 2 / 4, pressure[last - 2 : last] ** 2
     found = np.sqrt(s + after * (s - r) / (before - after))

@@ -20,12 +20,19 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.closed_form.curved.harmonic import HarmonicTransfer, transfer_sphere
-from fem_reference.closed_form.curved.profile import Traction, check_resolved, place_points, sample
-from fem_reference.closed_form.curved.series import converge_top, count_base_terms, taper
-from fem_reference.closed_form.curved.sphere_patch import Direction, SpherePatch, normalise
+from fem_reference.closed_form.harmonic import HarmonicTransfer, cross_layer, stack_rows
+from fem_reference.closed_form.series import (
+    Traction,
+    check_resolved,
+    converge_top,
+    count_base_terms,
+    place_points,
+    sample,
+    taper,
+)
 from meshes import Material
 from meshes.array_types import FloatArray
+from tests.exact.sphere_patch import Direction, SpherePatch, normalise
 
 #: Number of points at which Legendre series are summed at once, to limit the memory [-].
 _CHUNK = 2**16
@@ -45,7 +52,7 @@ class PointLoad:
     force: float
     direction: Direction = (0.0, 0.0, 1.0)
 
-    def place(self, radius: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+    def place(self, radius: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:
         """Return the angle from the axis and the force (outward, along the angle) there, as `CapLoad.place` does."""
         return np.zeros(1), np.array([[-self.force, 0.0]])
 
@@ -125,7 +132,7 @@ class SphereLayer:
         return self.core_radius + self.thickness
 
     def transfer(self, degrees: npt.ArrayLike) -> HarmonicTransfer:
-        """Compute the response to tractions of degrees n >= 0, shape (n,): see `harmonic.transfer_sphere`."""
+        """Compute the response to tractions of degrees n >= 0, shape (n,): see `transfer_sphere`."""
         n = np.asarray(degrees, dtype=float)
         return transfer_sphere(n, self.core_radius, self.outer_radius, self.material)
 
@@ -248,7 +255,7 @@ class SphereResponse:
 
     @cached_property
     def _base(self) -> list[FloatArray]:
-        """Amplitudes of the traction on the core, as of `harmonic.transfer_sphere`, of each load, (terms, 2) [Pa]."""
+        """Amplitudes of the traction on the core, as of `transfer_sphere`, of each load, (terms, 2) [Pa]."""
         response = self.layer.transfer(np.arange(self.terms)).base
         return [_apply(response, self._expand(load, self.terms)) for load in self.loads]
 
@@ -271,7 +278,7 @@ def _apply(response: FloatArray, amplitudes: FloatArray) -> FloatArray:
 
 
 def _integrate_legendre(angles: FloatArray, forces: FloatArray, count: int) -> FloatArray:
-    """Sum forces times the functions of `harmonic.transfer_sphere` over angles, shape (count, 2).
+    """Sum forces times the functions of `transfer_sphere` over angles, shape (count, 2).
 
     P_n follows from the recurrence (n + 1) P_(n+1) = (2 n + 1) x P_n - n P_(n-1), its derivative by theta from
     sin theta dP_n/dtheta = n (x P_n - P_(n-1)).
@@ -307,3 +314,30 @@ def _evaluate(series: FloatArray, axis: FloatArray, points: FloatArray) -> Float
     radial, along = np.concatenate([np.polynomial.legendre.legval(piece, coefficients) for piece in pieces], axis=1)
     # dP_n/dtheta e_theta = -sin(theta) P_n'(x) e_theta, and sin(theta) e_theta = x r - axis.
     return np.asarray(radial[:, None] * points - along[:, None] * (x[:, None] * points - axis))
+
+
+def transfer_sphere(degrees: FloatArray, core: float, outer: float, material: Material) -> HarmonicTransfer:
+    """Compute the response of a layer on a rigid sphere to axisymmetric tractions of degree n.
+
+    The outward components are proportional to P_n(cos theta), the tangential ones, along theta, to its derivative by
+    theta, over n + 1/2.
+
+    Args:
+        degrees: Degrees n >= 0, shape (n,) [-].
+        core: Radius of the core [m].
+        outer: Radius of the top of the layer [m].
+        material: Material, with its linear elastic properties at zero load.
+    """
+    n = np.asarray(degrees, dtype=float)
+    nu = material.poisson_ratio
+    c, b, g = nu / (1 - nu), (1 - 2 * nu) / (2 * (1 - nu)), 2 * (1 + nu) / (1 - nu)
+    k, q, one = n + 0.5, n * (n + 1), np.ones_like(n)
+    matrix = stack_rows(
+        [
+            [-2 * c * one, c * q / k, b * k, 0 * one],
+            [-k, one, 0 * one, k],
+            [2 * g / k, -g * q / k**2, (2 * c - 1) * one, q / k],
+            [-2 * (2 * c + 1) * one, 2 * ((c + 1) * q - 1) / k, -c * k, -2 * one],
+        ]
+    )
+    return cross_layer(matrix, k, -0.5, (core, outer), material.shear_modulus * k)

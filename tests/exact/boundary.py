@@ -16,11 +16,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fem_reference.closed_form.active_set import solve_active_set
 from fem_reference.closed_form.influence import superpose, tabulate_excess
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose
+from tests.exact.active_set import solve_active_set
 
 #: Distance of the two Gauss points on a side of a cell from the middle of the side, over the length of the side [-].
 _GAUSS = 0.5 / np.sqrt(3)

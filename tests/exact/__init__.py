@@ -1,0 +1,1 @@
+"""Exact solutions and boundary elements that only tests and benchmarks compare with."""

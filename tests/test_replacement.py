@@ -1,0 +1,141 @@
+"""A replacement of a folder or a file that stops at any line leaves the earlier content or the new one."""
+
+import itertools
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from meshes import atomic_file
+from validation import output_folder
+from validation.errors import InputError
+
+#: Files whose lines are the steps.
+SOURCES = {output_folder.__file__, atomic_file.__file__}
+#: More lines than a replacement runs through.
+MOST_STEPS = 1000
+
+
+def write_folder(place, text):
+    with output_folder.new_folder(place / "out") as folder:
+        (folder / "a").write_text(text)
+        (folder / "b").write_text(text)
+
+
+def write_file(place, text):
+    atomic_file.replace(place / "out", [text.encode()])
+
+
+def read(place):
+    """Return the contents at the target; empty if there is none."""
+    path = place / "out"
+    return {path.read_text()} if path.is_file() else {path.joinpath(name).read_text() for name in "ab" if path.exists()}
+
+
+def stop_at(step, action, write, place):
+    """Replace the content and call `action` at the given line; return whether that line was reached."""
+    count = itertools.count()
+    reached = []
+
+    def trace(frame, event, argument):
+        del argument
+        if frame.f_code.co_filename not in SOURCES:
+            return None
+        if event == "line" and not reached and next(count) == step:
+            reached.append(True)
+            action()
+        return trace
+
+    earlier = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        write(place, "new")
+    finally:
+        sys.settrace(earlier)
+    return bool(reached)
+
+
+def fail(kind):
+    raise kind("planted")
+
+
+def end_child():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_at(step, write, place):
+    """Replace the content in a process that is killed at the given line; return whether that line was reached."""
+    child = os.fork()
+    if child == 0:
+        try:
+            stop_at(step, end_child, write, place)
+        finally:
+            os._exit(0)
+    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
+
+
+@pytest.fixture(params=["exchange", "two renames"])
+def way(request, monkeypatch):
+    if request.param == "two renames":
+        monkeypatch.setattr(output_folder, "_exchange", lambda _one, _other: False)
+    return request.param
+
+
+@pytest.mark.parametrize("kind", [OSError, KeyboardInterrupt])
+@pytest.mark.parametrize("write", [write_folder, write_file])
+def test_a_fault_at_any_step_keeps_the_earlier_or_the_new_content(way, write, kind, tmp_path):
+    seen = set()
+    for step in range(MOST_STEPS):
+        place = tmp_path / str(step)
+        place.mkdir()
+        write(place, "old")
+        try:
+            if not stop_at(step, lambda: fail(kind), write, place):
+                break
+        except (kind, InputError):  # a manifest that cannot be read protects its folder
+            pass
+        assert read(place) in ({"old"}, {"new"}), (way, step)
+        seen |= read(place)
+    assert step > 20
+    assert seen == {"old", "new"}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a forked process")
+@pytest.mark.parametrize("write", [write_folder, write_file])
+def test_a_kill_at_any_step_keeps_the_earlier_or_the_new_content(way, write, tmp_path):
+    for step in range(MOST_STEPS):
+        place = tmp_path / str(step)
+        place.mkdir()
+        write(place, "old")
+        if not kill_at(step, write, place):
+            break
+        if way == "two renames" and write is write_folder and not read(place):
+            with pytest.raises(KeyboardInterrupt), output_folder.new_folder(place / "out"):
+                raise KeyboardInterrupt  # the next run restores the earlier output before it computes
+            assert read(place) == {"old"}
+        assert read(place) in ({"old"}, {"new"}), (way, step)
+        write(place, "last")
+        assert read(place) == {"last"}
+    assert step > 20
+
+
+def test_an_earlier_output_that_cannot_be_put_back_is_not_deleted(tmp_path, monkeypatch):
+    write_folder(tmp_path, "old")
+    monkeypatch.setattr(output_folder, "_exchange", lambda _one, _other: False)
+    rename = Path.rename
+
+    def once(self, target):
+        if Path(target).name == "out":
+            raise OSError(5, "planted")
+        return rename(self, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "rename", once)
+        with pytest.raises(OSError, match="planted"):
+            write_folder(tmp_path, "new")
+    assert not read(tmp_path)
+    with pytest.raises(KeyboardInterrupt), output_folder.new_folder(tmp_path / "out"):
+        raise KeyboardInterrupt
+    assert read(tmp_path) == {"old"}
