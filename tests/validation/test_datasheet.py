@@ -12,7 +12,7 @@ import pytest
 
 import fastmodel
 from fastmodel import Butterworth, Electronics
-from validation.datasheet import as_html, as_json, as_markdown, find_nonlinearity, make_datasheet
+from validation.data_sheet import as_html, as_json, as_markdown, find_nonlinearity, make_datasheet
 from validation.sensor_file import BUILT_IN
 
 #: What the data sheet of any sensor must name.

@@ -91,8 +91,9 @@ class Unread:
         return core_schema.any_schema()
 
 
-#: Arrays of numbers, and images of grey levels.
+#: Arrays of numbers, of indices, and images of grey levels.
 Array = Annotated[npt.NDArray[np.float64], _Array(np.float64)]
+Indices = Annotated[npt.NDArray[np.intp], _Array(np.intp)]
 GreyImage = Annotated[npt.NDArray[np.uint8], _Array(np.uint8)]
 #: A number that may be NaN, or infinite.
 Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
