@@ -16,7 +16,7 @@ from validation.curved.derive import CurvedDerivation
 from validation.curved.reference import require_touch
 from validation.curved.touch import find_middle
 from validation.extras import MissingExtraError
-from validation.report.page_table import Cell, PageTable, number
+from validation.render.table import Cell, Table, number
 from validation.report.surface_map import surface_map
 from validation.report.tactile_image import Scale, colour_bar
 from validation.scene.cover_scene import show_curved
@@ -128,7 +128,7 @@ def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -
     }
 
 
-def _tabulate_responses(derivation: CurvedDerivation) -> PageTable:
+def _tabulate_responses(derivation: CurvedDerivation) -> Table:
     """Tabulate the responses of the texels, with the keys of `report.json` below `derive` that hold the numbers."""
     active = derivation.sensor.array.active
     own = derivation.own_shares[active]
@@ -147,7 +147,7 @@ def _tabulate_responses(derivation: CurvedDerivation) -> PageTable:
         [Cell(text=f"estimated error, {name.replace('_', ' ')}", small="% of the peak texel"), number(value, 100, 2)]
         for name, value in derivation.responses.error_estimate.items()
     ]
-    return PageTable(
+    return Table(
         name="responses",
         caption="Responses of the texels to forces on the top",
         headings=("quantity", "value"),
