@@ -12,7 +12,7 @@ from validation.campaign.results import CaseResult
 from validation.results import Column, Number, Result, result_model
 
 #: Quantities of the table, with unit and factor from SI units to it.
-_QUANTITIES = {"depth": ("um", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm2", 1e6)}
+_QUANTITIES = {"depth": ("µm", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm²", 1e6)}
 #: Range in which an observed order is searched [-].
 _ORDERS = (0.05, 10.0)
 #: Number of grids.

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fastmodel.signal.electronics import describe_calibration
+from meshes.array_types import FloatArray
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import (
@@ -25,13 +26,13 @@ from validation.data_sets.results import RecordingScores, find_best_null
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.metrics import TABULATED
+from validation.render.image import Scale, colour_bar, tactile_image
 from validation.render.table import Cell, Table, interval, number
 from validation.report.comparison import comparison_contents
 from validation.report.curved import Pictures, curved_contents
 from validation.report.evidence import evidence_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
 from validation.report.recordings import recordings_contents
-from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
 from validation.results import Column
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:

@@ -11,7 +11,7 @@ import numpy as np
 from meshes import TexelArray
 from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores, find_best_null
 from validation.data_sets.score import FAST
-from validation.report.tactile_image import Scale, colour_bar, tactile_image
+from validation.render.image import Scale, colour_bar, tactile_image
 
 #: Columns of the tables: name of the metric, heading, factor from the metric's value to the printed unit, printed unit.
 COLUMNS = (
