@@ -72,7 +72,7 @@ def test_with_free_sides_the_rows_under_the_middle_and_the_last_texel_are_drawn(
 
     sides = SimpleNamespace(
         **{name: getattr(wts_derivation, name) for name in ("parameters", "sensor", "texel_response_uniform")},
-        as_json=dict, point_spread=None, influence=SimpleNamespace(texel_response=texel_response),
+        result={}, point_spread=None, influence=SimpleNamespace(texel_response=texel_response),
     )  # fmt: skip
     write_derivation(sides, tmp_path)
     rows, image, _ = saved["psf.png"].axes
