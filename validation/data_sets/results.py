@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from fastmodel import Electronics
 from fastmodel.signal.electronics import grey_levels
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation import metrics
 from validation.campaign.pooling import Pooled, pool
 from validation.recordings.recording import BoolArray
