@@ -12,8 +12,9 @@ from fastmodel.signal.electronics import TEXEL_FORCE
 from validation.calibration.calibrate import Calibration
 from validation.errors import InputError
 from validation.output_folder import write_text
+from validation.schema import read_raw
+from validation.schema.sensor import SensorTables
 from validation.sensor_file import parse
-from validation.sensor_file.sensor import read_tables
 
 #: Keys of the table `[electronics]` of a sensor file that a calibrated characteristic replaces.
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
@@ -37,7 +38,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
     """
     source, target = Path(sensor), Path(out)
     try:
-        tables = read_tables(source)
+        tables = read_raw(source, SensorTables)
     except (OSError, ValueError) as error:
         raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}

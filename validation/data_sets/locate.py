@@ -8,10 +8,10 @@ from importlib import resources
 from pathlib import Path
 
 from meshes.bounded_file import FileLimitError, read_text
-from validation.data_sets.data_set import MOST_BYTES, DataSet, build_data_set, read_tables
-from validation.data_sets.tables import DataSetTables
+from validation.data_sets.data_set import DataSet, build_data_set, read_tables
 from validation.errors import InputError, nearest
 from validation.recordings.recording import RecordingError
+from validation.schema.data_set import DataSetTables
 
 #: Environment variable that names the folder of recordings.
 ENVIRONMENT_VARIABLE = "SOFTCOVER_RECORDINGS"
@@ -94,7 +94,7 @@ def _may_be_data_set(path: Path) -> bool:
     if not path.is_file():
         return False
     try:
-        return "series" in read_text(path, most=MOST_BYTES)
+        return "series" in read_text(path, most=DataSetTables.MOST_BYTES)
     except FileLimitError:
         return True
 

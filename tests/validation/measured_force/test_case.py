@@ -6,7 +6,7 @@ import pytest
 from meshes import Sphere
 from meshes.bounded_file import parse_toml
 from validation.errors import InputError
-from validation.measured_force.case import BUILT_IN, parse_measurement, read_measurement
+from validation.measured_force.case import BUILT_IN, parse_measurement, read_measured_force
 
 TEXT = """
 name = "pad"
@@ -56,7 +56,7 @@ def test_the_ball_on_a_dome_has_the_gap_of_the_given_ball():
 
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_built_in_measurements_are_read(name):
-    read = read_measurement(name)
+    read = read_measured_force(name)
     assert read.fitted.any()
     assert not read.fitted.all()
 
