@@ -15,7 +15,6 @@ from typing import Any
 from meshes import Indenter
 from validation.calibration.observations import Placement
 from validation.errors import InputError, nearest
-from validation.schema import read
 from validation.schema.data_set import (
     FITTED,
     LABELS,
@@ -128,21 +127,6 @@ class DataSet:
     files: tuple[DataFile, ...]
     splits: tuple[Split, ...]
     problems: tuple[str, ...]
-
-
-def read_tables(path: Path) -> DataSetTables:
-    """Read and check the tables of a data-set file.
-
-    Raises:
-        InputError: With one line per fault.
-        OSError: If the file cannot be read.
-    """
-    tables = read(path, DataSetTables)
-    for kind, names in (("series", tables.series), ("split", tables.split)):
-        given = [each.name for each in names]
-        if twice := sorted({name for name in given if given.count(name) > 1}):
-            raise InputError(f"{path}: {kind} {twice[0]!r} stands twice; expected different names")
-    return tables
 
 
 def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> DataSet:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes import Cover, Indenter, Layer, Sphere
-from validation.errors import InputError, nearest
+from validation.errors import nearest
 from validation.schema import parse, read
 from validation.schema.measured_force import MeasurementTables
 
@@ -95,7 +95,7 @@ def read_measured_force(path: str | Path) -> Measurement:
     name = str(path)
     hint = f"or built-in measurement; {nearest(name, BUILT_IN)}, or a TOML file"
     file = resources.files("validation.measured_force").joinpath(BUILT_IN[name]) if name in BUILT_IN else path
-    return _build(read(Path(str(file)), MeasurementTables, hint=hint), name)
+    return _build(read(Path(str(file)), MeasurementTables, hint=hint))
 
 
 def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
@@ -108,14 +108,14 @@ def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
     Raises:
         InputError: With one line per fault.
     """
-    return _build(parse(data, MeasurementTables, source=source), source)
+    return _build(parse(data, MeasurementTables, source=source))
 
 
-def _build(tables: MeasurementTables, source: str) -> Measurement:
-    """Make a measurement from its tables, and check the keys that concern one another."""
+def _build(tables: MeasurementTables) -> Measurement:
+    """Make a measurement from its tables."""
     layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)
     points = sorted(tables.point, key=lambda each: each.depth)
-    measurement = Measurement(
+    return Measurement(
         name=tables.name,
         source=tables.source,
         indenter=tables.indenter,
@@ -127,28 +127,3 @@ def _build(tables: MeasurementTables, source: str) -> Measurement:
         force_uncertainty=tables.uncertainty.force,
         zero_uncertainty=tables.uncertainty.zero,
     )
-    if faults := list(_find_faults(measurement)):
-        raise InputError(*(f"{source}: {fault}" for fault in faults))
-    return measurement
-
-
-def _find_faults(measurement: Measurement) -> list[str]:
-    """Return one line per fault that concerns several keys of a file."""
-    faults, fitted = [], measurement.fitted
-    if not fitted.any() or fitted.all():
-        faults.append('point: takes at least one with use = "fit" and one with use = "score"')
-    elif len(np.unique(measurement.depth)) == 1:
-        faults.append("point: takes points at two depths or more")
-    thickness = measurement.cover.thickness
-    faults += [
-        f"point.depth: {1e3 * depth:.4g} mm pierces the cover; accepted: less than its {1e3 * thickness:.4g} mm"
-        for depth in measurement.depth[measurement.depth >= thickness]
-    ]
-    if not measurement.indenter.axisymmetric:
-        faults.append("indenter: takes a body of revolution: sphere, cylinder, tip or cone")
-    if measurement.top_radius is not None and not isinstance(measurement.indenter, Sphere):
-        faults.append("top_radius: takes a sphere as indenter; remove the key, or let indenter be a sphere")
-    shift = measurement.zero_uncertainty
-    if shift is not None and len(fitted) and shift >= measurement.depth[0]:
-        faults.append(f"uncertainty.zero: must be less than the smallest depth, {1e3 * measurement.depth[0]:.4g} mm")
-    return faults

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import re
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -43,6 +43,10 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     MOST_BYTES: ClassVar[int] = 2**20
+
+    def list_faults(self) -> Iterable[tuple[str, str]]:
+        """List faults that concern several keys: the key within the table, or an empty text, and what is wrong."""
+        return ()
 
 
 T = TypeVar("T", bound=Table)
@@ -91,11 +95,14 @@ def parse(data: object, schema: type[T], *, source: str = "", place: Sequence[in
     Raises:
         InputError: With one line per fault.
     """
+    start = f"{source}: " if source else ""
     try:
-        return schema.model_validate(data)
+        tables = schema.model_validate(data)
     except ValidationError as error:
-        start = f"{source}: " if source else ""
         raise InputError(*(f"{start}{line}" for line in _list_faults(error, schema, place))) from None
+    if faults := [f"{start}{line}" for line in _list_own_faults(tables, format_place(place))]:
+        raise InputError(*faults)
+    return tables
 
 
 def format_place(place: Sequence[int | str]) -> str:
@@ -114,10 +121,29 @@ def format_place(place: Sequence[int | str]) -> str:
     return text
 
 
+def _list_own_faults(table: Table, place: str) -> Iterator[str]:
+    """Yield one line per fault that a table, or a table in it, finds between several of its keys."""
+    for key, text in table.list_faults():
+        where = ".".join(filter(None, (place, key)))
+        yield f"{where}: {text}" if where else text
+    for name in type(table).model_fields:
+        value = getattr(table, name)
+        inner = f"{place}.{name}" if place else name
+        if isinstance(value, Table):
+            yield from _list_own_faults(value, inner)
+        elif isinstance(value, list | tuple):
+            for number, item in enumerate(value):
+                if isinstance(item, Table):
+                    yield from _list_own_faults(item, f"{inner}[{number}]")
+
+
 def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[int | str]) -> list[str]:
     """Return one line of text per fault that pydantic found."""
     lines: dict[str, None] = {}
-    for details in error.errors(include_url=False):
+    found = error.errors(include_url=False)
+    for details in found:
+        if details["type"] == "too_short" and any(details["loc"] == each["loc"][:-1] for each in found):
+            continue  # the list is too short only because its entries have faults
         where = format_place([*place, *details["loc"]])
         for text in _explain(details, schema):
             line = f"{where}: {text}" if where else text
@@ -140,6 +166,10 @@ def _explain(details: ErrorDetails, schema: type[Table]) -> tuple[str, ...]:
     remedy = example and f"; write for example {example}"
     if kind == "missing":
         return (f"is missing{remedy}",)
+    if kind in ("too_short", "too_long"):
+        limits = details["ctx"]
+        wanted = f"at most {limits['max_length']}" if "max_length" in limits else f"at least {limits['min_length']}"
+        return (f"must have {wanted} entries, not {limits['actual_length']}{remedy}",)
     if kind in ("model_type", "model_attributes_type", "dict_type", "list_type", "tuple_type", "string_type"):
         wanted = {"list_type": "a list", "tuple_type": "a list", "string_type": "a text"}.get(kind, "a table")
         return (f"must be {wanted}, not {given}{remedy}",)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
@@ -186,3 +186,13 @@ class DataSetTables(CommonKeys):
     source: str = ""
     sensor: str | None = None
     path: str | None = None
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield names of series and splits that stand twice."""
+        for key, tables in (("series", self.series), ("split", self.split)):
+            names = [table.name for table in tables]
+            yield from ((key, f"the name {name!r} stands twice; each needs its own") for name in _find_twice(names))
+
+
+def _find_twice(names: Sequence[str]) -> list[str]:
+    return sorted({name for name in names if names.count(name) > 1})

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated
 
 from pydantic import Field
 
+from meshes import Sphere
 from validation.schema import Table
 from validation.schema.sensor import FlatCoverTable
 from validation.schema.types import Force, Indenter, Length, choice
@@ -60,3 +63,22 @@ class MeasurementTables(Table):
     source: str = "given by the user"
     top_radius: Length | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield faults of points and of the indenter."""
+        if {point.use for point in self.point} != {"fit", "score"}:
+            yield "point", 'takes at least one with use = "fit" and one with use = "score"'
+        elif len({point.depth for point in self.point}) == 1:
+            yield "point", "takes points at two depths or more"
+        thickness = sum(layer.thickness for layer in self.cover.layer)
+        for number, point in enumerate(self.point):
+            if point.depth >= thickness:
+                limit = f"accepted: less than its {1e3 * thickness:.4g} mm"
+                yield f"point[{number}].depth", f"{1e3 * point.depth:.4g} mm pierces the cover; {limit}"
+        if not self.indenter.axisymmetric:
+            yield "indenter", "takes a body of revolution: sphere, cylinder, tip or cone"
+        if self.top_radius is not None and not isinstance(self.indenter, Sphere):
+            yield "top_radius", "takes a sphere as indenter; remove the key, or let indenter be a sphere"
+        least = min((point.depth for point in self.point), default=math.inf)
+        if self.uncertainty.zero is not None and self.uncertainty.zero >= least:
+            yield "uncertainty.zero", f"must be less than the smallest depth, {1e3 * least:.4g} mm"

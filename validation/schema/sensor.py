@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
@@ -43,7 +43,7 @@ _COEFFICIENTS = 6
 
 def _read_mask(value: object) -> list[list[str]]:
     """Return the entries of a mask, given as texts of 0 and 1 or as lists of them, one for each row."""
-    lines = value if isinstance(value, list) else [None]
+    lines: list[Any] = value if isinstance(value, list) else [None]
     if not all(isinstance(line, str | list) for line in lines):
         raise ValueError("must be a list of texts of 0 and 1, one for each row of texels, row 0 (smallest y) first")
     return [[str(entry)[:2] for entry in line] for line in lines]
@@ -137,7 +137,7 @@ class FlatCoverTable(Table):
     """
 
     layer: Annotated[list[LayerTable], Field(min_length=1)]
-    base: Annotated[str, choice("bonded", "sliding")] = "bonded"
+    base: Annotated[Literal["bonded", "sliding"], choice("bonded", "sliding")] = "bonded"
     size: Lengths | None = None
     free_edges: Annotated[None, Read(_refuse_free_edges, {"not": {}})] = None
 
@@ -165,29 +165,25 @@ class CurvedCoverTable(Table):
     element_size: Length | None = None
     base_distance: Length | None = None
 
-    def list_faults(self) -> list[str]:
-        """List keys that are missing or do not go together."""
-        faults = []
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield keys that are missing or do not go together."""
         own = self.mesh is not None and self.mesh.lower().endswith(".npz")
         if self.mesh is not None:
             if self.surface is not None or self.thickness is not None:
-                faults.append("mesh: replaces surface and thickness; leave them out")
+                yield "mesh", "replaces surface and thickness; leave them out"
             if not own and self.base is None:
-                faults.append(
-                    'base: is missing; write for example base = "core.stl", the surface to which the mesh is bonded'
-                )
+                yield "base", 'is missing; write for example base = "core.stl", the surface to which the mesh is bonded'
         elif self.surface is None and self.base is None:
-            faults.append('surface: is missing; write for example surface = "outer.stl" with thickness or base')
+            yield "surface", 'is missing; write for example surface = "outer.stl" with thickness or base'
         elif (self.thickness is None) == (self.surface is None or self.base is None):
-            faults.append('thickness: give surface and base, or one of them and thickness = "2 mm"')
+            yield "thickness", 'give surface and base, or one of them and thickness = "2 mm"'
         if self.unit is None and not own:
-            faults.append('unit: is missing, and the files do not state it; write for example unit = "mm"')
+            yield "unit", 'is missing, and the files do not state it; write for example unit = "mm"'
         for name in ("surface", "base", "mesh"):
             kinds = (".npz", *TETRAHEDRA) if name == "mesh" else SURFACES
             value = getattr(self, name)
             if value is not None and not value.lower().endswith(kinds):
-                faults.append(f"{name}: {value[:_LONGEST]!r} has an unknown ending; accepted: {', '.join(kinds)}")
-        return faults
+                yield name, f"{value[:_LONGEST]!r} has an unknown ending; accepted: {', '.join(kinds)}"
 
 
 class ContactTable(Table):
@@ -257,13 +253,13 @@ class ElectronicsTable(Table):
     gains: list[Number] | None = None
     calibrated: Annotated[str, Read(_read_calibration)] = TEXEL_FORCE
 
-    def list_faults(self) -> Iterator[str]:
-        """Yield one line of text per fault that concerns several keys."""
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield two characteristics, and a largest output that the converter cannot have."""
         largest = 2**self.bits - 1
         if self.sensitivity is not None and self.characteristic is not None:
-            yield "give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"
+            yield "", "give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"
         if self.output_max is not None and self.output_max > largest:
-            yield f"output_max: {self.output_max} does not fit {self.bits} bits; accepted: 1..{largest}"
+            yield "output_max", f"{self.output_max} does not fit {self.bits} bits; accepted: 1..{largest}"
 
 
 def _find_kind_of_cover(value: Any) -> str:  # noqa: ANN401 -- a table or its content

@@ -127,7 +127,36 @@ class Between:
         """Return the JSON Schema of the number."""
         kind: Any = core.get("metadata", {}).get("pydantic_js_extra", {})
         limits = {"minimum": self.least, "maximum": self.most}
-        return kind | {name: limit for name, limit in limits.items() if math.isfinite(limit)}
+        return dict(kind) | {name: limit for name, limit in limits.items() if math.isfinite(limit)}
+
+
+@dataclass(frozen=True, eq=False)
+class OneByOne:
+    """Annotation: a list of 1 to `most` tables that are checked later, one by one, so that a fault costs one of them.
+
+    Attributes:
+        table: Class of the tables.
+        most: Largest number of tables.
+    """
+
+    table: type[Table]
+    most: int
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """Return the schema of a list of anything."""
+
+        def check(value: object) -> list[Any]:
+            if not isinstance(value, list) or not value:
+                raise InputError("must be a list of at least one table")
+            if len(value) > self.most:
+                raise ValueError(f"{len(value)} tables; at most {self.most} are accepted")
+            return value
+
+        return core_schema.no_info_plain_validator_function(check)
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of a list of tables."""
+        return {"type": "array", "items": handler(self.table.__pydantic_core_schema__), "minItems": 1}
 
 
 class OneOrMore:

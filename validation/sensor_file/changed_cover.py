@@ -30,12 +30,9 @@ class _Replacement(Table):
     thickness: Length | None = None
 
 
+_MATERIAL_FIELDS: Any = {name: (MaterialTable.model_fields[name].rebuild_annotation() | None, None) for name in _FIELDS}
 #: Values of one option `--layer`; those of the material are checked again as a whole table.
-_Change = create_model(
-    "_Change",
-    __base__=_Replacement,
-    **{name: (MaterialTable.model_fields[name].rebuild_annotation() | None, None) for name in _FIELDS},
-)
+_Change = create_model("_Change", __base__=_Replacement, **_MATERIAL_FIELDS)
 
 
 def change_cover(

@@ -42,8 +42,6 @@ def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
         InputError: With one line per fault: keys that do not go together, a missing unit, files that cannot be read, or
             surfaces of which no body can be made.
     """
-    if faults := table.list_faults():
-        raise InputError(*(f"cover.{fault}" for fault in faults))
     try:
         if table.mesh is not None:
             return _take_mesh(table, folder)

@@ -195,8 +195,6 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
     from validation.sensor_file.array import build_array
 
     electronics = tables.electronics
-    if faults := [f"{source}: electronics.{fault}" for fault in electronics.list_faults()]:
-        raise InputError(*faults)
     name = tables.name or source.stem
     array = build_array(tables.array, name=name, source=source)
     array, cover, body = _build_cover(tables, array, source)
@@ -266,7 +264,7 @@ def _list_assumed(table: ElectronicsTable) -> Iterator[str]:
 
 
 def _build_electronics(table: ElectronicsTable) -> Electronics:
-    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table}
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table}
     # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
     assumed = _ASSUMED_SENSITIVITY if table.characteristic is None else 1.0
     values |= {"sensitivity": table.sensitivity or assumed, "output_max": table.output_max or 2**table.bits - 1}

@@ -71,7 +71,7 @@ def test_built_in_measurements_are_read(name):
         ('use = "score"', 'use = "check"', "point[0].use: 'check' is unknown; accepted: fit, score"),
         ('use = "score"', 'use = "fit"', 'at least one with use = "fit" and one with use = "score"'),
         ('"0.4 mm"', '"0.2 mm"', "takes points at two depths"),
-        ('"0.4 mm"', '"2 mm"', "point.depth: 2 mm pierces the cover; accepted: less than its 2 mm"),
+        ('"0.4 mm"', '"2 mm"', "point[0].depth: 2 mm pierces the cover; accepted: less than its 2 mm"),
         ("sphere:radius=5mm", "box:size=5mmx5mmx5mm", "indenter: takes a body of revolution"),
         ("sphere:radius=5mm", "bowl:radius=5mm", "indenter: unknown indenter 'bowl'"),
         ('name = "pad"', 'name = "pad"\nuncertainty = { zero = "0.3 mm" }', "uncertainty.zero: must be less than"),
