@@ -1,9 +1,10 @@
-"""Size of the product and the files that one object passes: `python benchmarks/house.py`.
+"""Structure of the code: `python benchmarks/house.py`.
 
-Prints the lines of product code (without docstrings, comments and blank lines) of each folder, and for three walks
-the files whose functions receive an object: a cover from `fem_reference.press` to the factorisation, a sensor
-description through `derive`, and a contact force through `Sensor.step`.  `--lines` prints the sizes only.
-`--sample SEED` prints thirty docstrings and comments drawn at random, to be read without the code.
+`--lines` prints code lines (without docstrings, comments and blank lines) of each folder, of product, tests and
+benchmarks; templates, TOML, CSS and JavaScript of the packages count as well.  `--constants` counts numeric constants
+of modules.  `--covers` lists the places that ask what kind of cover, solid, pose or press they have.  `--sample SEED`
+prints thirty docstrings and comments drawn at random, to be read without the code.  Without options it prints the first
+three, without the list.
 """
 
 from __future__ import annotations
@@ -11,21 +12,29 @@ from __future__ import annotations
 import argparse
 import ast
 import io
-import os
 import random
-import sys
-import tempfile
+import re
 import tokenize
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
-from operator import is_
+from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
+#: Endings of files that hold code or text of the product in other languages.
+OTHER_LANGUAGES = (".j2", ".css", ".js", ".toml")
+#: Names that a branch on the kind of cover mentions, and classes that it asks for.
+COVER_NAMES = re.compile(r"curved|\.body\b|\bplanar\b|is_solid")
+COVER_CLASSES = re.compile(r"\b(\w*Cover|SolidMesh|CoverBody|\w*Pose|Touch|Curved\w+|CoverCells)\b")
+#: The modules of the cover classes themselves, where the question may be answered.
+COVER_MODULES = ("meshes/cover.py", "meshes/solids/cover.py", "fastmodel/surface.py")
+
+
+def list_sources(*folders: str) -> Iterator[tuple[Path, str]]:
+    """Every Python file of some folders, with its text."""
+    for folder in folders:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            yield path, path.read_text()
 
 
 def count_code_lines(source: str) -> int:
@@ -41,43 +50,100 @@ def count_code_lines(source: str) -> int:
     return sum(bool(text := line.strip()) and text[0] != "#" and i not in documented for i, line in lines)
 
 
+def count_lines(path: Path) -> int:
+    """Code lines of a Python file, else the lines that are not blank; shipped parameters of sensors are none."""
+    if path.suffix == ".py":
+        return count_code_lines(path.read_text())
+    if path.suffix in OTHER_LANGUAGES and "sensors" not in path.parts:
+        return sum(bool(line.strip()) for line in path.read_text().splitlines())
+    return 0
+
+
 def print_sizes() -> None:
-    """Code lines of every folder, package and of the whole product."""
+    """Code lines of every folder, package, of the whole product, and of tests and benchmarks."""
     sizes: Counter[str] = Counter()
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            sizes[str(path.parent.relative_to(ROOT))] += count_code_lines(path.read_text())
+    for package in (*PACKAGES, "tests", "benchmarks"):
+        for path in sorted((ROOT / package).rglob("*")):
+            if path.is_file():
+                sizes[str(path.parent.relative_to(ROOT))] += count_lines(path)
     for folder, lines in sorted(sizes.items()):
-        print(f"{lines:6d}  {folder}")
-    for package in PACKAGES:
-        print(f"{sum(n for folder, n in sizes.items() if folder.split('/')[0] == package):6d}  all of {package}")
-    print(f"{sizes.total():6d}  product code")
+        if lines and not folder.startswith("tests/"):
+            print(f"{lines:6d}  {folder}")
+    whole: Counter[str] = Counter()
+    for folder, lines in sizes.items():
+        whole[folder.split("/", maxsplit=1)[0]] += lines
+    for name, lines in whole.items():
+        print(f"{lines:6d}  all of {name}")
+    print(f"{sum(whole[name] for name in PACKAGES):6d}  product code")
 
 
-@contextmanager
-def list_receivers(title: str, is_wanted: Callable[[object], bool]) -> Iterator[None]:
-    """Print the product's files in which a function receives a wanted object as an argument, in order of calls."""
-    files: dict[str, list[str]] = {}
+def find_constants(source: str) -> Iterator[str]:
+    """Names of numeric constants of a module: assignments of numbers, or of tuples of numbers, at its top level."""
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        for target in targets:
+            pairs = [(target, node.value)]
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(target.elts, node.value.elts, strict=False))
+            for name, value in pairs:
+                if isinstance(name, ast.Name) and is_numeric(value):
+                    yield name.id
 
-    def look(frame: FrameType, event: str, _: object) -> None:
-        code = frame.f_code
-        if event != "call" or not code.co_filename.startswith(str(ROOT)) or code.co_name.startswith("<"):
-            return
-        path = str(Path(code.co_filename).relative_to(ROOT))
-        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-        if path.split("/", maxsplit=1)[0] in PACKAGES and any(is_wanted(frame.f_locals.get(name)) for name in names):
-            functions = files.setdefault(path, [])
-            if code.co_name not in functions:
-                functions.append(code.co_name)
 
-    sys.setprofile(look)
-    try:
-        yield
-    finally:
-        sys.setprofile(None)
-    print(f"\n{title}: {len(files)} files")
-    for path, functions in files.items():
-        print(f"  {path}: {', '.join(functions)}")
+def is_numeric(value: ast.expr) -> bool:
+    """Whether an expression holds nothing but numbers, in tuples and dictionaries as well."""
+    allowed = (
+        ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Tuple, ast.List, ast.Dict, ast.Attribute, ast.Name,
+        ast.Load, ast.Call, ast.Constant,
+    )  # fmt: skip
+    nodes = list(ast.walk(value))
+    numbers = [n for n in nodes if isinstance(n, ast.Constant) and type(n.value) in {int, float}]
+    called = {ast.unparse(n.func) for n in nodes if isinstance(n, ast.Call)}
+    names = {n.id for n in nodes if isinstance(n, ast.Name)}
+    known = called <= {"np.radians", "math.radians", "np.sqrt", "math.sqrt"} and names <= {"np", "math"}
+    return bool(numbers) and all(isinstance(n, allowed) for n in nodes) and known
+
+
+def find_cover_questions(source: str) -> Iterator[tuple[int, str]]:
+    """Places of a source that ask for the kind of cover: tests of branches, `isinstance`, `hasattr`, twin functions."""
+    tree = ast.parse(source)
+    functions = {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If | ast.IfExp | ast.While) or (isinstance(node, ast.comprehension) and node.ifs):
+            tests = node.ifs if isinstance(node, ast.comprehension) else [node.test]
+            for test in tests:
+                text = ast.unparse(test)
+                asks = "isinstance" in text or "hasattr" in text or "getattr" in text
+                if COVER_NAMES.search(text) or (asks and COVER_CLASSES.search(text)):
+                    yield test.lineno, text
+        elif isinstance(node, ast.match_case) and COVER_CLASSES.search(ast.unparse(node.pattern)):
+            yield node.pattern.lineno, f"case {ast.unparse(node.pattern)}"
+        elif isinstance(node, ast.FunctionDef) and "curved" in node.name:
+            twin = re.sub(r"_?curved_?", "_", node.name).strip("_")
+            yield node.lineno, f"def {node.name}" + (f", twin of {twin}" if twin in functions else "")
+
+
+def print_cover_questions(*, listed: bool) -> None:
+    """Count, and list if wanted, the places outside the cover classes that ask for the kind of cover."""
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {text}"
+        for path, source in list_sources(*PACKAGES)
+        if str(path.relative_to(ROOT)) not in COVER_MODULES
+        for line, text in find_cover_questions(source)
+    ]
+    if listed:
+        print("\n".join(found))
+    print(f"{len(found):6d}  places that ask for the kind of cover")
+
+
+def print_constants() -> None:
+    """Count numeric constants of modules by package."""
+    counts = {name: sum(len(list(find_constants(text))) for _, text in list_sources(name)) for name in PACKAGES}
+    for name, count in counts.items():
+        print(f"{count:6d}  numeric constants in {name}")
+    print(f"{sum(counts.values()):6d}  numeric constants")
 
 
 def find_texts(source: str) -> Iterator[str]:
@@ -100,89 +166,30 @@ def find_texts(source: str) -> Iterator[str]:
 def print_sample(seed: int) -> None:
     """Thirty docstrings and comments of the product, drawn at random."""
     texts = [
-        f"{path.relative_to(ROOT)}\n{text}"
-        for package in PACKAGES
-        for path in sorted((ROOT / package).rglob("*.py"))
-        for text in find_texts(path.read_text())
+        f"{path.relative_to(ROOT)}\n{text}" for path, source in list_sources(*PACKAGES) for text in find_texts(source)
     ]
     for text in random.Random(seed).sample(texts, 30):  # noqa: S311 -- a sample for readers
         print(text, end="\n\n")
 
 
-def walk_cover() -> None:
-    """The covers of `press`: wide and of limited size at small strain, wide at finite strain."""
-    from dataclasses import replace
-
-    import fem_reference
-    from meshes import Box, Cover, Layer, Sphere
-    from meshes.catalogue import ARRAYS, ASSUMED_COVER, MATERIALS
-
-    array, wide = ARRAYS["wts-0614-34"], ASSUMED_COVER
-    soft = Cover(layers=(Layer(thickness=2e-3, material=MATERIALS["dragon-skin-30"]),))
-    ball, box = Sphere(radius=4e-3), Box(size=(6e-3, 6e-3, 5e-3))
-    for title, cover, shape in (
-        ("a wide cover from press to the factorisation", wide, ball),
-        ("a cover of limited size", replace(wide, size=(24e-3, 50e-3)), ball),
-        ("a wide cover at finite strain, round indenter", soft, ball),
-        ("a wide cover at finite strain, flat indenter", soft, box),
-    ):
-        with list_receivers(title, partial(is_, cover)):
-            fem_reference.press(cover, array, shape, depth=0.2e-3)
-
-
-def walk_sensor() -> None:
-    """The sensor description of `derive`."""
-    from validation.derivation.derive import derive
-    from validation.sensor_file import load
-
-    sensor = load("wts-0614-34")
-    with list_receivers("a sensor through derive", partial(is_, sensor)):
-        derive(sensor)
-
-
-def walk_force() -> None:
-    """Contact forces of `Sensor.step`: every file whose functions run in a step that ends with a frame."""
-    import mujoco
-
-    import fastmodel
-
-    for method in ("cover", "boxes"):
-        spec = mujoco.MjSpec()
-        ball = spec.worldbody.add_body(pos=[0, 0, 0.006])
-        ball.add_freejoint()
-        ball.add_geom(size=[0.005, 0, 0], mass=0.5)
-        sensor = fastmodel.attach(spec, "world", fastmodel.load("wts-0614-34"), contact=method)
-        fastmodel.recommend_options(spec)
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        sensor.bind(model)
-        for _ in range(300):
-            mujoco.mj_step(model, data)
-            sensor.step(data)
-        with list_receivers(f"every file that runs in Sensor.step, method {method}", lambda _: True):
-            for _ in range(5):
-                data.qpos[0] += 1e-4
-                mujoco.mj_step(model, data)
-                sensor.step(data)
-            sensor.frame()
-
-
 def main() -> None:
     """Parse the options and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--lines", action="store_true", help="print sizes only")
+    parser.add_argument("--lines", action="store_true", help="print code lines by folder")
+    parser.add_argument("--constants", action="store_true", help="count numeric constants of modules")
+    parser.add_argument("--covers", action="store_true", help="list places that ask for the kind of cover")
     parser.add_argument("--sample", type=int, metavar="SEED", help="print thirty docstrings and comments")
     options = parser.parse_args()
     if options.sample is not None:
         print_sample(options.sample)
         return
-    print_sizes()
-    if not options.lines:
-        with tempfile.TemporaryDirectory() as store:
-            os.environ["SOFTCOVER_STORE"] = store
-            walk_cover()
-            walk_sensor()
-            walk_force()
+    everything = not (options.lines or options.constants or options.covers)
+    if options.lines or everything:
+        print_sizes()
+    if options.constants or everything:
+        print_constants()
+    if options.covers or everything:
+        print_cover_questions(listed=options.covers)
 
 
 if __name__ == "__main__":

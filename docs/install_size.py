@@ -79,7 +79,7 @@ def make_table(only: list[str] | None) -> list[str]:
                 continue
             size, count, seconds = measure(wheel, extra)
             base = base or size
-            name = f"`softcover[{extra}]`" if extra else "`softcover`"
+            name = f"`{extra}`" if extra else "(base)"
             lines.append(f"| {name} | {PURPOSE[extra]} | {size:.0f} | {size - base:.0f} | {count} | {seconds:.0f} |")
     bits = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
     return [*lines, "", f"Measured on {bits}, {os.cpu_count()} cores, by `python docs/install_size.py --write`."]

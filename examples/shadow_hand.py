@@ -1,6 +1,6 @@
 """A Shadow hand with nine tactile arrays (132 texels) grasps a grip and turns over.
 
-    python -m pip install 'softcover[report,device]' gymnasium-robotics
+    python -m pip install -e '.[report,device]' gymnasium-robotics  # in a clone of softcover
     python examples/shadow_hand.py --out shadow-hand
 
 The example shows how to attach several arrays to the moving bodies of one MuJoCo model.  It writes every frame of

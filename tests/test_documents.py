@@ -100,6 +100,30 @@ def test_the_table_of_times_shows_every_command_that_is_measured():
 
 def test_the_table_of_sizes_has_every_extra():
     table = (DOCS / "installation.md").read_text().partition("<!-- sizes: begin -->")[2]
-    stated = re.findall(r"^\| `softcover(?:\[(\w+)\])?` ", table, re.MULTILINE)
+    stated = re.findall(r"^\| (?:`(\w+)`|\(base\)) ", table, re.MULTILINE)
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert sorted(stated) == sorted(["", *extras])
+
+
+def list_install_lines():
+    """Every text of the repository that installs softcover by name, with its place."""
+    for folder in (
+        "README.md",
+        "CONTRIBUTING.md",
+        "docs",
+        "examples",
+        "meshes",
+        "fem_reference",
+        "fastmodel",
+        "validation",
+    ):
+        root = ROOT / folder
+        for path in [root] if root.is_file() else sorted(root.rglob("*")):
+            if path.suffix in {".py", ".md", ".yml", ".toml", ".j2"}:
+                for line in path.read_text().splitlines():
+                    if re.search(r"pip install (-\S+ )*['\"]?softcover\b|['\"]softcover\[", line):
+                        yield f"{path.relative_to(ROOT)}: {line.strip()}"
+
+
+def test_no_line_installs_from_an_index_that_does_not_have_the_package():
+    assert list(list_install_lines()) == []

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 FOLDERS = sorted({path.parent for path in FILES})
-MOST_LINES, MOST_FUNCTION_LINES, MOST_MODULES = 400, 60, 15
+MOST_LINES, MOST_FUNCTION_LINES, MOST_MODULES = 700, 80, 20
 
 
 def find_long_functions(source):
@@ -67,7 +67,7 @@ def test_no_module_imports_itself_through_others():
 
 
 def test_planted_faults_are_seen():
-    assert find_long_functions("def f():\n" + "    x = 1\n" * 60) == ["f (61 lines)"]
+    assert find_long_functions("def f():\n" + "    x = 1\n" * 80) == ["f (81 lines)"]
     assert imports_of("def f():\n    from a import b, value\n", {"a", "a.b"}) == {"a", "a.b"}
     with pytest.raises(CycleError):
         sort_modules({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.pages import DOCS, PAGES
 
-pytest.importorskip("sphinx", reason="needs softcover[docs]")
+pytest.importorskip("sphinx", reason="needs the extra docs")
 pytestmark = pytest.mark.slow
 
 

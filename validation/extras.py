@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.util import find_spec
 
-#: Extra of the package (`pip install 'softcover[EXTRA]'`) that installs each optional module.
+#: Extra of the package (`pip install -e '.[EXTRA]'` in a clone) that installs each optional module.
 EXTRAS = {
     "skfem": "fem",
     "pymetis": "fem",
@@ -30,7 +30,7 @@ class MissingExtraError(ImportError):
     """Reports that optional packages are needed and not installed.
 
     Attributes:
-        extras: Names of the optional dependency groups (`softcover[...]`) that install the packages.
+        extras: Names of the optional dependency groups that install the packages.
     """
 
     def __init__(self, *modules: str, otherwise: str = "") -> None:
@@ -45,7 +45,7 @@ class MissingExtraError(ImportError):
         way_out = f"; or {otherwise}" if otherwise else ""
         super().__init__(
             f"{', '.join(modules)} {verb} not installed; "
-            f"run: python -m pip install 'softcover[{','.join(self.extras)}]'{way_out}"
+            f"run in a clone of softcover: python -m pip install -e '.[{','.join(self.extras)}]'{way_out}"
         )
 
 

@@ -41,7 +41,7 @@ try:
     from gymnasium import spaces
 except ImportError as error:
     raise ImportError(
-        "gymnasium is not installed; run: python -m pip install 'softcover[gym]'", name="gymnasium"
+        "gymnasium is not installed; run in a clone of softcover: python -m pip install -e '.[gym]'", name="gymnasium"
     ) from error
 
 #: Function of an environment and a callback, which makes the environment call the callback after every physics step.

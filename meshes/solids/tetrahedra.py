@@ -88,7 +88,10 @@ def fill_with_tetrahedra(
             raise ValueError(f"{keep.name} holds a mesh of another surface or with other settings; remove or rename it")
         return kept
     if find_spec("pytetwild") is None:
-        raise ModuleNotFoundError("tetrahedral meshes need pytetwild: pip install softcover[curved]", name="pytetwild")
+        raise ModuleNotFoundError(
+            "tetrahedral meshes need pytetwild; run in a clone of softcover: python -m pip install -e '.[curved]'",
+            name="pytetwild",
+        )
     nodes, cells = _run_mesher(surface, element_size, _ENVELOPE * thickness, name)
     mesh = classify_boundary(nodes, cells, base, tolerance=_NEAR_BASE * _ENVELOPE * thickness, settings=settings)
     if keep is not None:

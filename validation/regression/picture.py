@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+from validation.extras import MissingExtraError
+
 _LOG = logging.getLogger(__name__)
 
 #: Changes over the tolerance between which the axis extends; others are drawn at its ends [-].
@@ -35,7 +37,7 @@ def write_verdict(changes: Mapping[str, float], sensor: str, folder: Path) -> tu
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        _LOG.warning("no picture: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
+        _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
         return ("regress.csv",)
     groups = sorted({_find_group(title) for title in changes}, reverse=True)
     figure = Figure(figsize=(7, 1 + 0.3 * len(groups)), layout="constrained")

@@ -23,8 +23,7 @@ from validation.campaign.results import (
     texel_error,
 )
 from validation.curved.derive import CurvedDerivation
-from validation.data_sets.null_comparison import find_best_null
-from validation.data_sets.results import RecordingScores
+from validation.data_sets.results import RecordingScores, find_best_null
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.report.comparison import comparison_contents

@@ -15,6 +15,7 @@ from validation.campaign.results import CaseResult
 from validation.curved.derive import CurvedDerivation
 from validation.curved.reference import CurvedReference, require_touch
 from validation.curved.touch import find_middle
+from validation.extras import MissingExtraError
 from validation.report.page_table import Cell, PageTable, number
 from validation.report.surface_map import surface_map
 from validation.report.tactile_image import Scale, colour_bar
@@ -60,7 +61,7 @@ def draw_cases(evaluation: Evaluation, folder: Path) -> Pictures:
             _draw(evaluation, result, folder / name, write_picture)
             files[result.case.name] = name
     except ImportError:
-        missing = "pyvista is not installed; python -m pip install 'softcover[view]'"
+        missing = str(MissingExtraError("pyvista"))
     except RenderingError as error:
         missing = str(error)
     else:

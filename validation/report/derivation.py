@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.derivation.derive import Derivation
+from validation.extras import MissingExtraError
 from validation.json_values import json_text
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
     try:
         return (*files, *_plot(derivation, folder))
     except ImportError:
-        _LOG.warning("no plot: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
+        _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
         return files
 
 

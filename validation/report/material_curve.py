@@ -9,6 +9,7 @@ import numpy as np
 
 from meshes import Material
 from meshes.array_types import FloatArray
+from validation.extras import MissingExtraError
 
 _LOG = logging.getLogger(__name__)
 
@@ -83,7 +84,7 @@ def write_curve(material: Material, folder: Path) -> tuple[str, ...]:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        _LOG.warning("no picture: matplotlib is not installed; run: python -m pip install 'softcover[report]'")
+        _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
         return ("material.csv",)
     low, high = (end / material.youngs_modulus for end in material.modulus_range)
     factor, unit = (1e-3, "kPa") if np.abs(stress).max() < 1e6 else (1e-6, "MPa")  # noqa: PLR2004

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
+from validation.extras import MissingExtraError
 from validation.scene.cover_scene import CoverScene
 
 _LOG = logging.getLogger(__name__)
@@ -36,7 +37,7 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
         write_picture(scene, folder / "cover.png")
         write_gltf(scene, folder / "cover.gltf")
     except ImportError:
-        _LOG.warning("no cover.png: pyvista is not installed; run: python -m pip install 'softcover[view]'")
+        _LOG.warning("no cover.png: %s", MissingExtraError("pyvista"))
         return ()
     except RenderingError as error:
         _LOG.warning("no cover.png: %s", error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
@@ -58,8 +58,11 @@ class _LimitsBase(Table):
         }
 
 
-_FIELDS: Any = {name: (_find_kind(name) | None, None) for name in METRICS if name not in _NOT_ERRORS}
-LimitsTable = create_model("LimitsTable", __base__=_LimitsBase, __doc__=_LimitsBase.__doc__, **_FIELDS)
+if TYPE_CHECKING:
+    LimitsTable = _LimitsBase
+else:
+    _FIELDS = {name: (_find_kind(name) | None, None) for name in METRICS if name not in _NOT_ERRORS}
+    LimitsTable = create_model("LimitsTable", __base__=_LimitsBase, __doc__=_LimitsBase.__doc__, **_FIELDS)
 
 
 class RequiredTable(Table):
@@ -70,8 +73,8 @@ class RequiredTable(Table):
         each: Largest accepted value of each metric in every single case.
     """
 
-    mean: LimitsTable = LimitsTable()  # type: ignore[valid-type]
-    each: LimitsTable = LimitsTable()  # type: ignore[valid-type]
+    mean: LimitsTable = LimitsTable()
+    each: LimitsTable = LimitsTable()
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield a fault if no limit is stated."""
@@ -141,7 +144,7 @@ class CaseTable(Table):
     yaw: str | None = None
     tilt: str | None = None
     compared: Annotated[tuple[Annotated[str, choice(*METRICS)], ...], Field(min_length=1)] | None = None
-    required: LimitsTable = LimitsTable()  # type: ignore[valid-type]
+    required: LimitsTable = LimitsTable()
     quick: Annotated[bool, Field(strict=True)] = False
 
     @property

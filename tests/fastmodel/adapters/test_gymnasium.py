@@ -253,4 +253,4 @@ def test_the_package_loads_no_gymnasium_and_its_absence_raises_a_clear_error():
         "import fastmodel.adapters.gymnasium\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)  # noqa: S603 -- ours
-    assert "pip install 'softcover[gym]'" in done.stderr
+    assert "pip install -e '.[gym]'" in done.stderr

@@ -50,7 +50,7 @@ def test_a_missing_package_is_told_with_its_extra(extra, module):
     found = explain(ModuleNotFoundError(f"No module named {module!r}", name=f"{module}.part"))
     assert found is not None
     assert found.status == OUTSIDE_FAILED
-    assert f"softcover[{extra}]" in found.lines[0]
+    assert f".[{extra}]" in found.lines[0]
 
 
 def test_all_missing_modules_and_their_extras_are_named_once(without_extras):
@@ -58,7 +58,8 @@ def test_all_missing_modules_and_their_extras_are_named_once(without_extras):
         require("skfem", "jinja2", "numpy", "plotly", useful=["matplotlib"])
     assert raised.value.extras == ("fem", "report")
     assert str(raised.value) == (
-        "skfem, jinja2, plotly, matplotlib are not installed; run: python -m pip install 'softcover[fem,report]'"
+        "skfem, jinja2, plotly, matplotlib are not installed; "
+        "run in a clone of softcover: python -m pip install -e '.[fem,report]'"
     )
 
 
@@ -124,7 +125,7 @@ def test_one_line_names_all_extras_before_any_work(base_installation, number):
     status, out, err = answers[number]
     assert (status, out) == (OUTSIDE_FAILED, "")
     (line,) = err.splitlines()
-    assert f"not installed; run: python -m pip install 'softcover[{MISSING[number][1]}]'" in line
+    assert f"not installed; run in a clone of softcover: python -m pip install -e '.[{MISSING[number][1]}]'" in line
     assert files == {"a.mcap", "data.toml"}
 
 
@@ -142,7 +143,7 @@ def test_press_names_the_fast_model_where_it_does_without_finite_elements(softco
 )
 def test_press_names_no_way_out_where_there_is_none(softcover, without_extras, change):
     err = softcover("press", "wts-0614-34", *BALL, *change)[2]
-    assert "softcover[fem" in err
+    assert ".[fem" in err
     assert FAST not in err
 
 
@@ -151,7 +152,7 @@ def test_calibrate_names_the_fast_model_for_a_built_in_sensor(softcover, tmp_pat
     load_script("outputs").write_recordings(tmp_path)
     files = [f"{newton}N.csv" for newton in (1, 2, 3, 4)]
     err = softcover("calibrate", *files, "--sensor", "wts-0614-34")[2]
-    assert err.rstrip().endswith("'softcover[fem]'; or compute the contact by the fast model: --method cover")
+    assert err.rstrip().endswith("'.[fem]'; or compute the contact by the fast model: --method cover")
     status, out, _ = softcover("calibrate", *files, "--sensor", "wts-0614-34", "--method", "cover")
     assert status == 0
     assert "sensitivity" in out

@@ -8,7 +8,7 @@ import pytest
 from meshes import Sphere
 from tests.support.laboratory import ARRAY, make_curve, press, uniform_method, write
 from tests.support.recordings import RECORDINGS
-from validation.calibration.contact import Pose
+from validation.calibration.observations import Pose
 from validation.data_sets.data_set import build_data_set
 from validation.data_sets.images import read_images
 from validation.data_sets.locate import describe_unused_recordings, find_data_set

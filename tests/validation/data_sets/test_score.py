@@ -7,14 +7,13 @@ import pytest
 
 import fastmodel
 from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
-from validation.calibration.contact import Pose
-from validation.calibration.forward_fit import fit_forward
-from validation.calibration.identifiability import describe_fit
-from validation.calibration.parameters import Options
+from validation.calibration.forward_fit import Options, fit_forward
+from validation.calibration.observations import Pose
+from validation.calibration.uncertainty import describe_fit
 from validation.data_sets import score
 from validation.data_sets.data_set import build_data_set
 from validation.data_sets.images import observe, read_images
-from validation.data_sets.null_comparison import compare_with_nulls
+from validation.data_sets.results import compare_with_nulls
 from validation.errors import InputError
 from validation.schema import read as read_file
 from validation.schema.data_set import DataSetTables

@@ -11,8 +11,7 @@ from validation.campaign.campaign_file import read_campaign
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
 from validation.campaign.verdict import judge
-from validation.data_sets.count_score import CountScore
-from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores
+from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import Score
 from validation.report import write_report
 from validation.sensor_file import load

@@ -16,7 +16,7 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from validation.datasheet import Entry
+    from validation.data_sheet import Entry
 
 _Out = Annotated[Path | None, Parameter(help="Also write the data sheet to this file, .md or .html.")]
 
@@ -39,7 +39,7 @@ def datasheet(
         softcover datasheet derived --json
     """
     from validation.cli.sensors import find_parameters, read_sensor
-    from validation.datasheet import as_html, as_json, as_markdown, make_datasheet
+    from validation.data_sheet import as_html, as_json, as_markdown, make_datasheet
     from validation.output_folder import write_text
     from validation.sensor_file import SensorDescription
 

@@ -96,8 +96,8 @@ def _print_parts(parts: Mapping[str, Mapping[str, str | None]]) -> None:
     for part, versions in parts.items():
         found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
         absent = ", ".join(name for name, number in versions.items() if not number)
-        target = f"'softcover[{part}]'" if part else "softcover"
-        cure = f"{absent}: python -m pip install {target}" if absent else "nothing"
+        target = f"'.[{part}]'" if part else "."
+        cure = f"{absent}: in a clone, python -m pip install -e {target}" if absent else "nothing"
         rows.append((part or "(base)", _PARTS[part], found, cure))
     headings = ("part", "for", "installed", "missing, and how to get it")
     title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
