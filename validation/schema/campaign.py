@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import Field, create_model
+from pydantic import Field, PrivateAttr, create_model, model_validator
 
 from validation.metrics import Score
 from validation.schema import Table
@@ -49,11 +49,21 @@ def _find_kind(metric: str) -> Any:  # noqa: ANN401 -- an annotation
 class _LimitsBase(Table):
     """Largest accepted values by metric."""
 
+    _order: tuple[str, ...] = PrivateAttr(())
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep_order(cls, data: Any, handler: Callable[[Any], Self]) -> Self:  # noqa: ANN401 -- content of a file
+        """Keep the order of the file, in which reports list the limits."""
+        made = handler(data)
+        made._order = tuple(data) if isinstance(data, Mapping) else ()  # noqa: SLF001 -- of this class
+        return made
+
     def list_limits(self) -> dict[str, float]:
         """Return the stated limits as the metrics have them: fractions, metres, percent where the name says so."""
         return {
             name: 100 * value if name.endswith("_percent") else value
-            for name in self.model_fields_set
+            for name in self._order
             if (value := getattr(self, name)) is not None
         }
 
@@ -166,7 +176,7 @@ class CaseTable(Table):
             elif self.path and number and load < loads[number - 1]:
                 yield f"path[{number}]", "the loads of a path must ascend, because unloading is not computed"
         if self.compared is not None:
-            for name in set(self.required.model_fields_set) - set(self.compared):
+            for name in sorted(self.required.model_fields_set - set(self.compared)):
                 yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"
 
 
