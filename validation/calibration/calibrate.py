@@ -34,7 +34,7 @@ from validation.calibration.uncertainty import (
 )
 from validation.errors import InputError
 from validation.output_folder import write_text
-from validation.results import Array, Indices, Result, result
+from validation.results import Array, Indices, Result, result_model
 from validation.schema import read_raw
 from validation.schema.sensor import SensorTables
 from validation.sensor_file import SensorDescription, parse
@@ -71,7 +71,7 @@ NUMBERS = CalibrationNumbers()
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 
-@result
+@result_model
 class HoldOut(Result):
     """Predictions of recordings that were left out of a second fit, beside a line per texel.
 
@@ -100,7 +100,7 @@ class HoldOut(Result):
         )
 
 
-@result
+@result_model
 class Calibration(Result):
     """Result of a calibration; n is the number of texels.
 
