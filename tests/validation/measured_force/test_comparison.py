@@ -7,7 +7,7 @@ import pytest
 
 from meshes import Cover, Layer, Material, Sphere
 from validation.measured_force.case import Measurement
-from validation.measured_force.comparison import Curve, compare_forces, fit_scale, interpolate_force
+from validation.measured_force.comparison import Curve, Row, Variation, compare_forces, fit_scale, interpolate_force
 
 DEPTH = np.array([0.25e-3, 0.5e-3, 0.75e-3, 1e-3, 1.5e-3, 2e-3])
 FITTED = np.array([True, True, True, True, False, False])
