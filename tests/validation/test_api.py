@@ -67,7 +67,7 @@ def test_a_verb_returns_what_the_command_prints(softcover, words, call):
     assert json.loads(out) == json.loads(json.dumps(call().as_json()))
 
 
-def test_a_fast_press_needs_no_finite_elements(without_reference):
+def test_a_fast_press_computes_no_finite_elements():
     found = validation.press("wts-0614-34", "sphere:radius=5mm", load="2 N", at="1mm,0mm", models=("fast",))
     assert found.fast.total_force == pytest.approx(2.0)
     assert found.fem is None
