@@ -6,10 +6,9 @@ Quantities are texts with a unit, such as "5 N" or "0.3 mm", as on the command l
 from __future__ import annotations
 
 import contextlib
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import fastmodel
 from fastmodel import Parameters
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from validation.recordings.capture import Captured
     from validation.recordings.recording import Recording
     from validation.regression.baseline import Change
+    from validation.results.report import Report
     from validation.simulator_models import Exported
     from validation.weiss.continuity import Gap
     from validation.weiss.frames import Reading
@@ -565,16 +565,19 @@ def datasheet(sensor: Sensor, *, out: str | Path | None = None, progress: Progre
     return sheet
 
 
-def read_report(path: str | Path) -> Mapping[str, Any]:
-    """Read the numbers of a report.
+def read_report(path: str | Path) -> Report:
+    """Read the results of `validate` from a report.
 
     Args:
         path: The report's `report.json`, or the folder that holds it.
 
+    Returns:
+        The report, equal to the one that wrote the file.
+
     Raises:
-        OSError: If the file cannot be read.
-        ValueError: If it does not hold JSON.
+        InputError: If the file is no report; one line per fault, with its place.
+        OSError: If it cannot be read.
     """
-    file = Path(path) / "report.json" if Path(path).is_dir() else Path(path)
-    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return found
+    from validation.results import report
+
+    return report.read_report(Path(path) / "report.json" if Path(path).is_dir() else path)

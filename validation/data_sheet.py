@@ -12,7 +12,7 @@ import numpy as np
 from fastmodel import Parameters
 from fastmodel.signal.electronics import Electronics, describe_calibration
 from fastmodel.signal.point_spread import Gaussian
-from validation.results import JsonObject, Result, result
+from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
 NOT_STATED = "not stated"
@@ -27,7 +27,7 @@ _BUILT_IN_SOURCES = {
 }
 
 
-@result
+@result_model
 class Entry(Result):
     """One line of a data sheet.
 

@@ -11,14 +11,14 @@ from pathlib import Path
 from fastmodel import Gaussian, Parameters
 from fastmodel.errors import FastModelError
 from validation.errors import InputError
-from validation.results import Result, result
+from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
 #: Formats that can be written, and the suffix of the file.
 FORMATS = {"mjcf": ".xml", "gazebo": ".xml", "sdf": ".sdf", "urdf": ".urdf"}
 
 
-@result
+@result_model
 class Exported(Result):
     """What was written for another simulator.
 

@@ -41,7 +41,7 @@ def write_derivation(derivation: CurvedDerivation, folder: Path) -> tuple[str, .
     """
     grid, sensor = derivation.responses.finest, derivation.sensor
     derivation.parameters.save(folder)
-    (folder / "derive.json").write_text(json_text(derivation.as_json()), encoding="utf-8")
+    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
     arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
     (folder / "responses.npz").write_bytes(pack_npz(arrays))
     write_mesh(folder / MESH_FILE, grid.mesh)

@@ -20,7 +20,7 @@ from scipy.stats import t as student
 
 from meshes import Cover, Indenter, TexelArray
 from validation.measured_force.case import FloatArray, Measurement
-from validation.results import Array, Result, result
+from validation.results import Array, Result, result_model
 
 #: Names of the two bounds of friction, and their coefficients [-].
 BOUNDS: Mapping[str, float] = {"frictionless": 0.0, "no slip": math.inf}
@@ -135,7 +135,7 @@ def solve_curves(measurement: Measurement, progress: Callable[[str], None] | Non
     return curves
 
 
-@result
+@result_model
 class Row(Result):
     """Comparison of the finite elements under one assumption on friction with n measured forces.
 
@@ -154,7 +154,7 @@ class Row(Result):
             stated zero and with `zero_shift`; None for `BETWEEN` [-].
     """
 
-    computed = {"u_input": "u_input", "u_val": "u_val"}  # noqa: RUF012 -- keys of JSON
+    computed = (("u_input", "u_input"), ("u_val", "u_val"))
 
     name: str
     scale: float
@@ -178,7 +178,7 @@ class Row(Result):
         return np.asarray(np.sqrt(self.numerical**2 + self.u_input**2 + self.measured**2))
 
 
-@result
+@result_model
 class ForceComparison(Result):
     """Comparison of the finite elements with a measurement, at both bounds of friction and between them.
 

@@ -30,11 +30,11 @@ def validate_force(measurement: _Measurement, *, json: Json = False) -> None:
         softcover validate-force my-pad.toml --json
     """
     from validation.extras import require
-    from validation.measured_force.case import read_measurement
+    from validation.measured_force.case import read_measured_force
     from validation.measured_force.comparison import compare_measurement
 
     started = time.perf_counter()
-    given = read_measurement(measurement)
+    given = read_measured_force(measurement)
     require("skfem")
     with Progress() as progress:
         comparison = compare_measurement(given, progress)
