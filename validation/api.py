@@ -144,10 +144,10 @@ def derive(
             if folder:
                 write_curved(curved, folder)
             return curved
-        from validation.derivation.derive import derive as derive_flat
+        from validation.derivation.derive import derive_layers
         from validation.report.derivation import write_derivation
 
-        flat = derive_flat(description, progress=progress)
+        flat = derive_layers(description, progress=progress)
         if folder:
             write_derivation(flat, folder)
         return flat

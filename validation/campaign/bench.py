@@ -70,11 +70,13 @@ class Bench(ABC):
     def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
         """Yield the checks of the codes: what is verified, and a function that does it."""
 
-    def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty | None:
-        """Propagate the uncertain inputs to the image of a case; None where that is left out."""
+    @abstractmethod
+    def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
+        """Propagate the uncertain inputs to the image of a case."""
 
-    def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:
+    def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:  # noqa: ARG002 -- for others
         """Score the stages of the fast model; None where that is left out or the model has no cover data."""
+        return None
 
     @abstractmethod
     def classify(self, result: CaseResult) -> Mapping[str, str]:
@@ -148,7 +150,10 @@ class LayeredBench(Bench):
             published=predict(reference, published, case.load, parameters),
         )
 
-    def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
+    def verify(
+        self,
+        results: Sequence[CaseResult],  # noqa: ARG002 -- other covers press a case
+    ) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
         """Yield the checks of the codes against closed forms on this cover."""
         from validation.credibility.code_verification import verify_code
 

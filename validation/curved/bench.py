@@ -60,11 +60,15 @@ class SolidBench(Bench):
 
     models = CURVED_MODELS
     left_out = (
-        "Uncertain thickness and Poisson ratio are not propagated: each needs a new mesh and new responses of all "
-        "texels, minutes for each change; modulus, position and yaw are propagated through the fast model.",
-        "The error is not divided into stages: the reference's pressures would have to be solved again on the mesh of "
-        "the fast model, as long as the campaign; the row “gaussian” of the table of models shows the spread to the "
-        "texels.",
+        (
+            "Uncertain thickness and Poisson ratio are not propagated: each needs a new mesh and new responses of all "
+            "texels, minutes for each change; modulus, position and yaw are propagated through the fast model."
+        ),
+        (
+            "The error is not divided into stages: the reference's pressures would have to be solved again on the mesh "
+            "of the fast model, as long as the campaign; the row “gaussian” of the table of models shows the spread to "
+            "the texels."
+        ),
         "Published models are not scored: they are stated for planar arrays.",
         "Recordings are not scored: none of a curved array under known loads is public.",
         "Nothing is compared with the solution of a laterally wide layer: this cover is none.",

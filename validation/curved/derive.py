@@ -130,7 +130,11 @@ class CurvedDerivation:
         """Differences from closed forms: none is known for the responses of a solid."""
         return {}
 
-    def prepare(self, cases: Sequence[Case], progress: Callable[[str], None] | None = None) -> SolidBench:
+    def prepare(
+        self,
+        cases: Sequence[Case],  # noqa: ARG002 -- nothing is fitted to other presses
+        progress: Callable[[str], None] | None = None,
+    ) -> SolidBench:
         """Return the bench on which cases are scored.
 
         Raises:
