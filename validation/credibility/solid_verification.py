@@ -85,8 +85,13 @@ def check_finer_mesh(
         sensor: A sensor with a curved cover.
         meshes: Meshes of the cover, coarsest first.
         results: The scored cases.
+
+    Raises:
+        ValueError: If the cover cannot be meshed more finely.
     """
-    if sensor.body is None or sensor.body.refine is None or len(meshes) == 1:
+    if sensor.body is None or sensor.body.refine is None:
+        raise ValueError("there is none, because the mesh of this cover was given or made of tetrahedra")
+    if len(meshes) == 1:
         return []
     finer = sensor.body.refine(sensor.body.thickness)
     kinds = ([each for each in results if each.case.indenter.axisymmetric == wanted] for wanted in (True, False))

@@ -65,9 +65,9 @@ class SolidBench(Bench):
             "texels, minutes for each change; modulus, position and yaw are propagated through the fast model."
         ),
         (
-            "The error is not divided into stages: the reference's pressures would have to be solved again on the mesh "
-            "of the fast model, as long as the campaign; the row “gaussian” of the table of models shows the spread to "
-            "the texels."
+            "The error is not divided into stages: the pressures of the reference would have to be solved again on the "
+            "mesh of the fast model, as long as the campaign; the row “gaussian” of the table of models shows the spread "
+            "to the texels."
         ),
         "Published models are not scored: they are stated for planar arrays.",
         "Recordings are not scored: none of a curved array under known loads is public.",
