@@ -30,6 +30,7 @@ __all__ = [
     "LetterH",
     "Material",
     "Nut",
+    "Pose",
     "Primitive",
     "Prism",
     "Roller",

@@ -12,14 +12,14 @@ import scipy.sparse as sp
 from fem_reference.linear_response.point_spread import TexelInfluence
 from meshes import TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Step of the grid to which contact forces are moved for the superposition, over the cover thickness, and number of
 #: grid points that replace one force along each axis [-].
 _GRID_STEP, _STENCIL = 1 / 8, 6
 
 
-def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: PlanarPose) -> FloatArray:
+def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: Pose) -> FloatArray:
     """Compute the forces on n texels and then the force outside them due to all contact forces, shape (n + 1,) [N].
 
     Args:
@@ -30,7 +30,7 @@ def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelAr
     """
     x, y, force = contact.T
     step = base_response.thickness * _GRID_STEP
-    (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.to_array(x, y))
+    (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.plan_to_array(x, y))
     loads = (along.T @ sp.diags_array(force) @ across).toarray()
     return base_response.base_forces(array, grid_x, grid_y, loads)
 
