@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from meshes.array_types import FloatArray
 from meshes.indenters.indenter import Indenter, Primitive, quantity_field
 from meshes.indenters.shapes import Sphere
+from meshes.pose import rotate_by
 
 #: Largest tilt about either axis, 10 degrees.  At small strain the contact solvers neglect the horizontal part of the
 #: contact pressure, the sine of the tilt times the pressure, and always the contact of side walls [rad].
