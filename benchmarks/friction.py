@@ -22,7 +22,7 @@ import numpy as np
 
 from fem_reference import press
 from fem_reference.closed_form.contact import LayerContact
-from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
+from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Sphere, TexelArray
 from meshes.pose import PlanarPose
 from tests.exact.no_slip import stuck_punch, stuck_shape

@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.signal.electronics import WHITE, WTS_0614_34, Electronics, grey_levels
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation.results import Column, Number, Result, columns, result_model
 
 #: Threshold of the areas that `active_area_iou` compares: force over the largest texel force of the reference [-].

@@ -16,9 +16,8 @@ import numpy as np
 
 from fem_reference import result_store
 from fem_reference.fields.cover_fields import CoverFields
-from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState
+from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState, press_paired
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
-from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.indentation.grid_solution import (
     BaseForces,
     GridSolution,

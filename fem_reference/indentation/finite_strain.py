@@ -20,7 +20,7 @@ from fem_reference import result_store
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import BasePressure, Block, lay_out_block, recover_gauss_pressure
-from fem_reference.finite_strain.contact_points import divide_rings
+from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
 from fem_reference.indentation import small_strain
@@ -42,8 +42,8 @@ from fem_reference.indentation.rounding import (
     scale_fillet,
     state_rounding,
 )
-from fem_reference.linear_response.mesh_reach import choose_reach, choose_solid_reach, warn_of_boundary
 from fem_reference.linear_response.point_spread import PointSpread
+from fem_reference.linear_response.surface_compliance import choose_reach, choose_solid_reach, warn_of_boundary
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import PlanarPose

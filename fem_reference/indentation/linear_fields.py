@@ -23,7 +23,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.indentation.finite_cover import lay_out_cover
 from fem_reference.indentation.rounding import SolidGrid
 from fem_reference.linear_response import axisymmetric
-from fem_reference.linear_response.mesh_reach import choose_linear_reach, choose_solid_reach
+from fem_reference.linear_response.surface_compliance import choose_linear_reach, choose_solid_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import FlatPunch

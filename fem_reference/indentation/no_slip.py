@@ -21,7 +21,7 @@ from fem_reference.finite_strain.block_path import (
     recover_gauss_pressure,
     recover_nodal_pressure,
 )
-from fem_reference.finite_strain.contact_points import divide_rings, unfold_points
+from fem_reference.finite_strain.contact import divide_rings, unfold_points
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.finite_cover import integrate_nodal
@@ -34,8 +34,13 @@ from fem_reference.indentation.grid_solution import (
     scale_solution,
 )
 from fem_reference.linear_response.point_spread import PointSpread
-from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
-from fem_reference.small_strain_contact.no_slip_face import FaceGrid, PressedFace, lies_on_lines, press_face
+from fem_reference.small_strain_contact.no_slip import (
+    FaceGrid,
+    PressedFace,
+    lies_on_lines,
+    press_face,
+    press_stuck_disk,
+)
 from meshes import FlatPunch
 from meshes.pose import Place, PlanarPose
 

@@ -12,7 +12,7 @@ from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
-from fem_reference.materials.stability import warn_of_instability
+from fem_reference.materials import warn_of_instability
 from meshes.array_types import FloatArray
 from meshes.pose import Place
 

@@ -19,8 +19,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.finite_cover import solid_influence
-from fem_reference.linear_response.point_spread import TexelInfluence, point_spread
-from fem_reference.linear_response.superposition import superpose
+from fem_reference.linear_response.point_spread import TexelInfluence, point_spread, superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact

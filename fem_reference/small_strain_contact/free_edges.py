@@ -19,7 +19,7 @@ import numpy as np
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.mirror_symmetry import PARITIES, build_solid, constrain_parity
+from fem_reference.linear_response.finite_cover import PARITIES, build_solid, constrain_parity
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter

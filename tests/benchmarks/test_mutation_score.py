@@ -76,7 +76,7 @@ def test_mutants_of_this_repository_parse(score):
 
 def test_tests_are_chosen_by_line_fastest_first_and_kernels_by_their_callers(score):
     mutants = score.find_mutants(ROOT, ("meshes/surfaces", "fastmodel/contact"))
-    mutant = next(each for each in mutants if each.path == "meshes/surfaces/gap.py" and each.runs)
+    mutant = next(each for each in mutants if each.path == "meshes/surfaces/underside.py" and each.runs)
     bits = f"{1 << mutant.lines[-1]:x}"
     records = [{"tests": {"slow": [2.5, {mutant.path: bits}], "quick": [0.1, {mutant.path: bits}], "other": [0.1, {}]}}]
     chooser = score.Chooser(records)

@@ -12,8 +12,7 @@ from fem_reference.closed_form import half_space_compliance, punch, sphere, trac
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import no_slip
-from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
-from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
+from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face, press_stuck_disk
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.pose import PlanarPose
 from tests.exact.no_slip import stuck_punch, stuck_shape

@@ -20,7 +20,7 @@ from pydantic import Field
 
 from fastmodel.signal.electronics import TEXEL_FORCE, WHITE, WTS_0614_34, grey_levels
 from meshes import TexelArray
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod
 from validation.calibration.forward_fit import ForwardFit, Options, compute_forces, fit_forward
 from validation.calibration.observations import BoolArray, Observations

@@ -11,7 +11,7 @@ import numpy as np
 from fastmodel import MissedArrayError, Parameters, indent
 from fastmodel.contact.methods import DEFAULT
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.observations import Pose
 
 if TYPE_CHECKING:

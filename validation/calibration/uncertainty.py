@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit, describe_confounding
 from validation.results import Result, result_model
 

@@ -14,7 +14,7 @@ from fem_reference.curved_cover import texel_responses
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, sweep
-from meshes.solids.base_surface import cylinder_surface
+from meshes.solids.swept import cylinder_surface
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import CampaignResult, CaseResult

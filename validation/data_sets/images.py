@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import detrend
 
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation.calibration.loading import find_creep, find_load_onset, find_rest
 from validation.calibration.observations import Observations
 from validation.data_sets.data_set import DataFile, DataSet

@@ -8,7 +8,8 @@ from typing import Annotated
 
 from fastmodel import Electronics
 from fastmodel.signal.electronics import grey_levels
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation import metrics
 from validation.campaign.pooling import Pooled, pool
 from validation.recordings.recording import BoolArray

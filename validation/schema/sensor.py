@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from fastmodel.signal.electronics import TEXEL_FORCE
-from meshes.surfaces.surface_files import SURFACES, TETRAHEDRA
+from meshes.surfaces.files import SURFACES, TETRAHEDRA
 from validation.errors import InputError
 from validation.schema import Table
 from validation.schema.types import (

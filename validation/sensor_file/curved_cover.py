@@ -12,12 +12,11 @@ import numpy as np
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, check_quality, read_mesh
-from meshes.solids.cracks import close_cracks
-from meshes.solids.quality import SIZES
 from meshes.solids.shell import Shell, join, select_base, thicken
+from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.solids.triangles import check_closed, enclosed_volume, nearest_points
-from meshes.surfaces.surface_files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.solids.triangles import check_closed, close_cracks, enclosed_volume, nearest_points
+from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
 from validation.curved.body import CoverBody, mesh_shell
 from validation.errors import InputError
 from validation.extras import require
@@ -93,9 +92,10 @@ def project_texels(texels: TexelArray, body: CoverBody) -> TexelArray:
 
 def _check_size(triangles: FloatArray, name: str) -> None:
     size = float(np.ptp(triangles, axis=(0, 1)).max())
-    if not SIZES[0] <= size <= SIZES[1]:
+    low, high = LIMITS.sizes
+    if not low <= size <= high:
         raise ValueError(
-            f"unit: {name} would be {1e3 * size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm "
+            f"unit: {name} would be {1e3 * size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm "
             "(were millimetres taken for metres?)"
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
+from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face
 from meshes import Box, Cylinder
 from meshes.pose import PlanarPose
 from tests.support.rubber import make_cover

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.npz import pack_npz, unpack_npz
+from meshes.bounded_file import pack_npz, unpack_npz
 from meshes.solids import fingertip, write_mesh
 from meshes.solids.triangles import enclosed_volume
 from validation.errors import InputError
