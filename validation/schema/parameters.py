@@ -114,7 +114,7 @@ class ParametersTables(Table):
 
     MOST_BYTES: ClassVar[int] = 3 * 2**20
 
-    format: Literal[FORMAT]
+    format: Annotated[int, Field(ge=FORMAT, le=FORMAT)]
     array: ArraySection
     spread: GaussianSection | OperatorSection
     electronics: Electronics
