@@ -18,7 +18,7 @@ import numpy as np
 
 from meshes import Cover, Cylinder, Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.results import Array, Bound, Result, result_model
@@ -231,7 +231,7 @@ def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
         case: The indentation, not tilted.
     """
     cells = _solve_cells(cover, case)
-    x, y = PlanarPose(at=case.at, yaw=case.yaw).to_array(cells[0], cells[1])
+    x, y = Pose.planar(at=case.at, yaw=case.yaw).plan_to_array(cells[0], cells[1])
     response = _tabulate_response(cover, array.texel_size)
     out = np.array([response(x - cx, y - cy) @ cells[2] for cx, cy in array.centres[:, :2]])
     return np.where(array.active, out, 0.0)
