@@ -262,15 +262,10 @@ def compare_estimates() -> None:
     )
     print("|---|---|---|---|---|---|")
     for name, indenter, load, (x, y), yaw, tilts in FLAT + NARROW:
-        turn = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_rotvec([*tilts, 0.0], degrees=True)
-        pose = Pose(position=np.array([1e-3 * x, 1e-3 * y, 5e-3]), rotation=turn.as_matrix())
-        down = [0.0, 0.0, -1.0]
-        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, direction=down)
         about_x, about_y = np.radians(tilts).tolist()
-        exact = press(
-            planar, cover.texels, indenter, load=load, at=(1e-3 * x, 1e-3 * y), yaw=float(np.radians(yaw)),
-            tilt=(about_x, about_y),
-        )  # fmt: skip
+        pose = Pose(point=(1e-3 * x, 1e-3 * y, 5e-3), yaw=float(np.radians(yaw)), tilt=(about_x, about_y))
+        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load)
+        exact = press(planar, cover.texels, indenter, pose, load=load)
         difference = np.abs(found.texel_forces - exact.texel_forces)
         errors = {
             "misplaced_force": difference.sum() / (2 * load),
@@ -302,7 +297,7 @@ def compare_no_slip() -> None:
         times = [time.process_time()]
         found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, friction=np.inf)
         times.append(time.process_time())
-        exact = press(planar, cover.texels, indenter, load=load, at=(0.4e-3, 0.3e-3), friction=np.inf)
+        exact = press(planar, cover.texels, indenter, load=load, pose=Pose.planar(at=(0.4e-3, 0.3e-3)), friction=np.inf)
         times.append(time.process_time())
         difference = np.abs(found.texel_forces - exact.texel_forces)
         errors = {
@@ -321,7 +316,7 @@ def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, list[float], floa
         turn = Rotation.from_euler("y", tilt).as_matrix()
         for place, (at, direction) in PLACES.items():
             pose = Pose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
-            turned = Pose(position=pose.position, rotation=pose.rotation @ turn)
+            turned = Pose.from_rotation(pose.position, pose.rotation @ turn)
             yield shape, place, indenter, turned, list(direction), load
 
 

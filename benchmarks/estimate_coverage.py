@@ -282,7 +282,7 @@ def score_case(seed: int, number: int) -> dict[str, Any]:
     started = time.process_time()
     try:
         given |= {"load": truth.values["total_force"]} if case.by_load else {"depth": case.depth}
-        found = press(case.cover, case.array, case.indenter, at=case.pose.at, yaw=case.pose.yaw, **given)
+        found = press(case.cover, case.array, case.indenter, pose=case.pose, **given)
     except Exception as error:  # noqa: BLE001 -- every failure is a result of the study
         place = traceback.extract_tb(error.__traceback__)[-1]
         why = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
