@@ -13,7 +13,7 @@ import numpy as np
 from meshes import TexelArray
 from meshes.array import check_texel_count
 from meshes.bounded_file import parse_json
-from validation.recordings.recording import BoolArray, RecordedArray, RecordingError, Setup
+from validation.recordings.recording import LATEST, BoolArray, RecordedArray, RecordingError, Setup
 
 #: Name and version of the format of the labels; files with another name or version are refused.
 FORMAT = "softcover-recording/1"
@@ -21,8 +21,6 @@ FORMAT = "softcover-recording/1"
 
 #: Largest accepted number of characters of the labels, and of texel arrays in them [-].
 _MOST_CHARACTERS, MOST_ARRAYS = 2**20, 64
-#: Latest accepted time, in the year 2262, the largest that 64 bits hold [ns since 1970].
-_LATEST = 2**63 - 1
 #: Largest accepted coordinate; larger ones must have a wrong unit [m].
 _FARTHEST = 1000.0
 #: Largest full scale: counts are kept as signed numbers of 32 bits [-].
@@ -81,8 +79,8 @@ def decode_labels(text: str, path: Path) -> Labels:
         entries = parse_json(text)
         _check_format(entries["format"], path)
         clocks = [_read(entries["clock"], key, int) for key in ("start_ns", "monotonic_ns")]
-        if not all(0 <= clock <= _LATEST for clock in clocks) or len(entries["arrays"]) > MOST_ARRAYS:
-            raise ValueError(f"clocks are 0..{_LATEST} ns, arrays at most {MOST_ARRAYS}")  # noqa: TRY301
+        if not all(0 <= clock <= LATEST for clock in clocks) or len(entries["arrays"]) > MOST_ARRAYS:
+            raise ValueError(f"clocks are 0..{LATEST} ns, arrays at most {MOST_ARRAYS}")  # noqa: TRY301
         return Labels(
             setup=_decode_setup(entries["setup"]),
             arrays=tuple(_decode_array(entry) for entry in entries["arrays"]),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from validation.recordings.dsa_fields import decode_counts
+from validation.recordings.dsa import decode_counts
 
 FULL_SCALE = 4095
 #: Counts of a frame, with runs of zeros as real frames have them.

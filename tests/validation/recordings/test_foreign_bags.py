@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tests.support.ros_bags import COUNTS, write_bag
-from validation.recordings import RecordingError, unpacking
+from validation.recordings import RecordingError, recording
 from validation.recordings.importing import add_forces, open_recording
 
 #: More than any bag of these sizes may unpack to [bytes].
@@ -65,7 +65,7 @@ def test_a_chunk_that_unpacks_to_a_gigabyte_is_refused_within_the_memory_for_its
     assert (tmp_path / "bomb.mcap").stat().st_size < 2**20
     script = """
 import resource, sys
-from validation.recordings import RecordingError, unpacking
+from validation.recordings import RecordingError, recording
 from validation.recordings.importing import open_recording
 import rosbags.highlevel
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -226,8 +226,8 @@ def test_a_camera_beside_the_array_is_left_out(tmp_path):
 
 def test_more_messages_than_a_bag_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "a.bag", {"/pad": "wts_driver/msg/Frame"}, first=True)
-    monkeypatch.setattr(unpacking, "_MOST_COLLECTED", 1000)
-    monkeypatch.setattr(unpacking, "_MOST_RATIO", 0)
+    monkeypatch.setattr(recording, "_MOST_BYTES", 1000)
+    monkeypatch.setattr(recording, "_MOST_RATIO", 0)
     with pytest.raises(RecordingError, match="far more messages than a recording of its size"):
         open_recording(path)
 

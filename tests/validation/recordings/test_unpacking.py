@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from validation.recordings import RecordingError, unpacking
+from validation.recordings import RecordingError, dsa
 
 _REPEATED = st.builds(lambda data, times: data * times, st.binary(max_size=9), st.integers(0, 9))
 CONTENTS = st.binary(max_size=300) | _REPEATED
@@ -19,8 +19,8 @@ _SHARED_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fix
 def test_the_pieces_are_the_content(tmp_path, content, size):
     path = tmp_path / "a.dsa"
     path.write_bytes(bz2.compress(content))
-    with patch.object(unpacking, "PIECE_BYTES", size):
-        pieces = list(unpacking.unpack_bzip2(path, limit=len(content)))
+    with patch.object(dsa, "PIECE_BYTES", size):
+        pieces = list(dsa.unpack_bzip2(path, limit=len(content)))
     assert b"".join(pieces) == content
     assert all(0 < len(piece) <= size for piece in pieces)
 
@@ -34,7 +34,7 @@ def test_a_shorter_or_longer_file_is_refused(tmp_path, content, data):
         changed = packed + data.draw(st.binary(min_size=1, max_size=10))
     path.write_bytes(changed)
     with pytest.raises(RecordingError, match=r"a\.dsa: (truncated|bytes follow|damaged)"):
-        list(unpacking.unpack_bzip2(path, limit=10_000))
+        list(dsa.unpack_bzip2(path, limit=10_000))
 
 
 def test_a_file_that_unpacks_to_more_than_the_limit_is_refused_early(tmp_path):
@@ -42,5 +42,5 @@ def test_a_file_that_unpacks_to_more_than_the_limit_is_refused_early(tmp_path):
     path.write_bytes(bz2.compress(bytes(2**24)))
     pieces = []
     with pytest.raises(RecordingError, match="more than the 100000 bytes accepted"):
-        pieces.extend(unpacking.unpack_bzip2(path, limit=100_000))
+        pieces.extend(dsa.unpack_bzip2(path, limit=100_000))
     assert 0 < sum(len(piece) for piece in pieces) <= 100_000
