@@ -25,8 +25,8 @@ import numpy as np
 from validation.recordings import mcap_reader
 from validation.recordings.capture import record
 from validation.recordings.recording import Recording
-from validation.weiss.faults import FAULTS
 from validation.weiss.sensor import Sensor
+from validation.weiss.virtual import FAULTS
 
 #: Frames per second and probability of each kind of fault for each message.
 _RATE, _SHARE = 271.0, 0.01

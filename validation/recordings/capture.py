@@ -12,10 +12,9 @@ from typing import Literal
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import BoolArray, RecordedArray, Setup, make_array
 from validation.weiss.clock import DeviceClock, Residual
-from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
-from validation.weiss.frames import Reading
 from validation.weiss.link import Chunk, LinkLostError, PortError
+from validation.weiss.protocol import MatrixInfo, Reading
 from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
 
 #: Errors of optional questions, such as the temperature: the recording goes on without the answer.

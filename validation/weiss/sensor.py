@@ -10,13 +10,11 @@ from contextlib import AbstractContextManager, suppress
 import numpy as np
 import numpy.typing as npt
 
-from validation.weiss import commands
-from validation.weiss.commands import Command, MatrixInfo, SystemInfo, Values
+from validation.weiss import protocol
 from validation.weiss.continuity import Continuity, Gap
-from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
-from validation.weiss.messages import Message
 from validation.weiss.parser import Counters, Parser
+from validation.weiss.protocol import Command, MatrixInfo, Message, Reading, SystemInfo, Values, decode_frame
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
 
 #: Largest number of readings and gaps that are stored until the program takes them from the stream [-].
@@ -86,17 +84,17 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def read_info(self) -> SystemInfo:
         """Read kind, hardware revision, firmware version and serial number of the device."""
-        return commands.decode_system_info(self.ask(Command.SYSTEM_INFO))
+        return protocol.decode_system_info(self.ask(Command.SYSTEM_INFO))
 
     def read_matrix(self) -> MatrixInfo:
         """Read the numbers of rows and columns, the pitch and the full scale of the array."""
-        return commands.decode_matrix_info(self.ask(Command.MATRIX_INFO))
+        return protocol.decode_matrix_info(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
         """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
-        data = commands.join_bytes(self.ask(Command.GET_MASK))
+        data = protocol.join_bytes(self.ask(Command.GET_MASK))
         try:
-            return commands.decode_mask(data, self.read_matrix().texels)
+            return protocol.decode_mask(data, self.read_matrix().texels)
         except ValueError as error:
             raise SensorError(f"{self.port}: the answer to `get mask` is not as assumed: {error}") from error
 
@@ -114,7 +112,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def read_temperature(self) -> float:
         """Read the temperature of the device [degC]."""
-        return commands.decode_temperature(self.ask(Command.TEMPERATURE))
+        return protocol.decode_temperature(self.ask(Command.TEMPERATURE))
 
     def read_threshold(self) -> int:
         """Read the threshold below which a texel reads 0 [counts]."""
@@ -147,7 +145,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             run_length: Whether to request run-length encoding.
         """
         values = self.ask(Command.READ_SINGLE_FRAME, RUN_LENGTH_FLAG * run_length)
-        return decode_frame(commands.join_bytes(values), host_time=time.monotonic_ns())
+        return decode_frame(protocol.join_bytes(values), host_time=time.monotonic_ns())
 
     def ask(self, command: Command, *values: int | bytes) -> Values:
         """Send any documented command and return the values of its answer.
@@ -164,16 +162,16 @@ class Sensor(AbstractContextManager["Sensor"]):
         name = command.name.lower().replace("_", " ")
         for _ in range(_ATTEMPTS):
             self._answers.clear()
-            self._link.write(commands.encode_request(command, *values))
+            self._link.write(protocol.encode_request(command, *values))
             message = self._await_answer(command)
             if message is None:
                 continue
             try:
-                status, answered = commands.decode_answer(message)
+                status, answered = protocol.decode_answer(message)
             except ValueError as error:
                 raise SensorError(f"{self.port}: the answer to `{name}` is not as assumed: {error}") from error
             if status:
-                raise SensorError(f"{self.port}: the sensor refused `{name}`: {commands.describe_status(status)}")
+                raise SensorError(f"{self.port}: the sensor refused `{name}`: {protocol.describe_status(status)}")
             return answered
         raise NoAnswerError(f"{self.port}: no answer to `{name}` in {_ATTEMPTS * self.timeout:g} s; check the cable")
 
@@ -251,7 +249,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def _ask_text(self, command: Command) -> str:
         """Send a command and return the text in its answer."""
-        return commands.join_bytes(self.ask(command)).decode("ascii", "replace")
+        return protocol.join_bytes(self.ask(command)).decode("ascii", "replace")
 
     def _await_answer(self, command: Command) -> Message | None:
         """Wait for the answer to a command and return it; None if it does not arrive in time."""
@@ -322,7 +320,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._receive(left)
         if not self._events:
             self._end_wait()
-            self._link.write(commands.encode_request(Command.START_PERIODIC_FRAMES, *values))
+            self._link.write(protocol.encode_request(Command.START_PERIODIC_FRAMES, *values))
             yield Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence)
         yield from self._take_events()
 

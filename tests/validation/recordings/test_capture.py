@@ -21,8 +21,8 @@ from tests.support.virtual_port import VirtualPort, is_ramp
 from validation.recordings import capture, mcap_reader
 from validation.recordings.recording import Setup
 from validation.weiss.clock import Residual
-from validation.weiss.frames import Reading
 from validation.weiss.parser import Parser
+from validation.weiss.protocol import Reading
 from validation.weiss.sensor import NoAnswerError, Sensor
 from validation.weiss.virtual import Misbehaviour, show_pattern
 

@@ -17,7 +17,7 @@ from validation.cli.heat_map import draw_heat_map
 from validation.recordings import RecordingError, tables
 from validation.recordings.importing import open_recording
 from validation.recordings.live_frames import replay_frames
-from validation.weiss.commands import MatrixInfo
+from validation.weiss.protocol import MatrixInfo
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import show_recording
 
