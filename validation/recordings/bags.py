@@ -44,16 +44,29 @@ _ROW_NAMES, _COLUMN_NAMES = ("rows", "cells_y", "height"), ("columns", "cols", "
 _COUNT_NAMES = ("counts", "data", "tactile_array", "values")
 #: numpy type of a pixel by the encoding of a ROS image message.
 _PIXEL_TYPES = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2"}
-#: Largest size of a bag with all its files [bytes].
-_MOST_BAG = 2**32
-#: Largest number of files of a bag [-].
-_MOST_BAG_FILES = 1000
-#: Largest size of the metadata of a bag in YAML, which is parsed slowly [bytes].
-_MOST_METADATA = 2**18
-#: Memory that reading a bag may add, besides a multiple of its size [bytes].
-_BAG_MEMORY = 400 * 2**20
-#: Memory that reading a bag may add for each byte of the bag [-].
-_BAG_RATIO = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Limits:
+    """What a bag of another program may hold and need at most.
+
+    Attributes:
+        size: Size of a bag with all its files [bytes].
+        files: Number of files of a bag [-].
+        metadata: Size of the metadata in YAML, which is parsed slowly [bytes].
+        memory: Memory that reading a bag may add, besides a multiple of its size [bytes].
+        memory_ratio: Memory that reading a bag may add for each byte of the bag [-].
+    """
+
+    size: int = 2**32
+    files: int = 1000
+    metadata: int = 2**18
+    memory: int = 400 * 2**20
+    memory_ratio: int = 4
+
+
+_LIMITS = _Limits()
+
 _SECONDS_PER_NANOSECOND = 1e-9
 _NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -314,7 +327,7 @@ def _measure_bag(path: Path) -> int:
         RecordingError: If it is missing, too large, or holds something else than regular files.
     """
     try:
-        found = list(itertools.islice(path.iterdir(), _MOST_BAG_FILES + 1)) if path.is_dir() else [path]
+        found = list(itertools.islice(path.iterdir(), _LIMITS.files + 1)) if path.is_dir() else [path]
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}; expected a ROS bag") from error
     sizes = {}
@@ -323,10 +336,10 @@ def _measure_bag(path: Path) -> int:
             with open_recorded(file) as opened:
                 sizes[file] = os.fstat(opened.fileno()).st_size
     metadata = sizes.get(path / "metadata.yaml", 0)
-    if len(found) > _MOST_BAG_FILES or sum(sizes.values()) > _MOST_BAG or metadata > _MOST_METADATA:
+    if len(found) > _LIMITS.files or sum(sizes.values()) > _LIMITS.size or metadata > _LIMITS.metadata:
         raise RecordingError(
-            f"{path}: too large; accepted: {format_size(_MOST_BAG)} in {_MOST_BAG_FILES} files, metadata.yaml of "
-            f"{format_size(_MOST_METADATA)}"
+            f"{path}: too large; accepted: {format_size(_LIMITS.size)} in {_LIMITS.files} files, metadata.yaml of "
+            f"{format_size(_LIMITS.metadata)}"
         )
     if metadata:
         _check_depth(path / "metadata.yaml")
@@ -336,7 +349,7 @@ def _measure_bag(path: Path) -> int:
 def _check_depth(path: Path) -> None:
     """Refuse a YAML file with deep brackets, whose parsing time grows with the square of the depth."""
     try:
-        text = read_text(path, most=_MOST_METADATA)
+        text = read_text(path, most=_LIMITS.metadata)
     except FileLimitError as error:
         raise RecordingError(f"{path}: {error}") from None
     steps = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", text))
@@ -358,7 +371,7 @@ def _limit_memory(path: Path, size: int) -> Iterator[None]:
     Raises:
         RecordingError: If the bag unpacks to more.
     """
-    most = _BAG_MEMORY + _BAG_RATIO * size
+    most = _LIMITS.memory + _LIMITS.memory_ratio * size
     try:
         import resource
 

@@ -18,7 +18,7 @@ import bz2
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -48,8 +48,40 @@ MATRIX_FIELDS = (
     *("matrix_center_x", "matrix_center_y", "matrix_center_z", "theta_x", "theta_y", "theta_z"),
     *("output_unit", "fullscale", "hw_revision", "one_wire_uid"),
 )
-#: Largest accepted number of rows, and of columns, of an array [-]; the arrays of an SDH-2 hand have at most 14.
-_MOST_CELLS = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a file may hold at most, several times what an SDH-2 hand sends in an hour.
+
+    Attributes:
+        cells: Number of rows, and of columns, of an array; the arrays of an SDH-2 hand have at most 14 [-].
+        xml_bytes: Number of bytes of XML that a file may unpack to, a limit on memory and time.
+        values: Number of counts, frames times texels: one hour of the 486 texels of a hand at 34 frames/s [-].
+        channels: Number of temperature channels [-].
+        readings: Number of readings of each temperature channel [-].
+        markup_bytes: Number of consecutive bytes of XML without a tag or text, which the XML parser may have to hold in
+            memory.
+        text: Number of characters in one XML element; a frame of an SDH-2 hand in which no texel is zero takes 5 000
+            [-].
+        arrays: Number of texel arrays; an SDH-2 hand has 6 [-].
+        piece_bytes: Number of bytes that are read from the file, or unpacked, at a time, which bounds the memory in
+            use.
+    """
+
+    cells: int = 64
+    xml_bytes: int = 512 * 2**20
+    values: int = 60_000_000
+    channels: int = 64
+    readings: int = 100_000
+    markup_bytes: int = 2**20
+    text: int = 2**16
+    arrays: int = 16
+    piece_bytes: int = 2**16
+
+
+LIMITS = Limits()
+
 #: Largest accepted full scale of an array [counts]: counts are stored as signed 16 bit numbers.
 _LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
 #: Number of hexadecimal digits of one token of a frame, an IEEE-754 single-precision number.
@@ -58,20 +90,6 @@ _METRES_PER_MILLIMETRE = 1e-3
 #: Patterns of the accepted whole numbers and decimal numbers, which limit the number of digits.
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
 _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
-#: Largest number of bytes of XML that a file may unpack to, a limit on memory and time.
-MAX_XML_BYTES = 512 * 2**20
-#: Largest number of counts (frames times texels) in a file: one hour of the 486 texels of a hand at 34 frames/s.
-MAX_VALUES = 60_000_000
-#: Largest number of temperature channels in a file, and of readings of each channel.
-MAX_CHANNELS, MAX_READINGS = 64, 100_000
-#: Largest number of consecutive bytes of XML without a tag or text, which the XML parser may have to hold in memory.
-MAX_MARKUP_BYTES = 2**20
-#: Largest number of characters in one XML element; a frame of an SDH-2 hand in which no texel is zero takes 5 000.
-MAX_TEXT = 2**16
-#: Largest number of texel arrays in a file; an SDH-2 hand has 6.
-_MAX_ARRAYS = 16
-#: Largest number of bytes that are read from the file, or unpacked, at a time, which bounds the memory in use.
-PIECE_BYTES = 2**16
 _SECONDS_PER_MILLISECOND = 1e-3
 _NANOSECONDS_PER_MILLISECOND = 1_000_000
 
@@ -112,7 +130,7 @@ def read(path: str | Path) -> Recording:
     """
     path = Path(path)
     collector = _Collector(path)
-    _XmlReader(collector).read(unpack_bzip2(path, limit=MAX_XML_BYTES))
+    _XmlReader(collector).read(unpack_bzip2(path, limit=LIMITS.xml_bytes))
     return collector.make_recording()
 
 
@@ -141,8 +159,8 @@ class _Collector:
         match element:
             case "root/sensor/matrix":
                 name = f"array {len(self.arrays)}"
-                if len(self.arrays) == _MAX_ARRAYS or self.limits is not None:
-                    self.fail(f"unexpected {name}; expected at most {_MAX_ARRAYS}, before the frames")
+                if len(self.arrays) == LIMITS.arrays or self.limits is not None:
+                    self.fail(f"unexpected {name}; expected at most {LIMITS.arrays}, before the frames")
                 self.arrays.append(_read_array(fields, name, self.fail))
             case "root/sensor":
                 self.serial = fields["serial_nr"].strip()
@@ -185,8 +203,8 @@ class _Collector:
     def _add_frame(self, fields: Mapping[str, str]) -> None:
         if self.limits is None:
             self.fail("a frame before the description of the sensor; expected <sensor> first")
-        if (len(self.frames) + 1) * len(self.limits) > MAX_VALUES:
-            self.fail(f"more than the {MAX_VALUES} values accepted, frames times texels")
+        if (len(self.frames) + 1) * len(self.limits) > LIMITS.values:
+            self.fail(f"more than the {LIMITS.values} values accepted, frames times texels")
         self.stamps.append(self._read_stamp(fields, self.stamps))
         self.frames.append(decode_counts(fields["frame_data"], self.limits, self.fail))
 
@@ -194,8 +212,8 @@ class _Collector:
         readings = [_read_number(part, "temp_data", self.fail) for part in fields["temp_data"].split(",")]
         if self.temperatures and len(readings) != len(self.temperatures[0]):
             self.fail(f"{len(readings)} temperatures; expected {len(self.temperatures[0])} as before")
-        if len(readings) > MAX_CHANNELS or len(self.temperatures) == MAX_READINGS:
-            self.fail(f"more temperatures than the {MAX_READINGS} readings of {MAX_CHANNELS} channels accepted")
+        if len(readings) > LIMITS.channels or len(self.temperatures) == LIMITS.readings:
+            self.fail(f"more temperatures than the {LIMITS.readings} readings of {LIMITS.channels} channels accepted")
         self.temperature_stamps.append(self._read_stamp(fields, self.temperature_stamps))
         self.temperatures.append(readings)
 
@@ -235,8 +253,8 @@ class _XmlReader:
         for piece in pieces:
             self._markup_bytes += len(piece)
             self._parse(piece, final=False)
-            if self._markup_bytes > MAX_MARKUP_BYTES:
-                self._fail(f"more than {MAX_MARKUP_BYTES} bytes of XML without a tag or text")
+            if self._markup_bytes > LIMITS.markup_bytes:
+                self._fail(f"more than {LIMITS.markup_bytes} bytes of XML without a tag or text")
         self._parse(b"", final=True)
 
     def _parse(self, piece: bytes, *, final: bool) -> None:
@@ -251,8 +269,8 @@ class _XmlReader:
     def _add_text(self, text: str) -> None:
         self._markup_bytes = 0
         self._text += text
-        if len(self._text) > MAX_TEXT:
-            self._fail(f"more than the {MAX_TEXT} characters accepted in one element")
+        if len(self._text) > LIMITS.text:
+            self._fail(f"more than the {LIMITS.text} characters accepted in one element")
 
     def _start_element(self, tag: str, attributes: dict[str, str]) -> None:
         self._markup_bytes = 0
@@ -327,7 +345,7 @@ def _read_array(fields: Mapping[str, str], name: str, fail: Fail) -> RecordedArr
     Returns:
         The array, without frames.
     """
-    columns, rows = (_read_bounded(fields, cells, _MOST_CELLS, fail) for cells in ("cells_x", "cells_y"))
+    columns, rows = (_read_bounded(fields, cells, LIMITS.cells, fail) for cells in ("cells_x", "cells_y"))
     width, height = (_read_length(fields, edge, fail) for edge in ("texel_width", "texel_height"))
     active = _read_mask(fields, "static_mask", rows, columns, fail)
     if not active.any():
@@ -420,7 +438,7 @@ def _read_mask(fields: Mapping[str, str], name: str, rows: int, columns: int, fa
 
 
 def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
-    """Yield the unpacked bytes of a file in pieces of at most `PIECE_BYTES`.
+    """Yield the unpacked bytes of a file in pieces of at most `LIMITS.piece_bytes`.
 
     Args:
         path: The bzip2 file.
@@ -433,7 +451,7 @@ def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
     decompressor = bz2.BZ2Decompressor()
     total = 0
     with open_recorded(path) as file:
-        while packed := file.read(PIECE_BYTES):
+        while packed := file.read(LIMITS.piece_bytes):
             if decompressor.eof:
                 raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
             for piece in _decompress(decompressor, packed, path):
@@ -452,7 +470,7 @@ def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
 def _decompress(decompressor: bz2.BZ2Decompressor, packed: bytes, path: Path) -> Iterator[bytes]:
     while True:
         try:
-            piece = decompressor.decompress(packed, max_length=PIECE_BYTES)
+            piece = decompressor.decompress(packed, max_length=LIMITS.piece_bytes)
         except OSError as error:
             raise RecordingError(f"{path}: damaged, or no bzip2 file; expected an intact one") from error
         if piece:

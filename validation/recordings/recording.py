@@ -35,15 +35,29 @@ _PRESSED_SHARE = 0.02
 #: Tolerance of a coordinate of a texel centre when two arrays are compared [m].
 _SAME_POSITION = 1e-6
 _SECONDS_PER_NANOSECOND = 1e-9
-#: Number of bytes that may be kept of a recording, besides a multiple of the size of the file [bytes].
-_MOST_BYTES = 2**28
-#: Number of bytes that may be kept for each byte of the file [-].  Frames of an idle sensor unpack to 30 times their
-#: size in the file.
-_MOST_RATIO = 64
-#: Number of records that may be unpacked, besides one for each byte of the file [-]; reading so many takes seconds.
-_MOST_RECORDS = 2**17
-#: Memory that a kept message takes besides its data [bytes].
-_MESSAGE_BYTES = 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What may be read from one recording in total.
+
+    Attributes:
+        kept: Number of bytes that may be kept of a recording, besides a multiple of the size of the file.
+        ratio: Number of bytes that may be kept for each byte of the file [-].  Frames of an idle sensor unpack to 30
+            times their size in the file.
+        records: Number of records that may be unpacked, besides one for each byte of the file [-]; reading so many
+            takes seconds.
+        message: Memory that a kept message takes besides its data [bytes].
+    """
+
+    kept: int = 2**28
+    ratio: int = 64
+    records: int = 2**17
+    message: int = 300
+
+
+LIMITS = Limits()
+
 #: Latest time, in the year 2262, the largest that 64 bits hold [ns since 1970].
 LATEST = 2**63 - 1
 
@@ -324,7 +338,7 @@ class Budget:
     def __init__(self, path: Path, size: int) -> None:
         """Begin with what a recording of a given size may hold [bytes]."""
         self._path = path
-        self._bytes, self._records = _MOST_BYTES + _MOST_RATIO * size, _MOST_RECORDS + size
+        self._bytes, self._records = LIMITS.kept + LIMITS.ratio * size, LIMITS.records + size
 
     def spend(self, *, size: int = 0, records: int = 0) -> None:
         """Count unpacked bytes and records.
@@ -348,6 +362,6 @@ class Budget:
         Raises:
             RecordingError: If the messages are more than a recording of its size holds, or a time is impossible.
         """
-        self.spend(size=size + _MESSAGE_BYTES)
+        self.spend(size=size + LIMITS.message)
         if not 0 <= min(times) <= max(times) <= LATEST:
             raise RecordingError(f"{self._path}: damaged: a message of {topic} has no possible time")

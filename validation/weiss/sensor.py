@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,15 +18,30 @@ from validation.weiss.parser import Counters, Parser
 from validation.weiss.protocol import Command, MatrixInfo, Message, Reading, SystemInfo, Values, decode_frame
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
 
-#: Largest number of readings and gaps that are stored until the program takes them from the stream [-].
-_MOST_EVENTS = 8192
-#: Number of times that a command is sent before it counts as unanswered, and largest number of stored answers [-].
-_ATTEMPTS = 3
-#: Pause between two attempts to open a lost port again [s].
-_REOPEN_PAUSE = 0.1
-#: Factors on the timeout of an answer and on the interval between frames [-].  A stream counts as silent if no frame
-#: arrives during the longer of the two products.
-_SILENT_TIMEOUTS, _SILENT_INTERVALS = 2, 3
+
+@dataclass(frozen=True, kw_only=True)
+class _Patience:
+    """How long the driver waits and repeats; nothing in the protocol states these values.
+
+    Attributes:
+        most_events: Largest number of readings and gaps that are stored until the program takes them from the stream
+            [-].
+        attempts: Number of times that a command is sent before it counts as unanswered, and largest number of stored
+            answers [-].
+        reopen_pause: Pause between two attempts to open a lost port again [s].
+        silent_timeouts: A stream counts as silent after this many timeouts of an answer without a frame [-].
+        silent_intervals: A stream counts as silent only after this many intervals between frames as well [-].
+    """
+
+    most_events: int = 8192
+    attempts: int = 3
+    reopen_pause: float = 0.1
+    silent_timeouts: int = 2
+    silent_intervals: int = 3
+
+
+_PATIENCE = _Patience()
+
 _SECONDS_PER_NANOSECOND = 1e-9
 
 
@@ -160,7 +176,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: If the port is lost.
         """
         name = command.name.lower().replace("_", " ")
-        for _ in range(_ATTEMPTS):
+        for _ in range(_PATIENCE.attempts):
             self._answers.clear()
             self._link.write(protocol.encode_request(command, *values))
             message = self._await_answer(command)
@@ -173,7 +189,9 @@ class Sensor(AbstractContextManager["Sensor"]):
             if status:
                 raise SensorError(f"{self.port}: the sensor refused `{name}`: {protocol.describe_status(status)}")
             return answered
-        raise NoAnswerError(f"{self.port}: no answer to `{name}` in {_ATTEMPTS * self.timeout:g} s; check the cable")
+        raise NoAnswerError(
+            f"{self.port}: no answer to `{name}` in {_PATIENCE.attempts * self.timeout:g} s; check the cable"
+        )
 
     def stream(
         self, *, run_length: bool = False, interval_ms: int = 0, reconnect: float = 0.0
@@ -192,7 +210,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: If the port is lost and cannot be opened again within `reconnect`.
         """
         values = (RUN_LENGTH_FLAG * run_length, interval_ms)
-        silence = max(_SILENT_TIMEOUTS * self.timeout, _SILENT_INTERVALS * interval_ms * 1e-3)
+        silence = max(_PATIENCE.silent_timeouts * self.timeout, _PATIENCE.silent_intervals * interval_ms * 1e-3)
         self._start_stream(values)
         try:
             while True:
@@ -283,13 +301,13 @@ class Sensor(AbstractContextManager["Sensor"]):
         for message in messages:
             if message.identifier != Command.PERIODIC_FRAME:
                 self._answers.append(message)
-                del self._answers[:-_ATTEMPTS]
+                del self._answers[: -_PATIENCE.attempts]
                 continue
             reading = decode_frame(message.payload, host_time=host_time)
             gaps = self._continuity.add(reading.ticks, skipped=message.skipped, host_time=host_time)
             self._events += [*gaps, reading]
             self._last_ticks = reading.ticks
-        if len(self._events) > _MOST_EVENTS:
+        if len(self._events) > _PATIENCE.most_events:
             lost = len(self._events)
             self._events.clear()
             self._events.append(Gap(kind="overflow", host_time=host_time, frames=lost))
@@ -341,7 +359,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
         self._link.close()
         while (time.monotonic_ns() - lost) * _SECONDS_PER_NANOSECOND < patience:
-            time.sleep(_REOPEN_PAUSE)
+            time.sleep(_PATIENCE.reopen_pause)
             try:
                 self._link = self._open_link()
                 self._parser = Parser(texels=self._parser.texels)

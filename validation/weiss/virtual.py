@@ -120,15 +120,34 @@ Source = Callable[[float], npt.ArrayLike]
 
 #: Description of the array of a WTS 0614-34 sensor.
 WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
-#: Temperature of the virtual device at the start and after a long time [degC], and time constant of the exponential
-#: rise between them [s].
-_COLD, _WARM, _WARMING_TIME = 25.0, 35.0, 1200.0
-#: Test pattern `blob`, a moving Gaussian peak: largest count [-], and twice the variance of the Gaussian [texels^2].
-_BLOB_PEAK, _BLOB_SPREAD = 3000, 4.0
-#: Test pattern `ramp`: difference of the counts of consecutive texels [-], and increase over time [counts/s].
-_RAMP_STEP, _RAMP_RATE = 40, 1000
-#: Test pattern `corner`: count of the first texel; all other texels are zero [-].
-_CORNER_COUNT = 2000
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ShownValues:
+    """Temperatures and test patterns of the virtual sensor, chosen so that a user can tell them apart.
+
+    Attributes:
+        cold: Temperature of the device at the start [degC].
+        warm: Temperature of the device after a long time [degC].
+        warming_time: Time constant of the exponential rise between them [s].
+        blob_peak: Largest count of the pattern `blob`, a moving Gaussian peak [-].
+        blob_spread: Twice the variance of this Gaussian [texels^2].
+        ramp_step: Difference of the counts of consecutive texels of the pattern `ramp` [-].
+        ramp_rate: Increase of these counts over time [counts/s].
+        corner_count: Count of the first texel of the pattern `corner`; all others are zero [-].
+    """
+
+    cold: float = 25.0
+    warm: float = 35.0
+    warming_time: float = 1200.0
+    blob_peak: int = 3000
+    blob_spread: float = 4.0
+    ramp_step: int = 40
+    ramp_rate: int = 1000
+    corner_count: int = 2000
+
+
+_SHOWN = _ShownValues()
 
 
 class HasCounts(Protocol):
@@ -289,7 +308,7 @@ class VirtualSensor:
 
     def _report_state(self, now: float) -> Mapping[Command, Values]:
         """Return the values of the answers to all commands that only read a property of the device, by command."""
-        degrees = _WARM - (_WARM - _COLD) * math.exp(-now / _WARMING_TIME)
+        degrees = _SHOWN.warm - (_SHOWN.warm - _SHOWN.cold) * math.exp(-now / _SHOWN.warming_time)
         return {
             Command.MATRIX_INFO: protocol.encode_matrix_info(self.matrix),
             Command.GET_THRESHOLD: (self._threshold,),
@@ -375,12 +394,12 @@ def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
         column = (matrix.columns - 1) * (1 + np.sin(2 * time)) / 2
         row = (matrix.rows - 1) * (1 + np.sin(time)) / 2
         squared = (x - column) ** 2 + (y - row) ** 2
-        return np.asarray(np.rint(_BLOB_PEAK * np.exp(-squared / _BLOB_SPREAD)), dtype=np.int64)
+        return np.asarray(np.rint(_SHOWN.blob_peak * np.exp(-squared / _SHOWN.blob_spread)), dtype=np.int64)
 
     patterns: dict[str, Source] = {
         "blob": show_blob,
-        "ramp": lambda time: (order * _RAMP_STEP + round(time * _RAMP_RATE)) % (LARGEST_COUNT + 1),
-        "corner": lambda _: np.where(order == 0, _CORNER_COUNT, 0),
+        "ramp": lambda time: (order * _SHOWN.ramp_step + round(time * _SHOWN.ramp_rate)) % (LARGEST_COUNT + 1),
+        "corner": lambda _: np.where(order == 0, _SHOWN.corner_count, 0),
         "zero": lambda _: np.zeros_like(order),
     }
     if name not in patterns:

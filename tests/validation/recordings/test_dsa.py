@@ -208,10 +208,10 @@ def test_a_small_file_that_unpacks_to_much_is_refused(write, head, repeated, mes
 
 def test_files_beyond_the_limits_are_refused(write, monkeypatch):
     path = write(write_document(generate_frames()))
-    monkeypatch.setattr(dsa, "MAX_VALUES", 10 * TEXELS)
+    monkeypatch.setattr(dsa, "LIMITS", dsa.Limits(values=10 * TEXELS))
     with pytest.raises(RecordingError, match="more than the 1620 values"):
         dsa.read(path)
-    monkeypatch.setattr(dsa, "MAX_XML_BYTES", 1000)
+    monkeypatch.setattr(dsa, "LIMITS", dsa.Limits(xml_bytes=1000))
     with pytest.raises(RecordingError, match="more than the 1000 bytes"):
         dsa.read(path)
 

@@ -226,8 +226,7 @@ def test_a_camera_beside_the_array_is_left_out(tmp_path):
 
 def test_more_messages_than_a_bag_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "a.bag", {"/pad": "wts_driver/msg/Frame"}, first=True)
-    monkeypatch.setattr(recording, "_MOST_BYTES", 1000)
-    monkeypatch.setattr(recording, "_MOST_RATIO", 0)
+    monkeypatch.setattr(recording, "LIMITS", recording.Limits(kept=1000, ratio=0))
     with pytest.raises(RecordingError, match="far more messages than a recording of its size"):
         open_recording(path)
 

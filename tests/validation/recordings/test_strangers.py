@@ -14,7 +14,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import lz4, zstandard
 from mcap.writer import CompressionType, Writer
 
-from validation.recordings import labels
+from validation.recordings import labels, recording
 from validation.recordings.importing import open_recording, save
 from validation.recordings.mcap_reader import MOST_CHUNK_BYTES, unpack_records
 from validation.recordings.mcap_writer import FORCE_TOPIC, GAP_TOPIC, SETUP_TOPIC, TEMPERATURE_TOPIC, name_topics
@@ -230,8 +230,7 @@ def test_a_small_file_with_a_large_chunk_is_refused(tmp_path):
 
 
 def test_more_messages_than_a_file_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("validation.recordings.recording._MOST_BYTES", 10_000)
-    monkeypatch.setattr("validation.recordings.recording._MOST_RATIO", 0)
+    monkeypatch.setattr(recording, "LIMITS", recording.Limits(kept=10_000, ratio=0))
     save(simple_recording(frames=100), tmp_path / "a.mcap")
     refuse(tmp_path / "a.mcap", "far more messages")
 

@@ -19,7 +19,7 @@ _SHARED_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fix
 def test_the_pieces_are_the_content(tmp_path, content, size):
     path = tmp_path / "a.dsa"
     path.write_bytes(bz2.compress(content))
-    with patch.object(dsa, "PIECE_BYTES", size):
+    with patch.object(dsa, "LIMITS", dsa.Limits(piece_bytes=size)):
         pieces = list(dsa.unpack_bzip2(path, limit=len(content)))
     assert b"".join(pieces) == content
     assert all(0 < len(piece) <= size for piece in pieces)

@@ -1,5 +1,6 @@
 """The parser on intact, damaged and endless streams."""
 
+from dataclasses import replace
 from itertools import pairwise
 from random import Random
 
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from validation.weiss import continuity
 from validation.weiss.continuity import Continuity
 from validation.weiss.parser import Parser
 from validation.weiss.protocol import PREAMBLE, decode_frame, encode_frame, encode_message
@@ -110,7 +112,7 @@ def test_the_fuzzer_notices_a_parser_that_trusts_heads(monkeypatch):
 
 
 def test_the_fuzzer_notices_unmarked_gaps(monkeypatch):
-    monkeypatch.setattr("validation.weiss.continuity._LONG_STEP", 100)
+    monkeypatch.setattr(continuity, "_RULES", replace(continuity._RULES, long_step=100))
     _, wrong = _fuzz_streams(range(300))
     assert any("not marked" in fault for fault in wrong.values())
 
