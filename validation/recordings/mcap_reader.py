@@ -175,11 +175,14 @@ class _Collector:
     def add(self, topic: str, message: Message) -> None:
         """Decode one message and store its content by topic; raise `RecordingError` if a frame before it is missing."""
         if topic == SETUP_TOPIC:
-            self.labels_text = ros_messages.decode_text(message.data)
+            self.labels_text = str(ros_messages.decode(message.data, ros_messages.TEXT).data)
         elif topic == GAP_TOPIC:
-            self.gaps += ros_messages.decode_diagnostics(message.data)
+            self.gaps += [
+                status.message for status in ros_messages.decode(message.data, ros_messages.DIAGNOSTICS).status
+            ]
         elif topic == TEMPERATURE_TOPIC:
-            self.temperatures.append((message.log_time, ros_messages.decode_numbers(message.data)))
+            numbers = ros_messages.decode(message.data, ros_messages.NUMBERS)
+            self.temperatures.append((message.log_time, np.array(numbers.data, dtype=np.float64)))
         elif topic == FORCE_TOPIC:
             self.forces.append((message.log_time, float(ros_messages.decode_wrench(message.data)[2])))
         elif topic.endswith("/frame"):
@@ -192,8 +195,9 @@ class _Collector:
         elif topic.endswith("/wrench"):
             self.values[topic][message.sequence] = ros_messages.decode_wrench(message.data)
         elif topic.endswith(("/pressures", "/tangential")):
-            self.values[topic][message.sequence] = ros_messages.decode_numbers(message.data)
-            self.labels[topic] = ros_messages.decode_label(message.data)
+            numbers = ros_messages.decode(message.data, ros_messages.NUMBERS)
+            self.values[topic][message.sequence] = np.array(numbers.data, dtype=np.float64)
+            self.labels[topic] = str(numbers.layout.dim[0].label) if numbers.layout.dim else ""
 
     def make_recording(self) -> Recording:
         """Make a recording from all messages of the file."""
