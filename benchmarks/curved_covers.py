@@ -34,7 +34,7 @@ from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere, TexelArray
 from meshes.solids import SweptCover, fingertip, flat_pad, phalanx, sweep
-from meshes.solids.base_surface import cylinder_surface
+from meshes.solids.swept import cylinder_surface
 from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
 from meshes.spatial_pose import SpatialPose
 from tests.exact.spots import SpotLoad, touch_cylinder

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.indenters.indenter import FloatArray, Indenter, Primitive, quantity_field
-from meshes.indenters.sphere import Sphere
+from meshes.array_types import FloatArray
+from meshes.indenters.indenter import Indenter, Primitive, quantity_field
+from meshes.indenters.shapes import Sphere
 
 #: Largest tilt about either axis, 10 degrees.  At small strain the contact solvers neglect the horizontal part of the
 #: contact pressure, the sine of the tilt times the pressure, and always the contact of side walls [rad].

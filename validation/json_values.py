@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -9,8 +10,15 @@ from typing import Any
 import numpy as np
 
 
-def to_json_values(value: Any) -> Any:  # noqa: ANN401 -- JSON is untyped
-    """Convert a nested value to dicts, lists, numbers and text: arrays to lists, NaN and infinity to None."""
+def to_json_values(value: Any) -> Any:  # noqa: ANN401, PLR0911 -- JSON is untyped; one line for each type
+    """Convert a nested value to dicts, lists, numbers and text: arrays to lists, NaN and infinity to None.
+
+    Objects with a method `as_json` convert themselves; other dataclasses become dicts of their fields.
+    """
+    if hasattr(value, "as_json"):
+        return to_json_values(value.as_json())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {each.name: to_json_values(getattr(value, each.name)) for each in dataclasses.fields(value)}
     if isinstance(value, Mapping):
         return {str(key): to_json_values(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

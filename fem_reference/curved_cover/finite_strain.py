@@ -38,8 +38,7 @@ from fem_reference.indentation.rounding import choose_solid_fillet, state_roundi
 from meshes import Cover, Indenter, Layer, Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.facets import area_vectors, facet_shape
-from meshes.solids.quality import measure_thickness
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 from meshes.spatial_pose import SpatialPose
 
 #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch [-].

@@ -19,8 +19,7 @@ from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_error, texel_responses
 from meshes import Indenter, Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.solids.quality import measure_thickness
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 from meshes.spatial_pose import SpatialPose
 
 #: Largest depth over the thickness that is solved, and depth from which a warning states that strains are not small.

@@ -25,7 +25,7 @@ from fem_reference.small_strain_contact.tension import measure_tension
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
-from meshes.indenters.polygonal_punch import PolygonalPunch
+from meshes.indenters.punches import PolygonalPunch
 from meshes.pose import PlanarPose
 
 #: Increase of the element size per distance from the face, and from the sides of the face inside it where the sides are

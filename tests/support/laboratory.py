@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from meshes import Box, TexelArray
-from meshes.array import FloatArray
-from validation.calibration.contact import ContactMethod, Pose
+from meshes.array_types import FloatArray
+from validation.calibration.contact import ContactMethod
 from validation.calibration.counts import CountCurve
-from validation.calibration.observations import Observations, Placement
+from validation.calibration.observations import Observations, Placement, Pose
 from validation.recordings.importing import save
 from validation.recordings.recording import Recording, Setup, make_array
 

@@ -1,7 +1,6 @@
 """What the pictures of matplotlib show: every curve, image, label and limit, against what it stands for."""
 
 import csv
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from matplotlib.colors import to_hex
 
 from meshes import TexelArray
 from meshes.catalogue import MATERIALS
-from validation.calibration.picture import draw_hold_out
+from validation.calibration.calibrate import HoldOut, draw_hold_out
 from validation.regression.picture import write_verdict
 from validation.report.material_curve import compute_stress, write_curve
 
@@ -67,14 +66,17 @@ def test_left_out_recordings_stand_above_their_prediction_and_the_difference(sav
     loads = np.array([5.0, 1.0, 3.0, 2.0, 4.0, 6.0, 7.0])
     recorded = np.arange(84.0).reshape(7, 12)
     predicted = recorded * 1.1 + 3
-    held = SimpleNamespace(loads=loads, recorded=recorded, predicted=predicted, summary="in words")
+    held = HoldOut(
+        recordings=("a",), image_changed_percent=1.0, line_per_texel_percent=None,
+        loads=loads, recorded=recorded, predicted=predicted,
+    )  # fmt: skip
     assert draw_hold_out(held, array, tmp_path / "x.png") == tmp_path / "x.png"
     figure = saved["x.png"]
     chosen, loads = [1, 2, 0, 6], [1, 3, 5, 7]  # the lightest, the heaviest, and evenly between
     panels = np.array([axes for axes in figure.axes if axes.images]).reshape(3, 4)
     bars = [axes for axes in figure.axes if not axes.images]
     assert [bar.get_ylabel() for bar in bars] == ["counts"] * 3
-    assert figure.get_suptitle() == "left out: in words"
+    assert figure.get_suptitle() == "left out: image changed 1.00 %"
     assert figure.get_size_inches() == pytest.approx((2.4 * 4 + 1.2, 7.5))
     top, most = predicted[chosen].max(), (predicted - recorded)[chosen].max()
     rows = (("recorded", recorded, (0, top)), ("predicted", predicted, (0, top)))
@@ -97,7 +99,10 @@ def test_left_out_recordings_stand_above_their_prediction_and_the_difference(sav
 
 def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_path):
     dark = np.zeros((1, 6))
-    held = SimpleNamespace(loads=np.array([2.0]), recorded=dark, predicted=dark, summary="")
+    held = HoldOut(
+        recordings=("a",), image_changed_percent=0.0, line_per_texel_percent=None,
+        loads=[2.0], recorded=dark, predicted=dark,
+    )  # fmt: skip
     draw_hold_out(held, TexelArray.grid(2, 3, 1e-3), tmp_path / "x.png")
     images = [axes.images[0] for axes in saved["x.png"].axes if axes.images]
     assert [image.get_clim() for image in images] == [(0, 1), (0, 1), (-1, 1)]

@@ -11,7 +11,7 @@ from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
 from meshes.solids import flat_pad, sweep
-from meshes.solids.base_surface import cylinder_surface
+from meshes.solids.swept import cylinder_surface
 from meshes.spatial_pose import SpatialPose
 from tests.exact.spots import SpotLoad, touch_cylinder
 

@@ -1,4 +1,4 @@
-"""Calibrates a real sensor: fits the forward model to recordings under known loads, with confidence intervals.
+"""Calibrates a real sensor: fits the forward model to images under known loads, with confidence intervals.
 
 The share of a load on each texel follows from the cover of the sensor and the pose of the tool, by a contact method of
 the fast model or by finite elements.  Fitted are the poses that are not given, a straight line from texel force to
@@ -7,93 +7,175 @@ counts with a gain per texel, the saturation if the loads reach it, and temperat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import tomli_w
+from pydantic import Field
 
-from fastmodel.signal.electronics import WTS_0614_34
-from meshes.array import FloatArray
+from fastmodel.signal.electronics import TEXEL_FORCE, WHITE, WTS_0614_34, grey_levels
+from meshes import TexelArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod
-from validation.calibration.estimates import Estimate, measure_scatter
-from validation.calibration.forward_fit import ForwardFit, compute_forces, fit_forward
-from validation.calibration.hold_out import HoldOut, score_hold_out
-from validation.calibration.identifiability import FEWEST_RECORDINGS, Uncertainty, describe_fit, estimate_uncertainty
-from validation.calibration.observations import Observations
-from validation.calibration.parameters import Options
-
-#: Smallest force on a texel whose gain is reported, over the largest force on any texel in the same image [-].  The
-#: counts of texels with smaller forces are dominated by noise and by the dead zone.
-_LEAST_SHARE = 0.15
-#: Largest credible saturation count: fitted `output_max` over the largest recorded count [-].  A larger fitted value
-#: describes a slight curvature of the characteristic, not a saturation.
-_LARGEST_EXTRAPOLATION = 1.3
-#: Increase of twice the log likelihood, over the penalty of the Bayesian information criterion, from which a fit with
-#: saturation is preferred [-].
-_EVIDENCE = 10.0
-#: Degree of the polynomial characteristic, as in the 2015 report [-].
-_DEGREE = 5
+from validation.calibration.forward_fit import ForwardFit, Options, compute_forces, fit_forward
+from validation.calibration.observations import BoolArray, Observations
+from validation.calibration.uncertainty import (
+    FEWEST_RECORDINGS,
+    Estimate,
+    Uncertainty,
+    describe_fit,
+    estimate_uncertainty,
+    measure_scatter,
+)
+from validation.errors import InputError
+from validation.output_folder import write_text
+from validation.results import Array, Indices, Result, result_model
+from validation.schema import read_raw
+from validation.schema.sensor import SensorTables
+from validation.sensor_file import SensorDescription, parse
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Calibration:
-    """Result of a calibration.
+@dataclass(frozen=True, kw_only=True)
+class CalibrationNumbers:
+    """Array of a calibration.
 
     Attributes:
-        fit: The fitted forward model.
+        least_share: Smallest force on a texel whose gain is reported, over the largest force on any texel in the same
+            image [-].  The counts of texels with smaller forces are dominated by noise and by the dead zone.
+        largest_extrapolation: Largest credible saturation count over the largest recorded count [-].  A larger fitted
+            value describes a slight curvature of the characteristic, not a saturation.
+        evidence: Increase of twice the log likelihood, over the penalty of the Bayesian information criterion, from
+            which a fit with saturation is preferred [-].
+        degree: Degree of the polynomial characteristic, as in the 2015 report [-].
+        every: Of the recordings of a placement, one in this many is left out of the second fit [-].
+        fewest_left: Smallest number of recordings that remain in the second fit [-].
+        fewest_loads: Smallest number of loads of a straight line [-].
+    """
+
+    least_share: float = 0.15
+    largest_extrapolation: float = 1.3
+    evidence: float = 10.0
+    degree: int = 5
+    every: int = 3
+    fewest_left: int = 3
+    fewest_loads: int = 2
+
+
+NUMBERS = CalibrationNumbers()
+#: Keys of the table `[electronics]` of a sensor file that a calibrated characteristic replaces.
+_CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
+
+
+@result_model
+class HoldOut(Result):
+    """Predictions of recordings that were left out of a second fit, beside a line per texel.
+
+    Attributes:
+        recordings: Names of the left-out recordings.
+        image_changed_percent: Mean absolute difference of grey levels over 255, mean over images [%].
+        line_per_texel_percent: The same for a straight line in the load per texel and placement [%]; None if the
+            recordings that remain in a placement have fewer than two loads.
+        loads: Loads of the k left-out images, shape (k,) [N].
+        recorded: Recorded counts, shape (k, n) [-].
+        predicted: Counts predicted by the forward model, shape (k, n) [-].
+    """
+
+    recordings: tuple[str, ...]
+    image_changed_percent: float
+    line_per_texel_percent: float | None
+    loads: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
+    recorded: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
+    predicted: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
+
+    def __str__(self) -> str:
+        """Return the score beside that of a line per texel, in words."""
+        line = self.line_per_texel_percent
+        return f"image changed {self.image_changed_percent:.2f} %" + (
+            "" if line is None else f", line per texel {line:.2f} %"
+        )
+
+
+@result_model
+class Calibration(Result):
+    """Result of a calibration; n is the number of texels.
+
+    Attributes:
+        confidence: Confidence level of the intervals, 0..1 [-].
+        method: Name of the contact method.
+        threshold: Counts that the firmware subtracts [-].
         estimates: Parameters of the line, dead force, temperature coefficients, saturation, noise, creep and scatter
             between repeats, by name.
         gains: Gain of every texel of the array, of mean 1 over `texels`, shape (n,); 1 for other texels [-].
-        gain_intervals: Half width of the interval of each gain, shape (n,); NaN for texels without one [-].
+        gain_half_widths: Half width of the interval of each gain, shape (n,); NaN for texels without one [-].
         texels: Indices of the texels whose gains are determined.
-        poses: Position [m], yaw and tilt [rad] of each placement, with half widths, by name: pairs of shape (5,).
+        poses: By placement and by the parts `x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`: value and half width,
+            which is 0 for parts that were given.
+        residual_rms_counts: Root mean square of predicted minus recorded counts [counts].
         polynomial: Coefficients c0..c5 of the polynomial characteristic [counts/N^k]; None with fewer than seven loads.
         hold_out: Score on recordings that were left out of a second fit; None with too few recordings.
         notes: Sentences on what the recordings determine.
-        report_line: Sensitivity [1/N] and offset [-] of the straight line in the 2015 report, for comparison.
-        confidence: Confidence level of the intervals, 0..1 [-].
+        report_line: `sensitivity` [1/N] and `offset` [-] of the straight line in the 2015 report, for comparison.
+        left_out: One sentence for each recording that could not be used.
     """
 
-    fit: ForwardFit
-    estimates: Mapping[str, Estimate]
-    gains: FloatArray
-    gain_intervals: FloatArray
-    texels: npt.NDArray[np.intp]
-    poses: Mapping[str, tuple[FloatArray, FloatArray]]
-    polynomial: FloatArray | None
+    confidence: float
+    method: str
+    threshold: float
+    estimates: dict[str, Estimate]
+    gains: Array
+    gain_half_widths: Array
+    texels: Indices
+    poses: dict[str, dict[str, tuple[float, float]]]
+    residual_rms_counts: float
+    polynomial: Array | None
     hold_out: HoldOut | None
     notes: tuple[str, ...]
-    report_line: tuple[float, float] = (WTS_0614_34.sensitivity, WTS_0614_34.offset)
-    confidence: float = 0.95
+    report_line: dict[str, float] = Field(
+        default_factory=lambda: {"sensitivity": WTS_0614_34.sensitivity, "offset": WTS_0614_34.offset}
+    )
+    left_out: tuple[str, ...] = ()
 
-    @property
-    def threshold(self) -> float:
-        """Counts that the firmware subtracts [-]."""
-        return float(self.fit.observations.thresholds[0])
+    def electronics(self, *, polynomial: bool = False) -> dict[str, Any]:
+        """Return keys and values for the table `[electronics]` of a sensor file.
 
-    def as_json(self) -> dict[str, Any]:
-        """Return all results by name, as numbers, text, arrays and nested dicts."""
-        sensitivity, offset = self.report_line
-        return {
-            "confidence": self.confidence,
-            "method": self.fit.method.name,
-            "estimates": {name: vars(estimate) for name, estimate in self.estimates.items()},
-            "gains": self.gains,
-            "gain_half_widths": self.gain_intervals,
-            "texels": self.texels,
-            "poses": {
-                name: dict(zip(("x_m", "y_m", "yaw_rad", "tilt_x_rad", "tilt_y_rad"), pairs, strict=True))
-                for name, values in self.poses.items()
-                for pairs in [np.column_stack(values).tolist()]
-            },
-            "residual_rms_counts": self.fit.rms,
-            "polynomial": self.polynomial,
-            "hold_out": None if self.hold_out is None else self.hold_out.as_json(),
-            "notes": list(self.notes),
-            "report_line": {"sensitivity": sensitivity, "offset": offset},
+        Args:
+            polynomial: Whether to take the polynomial of degree 5 instead of the straight line.
+
+        Raises:
+            InputError: If the polynomial is requested and was not fitted.
+        """
+        found = {name: estimate.value for name, estimate in self.estimates.items()}
+        table: dict[str, Any] = {
+            "threshold": self.threshold,
+            "gains": [round(gain, 5) for gain in self.gains.tolist()],
+            "calibrated": TEXEL_FORCE,
         }
+        if not polynomial:
+            table |= {"sensitivity": f"{found['sensitivity']:.6g} 1/N", "offset": round(found["offset"], 3)}
+        elif self.polynomial is None:
+            raise InputError("a polynomial of degree 5 needs recordings under at least 7 loads; there were fewer")
+        else:
+            table["characteristic"] = self.polynomial.tolist()
+        if "output_max" in found:
+            table["output_max"] = round(found["output_max"])
+            table["saturation_band"] = round(found["saturation_band"], 1)
+        if "noise" in found:
+            table["noise"] = f"{found['noise'] / found['sensitivity']:.4g} N"
+        return table
+
+    def write_files(
+        self, sensor: SensorDescription, *, out: str | Path | None, picture: str | Path | None, polynomial: bool
+    ) -> None:
+        """Write a sensor file with the calibrated electronics, and a picture of left-out recordings, where named."""
+        if out is not None:
+            write_sensor(self, sensor.source, out, polynomial=polynomial)
+        if picture is not None and self.hold_out is not None:
+            draw_hold_out(self.hold_out, sensor.array, Path(picture))
 
 
 def calibrate(
@@ -119,148 +201,121 @@ def calibrate(
     Raises:
         ValueError: If there are too few recordings or loads, or several thresholds.
     """
-    _check(observations)
-    options = Options(heights=heights)
-    fit = _choose_fit(method, observations, options)
-    uncertainty = estimate_uncertainty(fit, confidence=confidence)
-    texels = _find_pressed(fit)
-    scaling = _Scaling(fit, texels)
-    gains, widths = scaling.list_gains(uncertainty)
-    return Calibration(
-        fit=fit,
-        estimates={**scaling.list_estimates(uncertainty), **measure_scatter(fit, noise, confidence)},
-        gains=gains,
-        gain_intervals=widths,
-        texels=texels,
-        poses=_list_poses(fit, uncertainty),
-        polynomial=_fit_polynomial(fit, scaling.mean),
-        hold_out=score_hold_out(fit, full_scale or float(observations.counts.max())),
-        notes=(*describe_fit(fit), *_tell_method_error(method)),
-        confidence=confidence,
-    )
-
-
-def _tell_method_error(method: ContactMethod) -> list[str]:
-    """State that the intervals leave out the error of the contact method, if it has one."""
-    if not method.gain_error:
-        return []
-    return [
-        (
-            f"the intervals leave out the error of the contact method ({method.name}), which reaches "
-            f"{method.gain_error:.0%} of a single gain; on wide covers --method reference has no such error"
-        )
-    ]
-
-
-def _check(observations: Observations) -> None:
-    """Check that the images can determine a line.
-
-    Raises:
-        ValueError: If they cannot.
-    """
-    recordings = len(set(observations.groups))
-    loads = len(np.unique(observations.loads))
-    if recordings < FEWEST_RECORDINGS or loads < 2:  # noqa: PLR2004 -- a line
+    recordings, loads = len(set(observations.groups)), len(np.unique(observations.loads))
+    if recordings < FEWEST_RECORDINGS or loads < NUMBERS.fewest_loads:
         raise ValueError(
             f"{recordings} recordings with {loads} loads cannot determine a line; at least {FEWEST_RECORDINGS} "
-            "recordings and 2 loads are needed"
+            f"recordings and {NUMBERS.fewest_loads} loads are needed"
         )
     thresholds = sorted(set(observations.thresholds.tolist()))
     if len(thresholds) > 1:
         raise ValueError(f"the recordings have several thresholds: {thresholds}; calibrate each on its own")
+    fit = fit_characteristic(method, observations, Options(heights=heights))
+    uncertainty = estimate_uncertainty(fit, confidence=confidence)
+    # The gains of the pressed texels get the mean 1, and the sensitivity takes up their mean.
+    texels = _find_pressed(fit)
+    places = fit.layout.gains[np.isin(fit.layout.gain_texels, texels)]
+    values = fit.curve.gains[texels]
+    mean = float(values.mean()) if len(texels) else 1.0
+    of_mean = np.zeros(len(fit.vector))  # derivatives of ln(mean)
+    of_mean[places] = values / (max(len(texels), 1) * mean)
+    gains, widths = np.ones(method.array.count), np.full(method.array.count, np.nan)
+    for texel, place, gain in zip(texels, places, values / mean, strict=True):
+        gradient = -of_mean
+        gradient[place] += 1.0
+        gains[texel], widths[texel] = gain, uncertainty.half_width(gain * gradient)
+    left_out_error = (
+        f"the intervals leave out the error of the contact method ({method.name}), which reaches "
+        f"{method.gain_error:.0%} of a single gain; on wide covers --method reference has no such error"
+    )
+    return Calibration(
+        confidence=confidence,
+        method=method.name,
+        threshold=thresholds[0],
+        estimates={
+            **_list_estimates(fit, mean, of_mean, uncertainty),
+            **measure_scatter(fit, noise, confidence),
+        },
+        gains=gains,
+        gain_half_widths=widths,
+        texels=texels,
+        poses=_list_poses(fit, uncertainty),
+        residual_rms_counts=fit.rms,
+        polynomial=_fit_polynomial(fit, mean),
+        hold_out=score_hold_out(fit, full_scale or float(observations.counts.max())),
+        notes=(*describe_fit(fit), *([left_out_error] if method.gain_error else [])),
+    )
 
 
-def _choose_fit(method: ContactMethod, observations: Observations, options: Options) -> ForwardFit:
+def fit_characteristic(method: ContactMethod, observations: Observations, options: Options) -> ForwardFit:
     """Fit without and with saturation; return the fit with saturation only if it is far more likely."""
     straight = fit_forward(method, observations, options)
-    bent = fit_forward(method, observations, replace(options, output_max=None), start=None)
+    bent = fit_forward(method, observations, replace(options, output_max=None))
     size = int(observations.measured.sum())
     gain = 2 * size * np.log(max(straight.rms, 1e-9) / max(bent.rms, 1e-9))
-    credible = bent.curve.output_max < _LARGEST_EXTRAPOLATION * float(observations.counts.max())
-    return bent if credible and gain > _EVIDENCE + 2 * np.log(size) else straight
+    credible = bent.curve.output_max < NUMBERS.largest_extrapolation * float(observations.counts.max())
+    return bent if credible and gain > NUMBERS.evidence + 2 * np.log(size) else straight
 
 
 def _find_pressed(fit: ForwardFit) -> npt.NDArray[np.intp]:
     """Return the indices of the fitted texels that carry a fair share of the force in at least one image."""
     forces = compute_forces(fit.method, fit.observations, fit.poses)
     share = forces / np.maximum(forces.max(axis=1, keepdims=True), 1e-12)
-    pressed = np.flatnonzero((share > _LEAST_SHARE).any(axis=0))
-    return np.intersect1d(pressed, fit.layout.gain_texels)
+    return np.intersect1d(np.flatnonzero((share > NUMBERS.least_share).any(axis=0)), fit.layout.gain_texels)
 
 
-class _Scaling:
-    """Scales sensitivity and gains so that the gains of the pressed texels have the mean 1."""
+def _list_estimates(fit: ForwardFit, mean: float, of_mean: FloatArray, uncertainty: Uncertainty) -> dict[str, Estimate]:
+    """Return the parameters that all texels share, with their intervals.
 
-    def __init__(self, fit: ForwardFit, texels: npt.NDArray[np.intp]) -> None:
-        self._fit, self._texels = fit, texels
-        chosen = np.isin(fit.layout.gain_texels, texels)
-        self._places = fit.layout.gains[chosen]
-        self._values = fit.curve.gains[texels]
-        self.mean = float(self._values.mean()) if len(texels) else 1.0
+    Args:
+        fit: The fit.
+        mean: Mean of the fitted gains, which the sensitivity takes up [-].
+        of_mean: Derivatives of the logarithm of `mean` by the p parameters, shape (p,).
+        uncertainty: Covariance of the parameters.
+    """
+    curve, seen = fit.curve, fit.observations
+    threshold = float(seen.thresholds[0])
+    fitted_on = f"{len(set(seen.groups))} recordings, {seen.loads.min():.3g}..{seen.loads.max():.3g} N"
 
-    def _gradient_of_mean(self) -> FloatArray:
-        """Derivatives of ln(mean gain), shape (p,)."""
-        gradient = np.zeros(len(self._fit.vector))
-        if len(self._texels):
-            gradient[self._places] = self._values / (len(self._texels) * self.mean)
-        return gradient
+    def unit(name: str) -> FloatArray:
+        return np.array([float(each.name == name) for each in fit.layout.unknowns])
 
-    def list_gains(self, uncertainty: Uncertainty) -> tuple[FloatArray, FloatArray]:
-        """Return gain and half width of its interval for each texel of the array, two arrays of shape (n,)."""
-        count = self._fit.observations.counts.shape[1]
-        gains, widths = np.ones(count), np.full(count, np.nan)
-        shift = self._gradient_of_mean()
-        for texel, place, value in zip(self._texels, self._places, self._values / self.mean, strict=True):
-            gradient = -shift
-            gradient[place] += 1.0
-            gains[texel], widths[texel] = value, uncertainty.half_width(value * gradient)
-        return gains, widths
-
-    def list_estimates(self, uncertainty: Uncertainty) -> dict[str, Estimate]:
-        """Return the parameters that all texels share, with their intervals."""
-        fit, curve, names = self._fit, self._fit.curve, self._fit.layout.names
-        seen = fit.observations
-        threshold = float(seen.thresholds[0])
-        recordings = len(set(seen.groups))
-        fitted_on = f"{recordings} recordings, {seen.loads.min():.3g}..{seen.loads.max():.3g} N"
-
-        def unit(name: str) -> FloatArray:
-            return np.array([float(each == name) for each in names])
-
-        slope = curve.sensitivity * self.mean
-        relative = unit("ln_sensitivity") + self._gradient_of_mean()
-        offset = self.mean * (threshold - curve.sensitivity * curve.dead_force)
-        offset_gradient = offset * self._gradient_of_mean() - slope * (
-            curve.dead_force * unit("ln_sensitivity") + unit("dead_force")
-        )
-        dead = (threshold - offset) / slope
-        rows = [
-            ("offset", offset, offset_gradient, "counts"),
-            ("sensitivity", slope, slope * relative, "counts/N"),
-            ("dead_force", dead, -offset_gradient / slope - dead * relative, "N"),
-        ]
-        if fit.options.temperature:
-            rows.append(("temperature", curve.gain_temperature, unit("gain_temperature"), "1/K"))
-            rows.append(("dead_force_temperature", curve.dead_temperature, unit("dead_temperature"), "N/K"))
-        if np.isfinite(curve.output_max):
-            band = curve.saturation_band
-            by_logit = band * (1 - band / curve.output_max) * unit("band_logit")
-            rows.append(("output_max", curve.output_max, unit("output_max"), "counts"))
-            rows.append(("saturation_band", band, by_logit + band / curve.output_max * unit("output_max"), "counts"))
-        return {
-            name: Estimate.symmetric(float(value), uncertainty.half_width(gradient), symbol, fitted_on)
-            for name, value, gradient, symbol in rows
-        }
+    slope = curve.sensitivity * mean
+    relative = unit("ln_sensitivity") + of_mean
+    offset = mean * (threshold - curve.sensitivity * curve.dead_force)
+    of_offset = offset * of_mean - slope * (curve.dead_force * unit("ln_sensitivity") + unit("dead_force"))
+    dead = (threshold - offset) / slope
+    rows = [
+        ("offset", offset, of_offset, "counts"),
+        ("sensitivity", slope, slope * relative, "counts/N"),
+        ("dead_force", dead, -of_offset / slope - dead * relative, "N"),
+    ]
+    if fit.options.temperature:
+        rows.append(("temperature", curve.gain_temperature, unit("gain_temperature"), "1/K"))
+        rows.append(("dead_force_temperature", curve.dead_temperature, unit("dead_temperature"), "N/K"))
+    if np.isfinite(curve.output_max):
+        band = curve.saturation_band
+        by_logit = band * (1 - band / curve.output_max) * unit("band_logit")
+        rows.append(("output_max", curve.output_max, unit("output_max"), "counts"))
+        rows.append(("saturation_band", band, by_logit + band / curve.output_max * unit("output_max"), "counts"))
+    return {
+        name: Estimate.symmetric(float(value), uncertainty.half_width(gradient), symbol, fitted_on)
+        for name, value, gradient, symbol in rows
+    }
 
 
-def _list_poses(fit: ForwardFit, uncertainty: Uncertainty) -> dict[str, tuple[FloatArray, FloatArray]]:
+def _list_poses(fit: ForwardFit, uncertainty: Uncertainty) -> dict[str, dict[str, tuple[float, float]]]:
     """Return each placement's pose and the half widths of its parts, 0 for those that were given."""
-    poses = {name: (pose.vector, np.zeros(5)) for name, pose in fit.poses.items()}
-    for number, (name, part) in enumerate(fit.layout.pose_parts):
-        gradient = np.zeros(len(fit.vector))
-        gradient[number] = 1.0
-        poses[name][1][part] = uncertainty.half_width(gradient)
-    return poses
+    widths = {name: np.zeros(5) for name in fit.poses}
+    for number, each in enumerate(fit.layout.unknowns):
+        if each.placement:
+            gradient = np.zeros(len(fit.vector))
+            gradient[number] = 1.0
+            widths[each.placement][each.part] = uncertainty.half_width(gradient)
+    return {
+        name: {part: (value, width) for (part, value), width in zip(pose.named().items(), widths[name], strict=True)}
+        for name, pose in fit.poses.items()
+    }
 
 
 def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
@@ -270,10 +325,151 @@ def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
         Coefficients of ascending powers, shape (6,) [counts/N^k]; None for fewer than seven loads.
     """
     seen, curve = fit.observations, fit.curve
-    if len(np.unique(seen.loads)) < _DEGREE + 2:
+    if len(np.unique(seen.loads)) < NUMBERS.degree + 2:
         return None
     forces = compute_forces(fit.method, seen, fit.poses)
     ceiling = curve.output_max - curve.saturation_band if np.isfinite(curve.output_max) else np.inf
     lit = seen.measured & (seen.counts > 0) & (seen.counts < ceiling)
     signal = (seen.counts + seen.thresholds[:, None]) / (curve.gains / mean)
-    return np.asarray(np.polynomial.Polynomial.fit(forces[lit], signal[lit], _DEGREE).convert().coef)
+    return np.asarray(np.polynomial.Polynomial.fit(forces[lit], signal[lit], NUMBERS.degree).convert().coef)
+
+
+def score_hold_out(fit: ForwardFit, full_scale: float) -> HoldOut | None:
+    """Leave out every third recording of each placement in the order of loads, fit again, and score the predictions.
+
+    One recording of each placement whose pose is fitted remains.
+
+    Args:
+        fit: The fit to all recordings, which says what to fit.
+        full_scale: Count that is shown white [-].
+
+    Returns:
+        The predictions; None if too few recordings remain.
+    """
+    seen = fit.observations
+    scored = _choose_left_out(seen)
+    kept, held = seen.select(~scored), seen.select(scored)
+    enough = len(set(kept.groups)) >= NUMBERS.fewest_left and len(np.unique(kept.loads)) >= NUMBERS.fewest_loads
+    if not enough or not scored.any():
+        return None
+    predicted = fit_forward(fit.method, kept, fit.options).predict(held)
+    line = _predict_by_line(kept, held)
+
+    def compare(counts: FloatArray) -> float:
+        """Return the mean over images of the image changed [%]."""
+        grey = [np.asarray(grey_levels(each, full_scale), dtype=np.float64) for each in (held.counts, counts)]
+        changes = [100 * np.abs(a - b)[lit].mean() / WHITE for a, b, lit in zip(*grey, held.measured, strict=True)]
+        return float(np.mean(changes))
+
+    return HoldOut(
+        recordings=tuple(dict.fromkeys(held.groups)),
+        image_changed_percent=compare(predicted),
+        line_per_texel_percent=None if line is None else compare(line),
+        loads=held.loads,
+        recorded=held.counts,
+        predicted=predicted,
+    )
+
+
+def _choose_left_out(seen: Observations) -> BoolArray:
+    """Return whether each of m images belongs to a recording that is left out, shape (m,)."""
+    by_placement: dict[str, dict[str, float]] = {}
+    count = Counter(placement.name for placement in seen.placements)
+    for group, placement, load in zip(seen.groups, seen.placements, seen.loads.tolist(), strict=True):
+        alone = placement.pose is not None and count[placement.name] == 1
+        recordings = by_placement.setdefault("" if alone else placement.name, {})
+        recordings[group] = max(load, recordings.get(group, 0.0))
+    out: set[str] = set()
+    for number, recordings in enumerate(by_placement.values()):
+        # The first one that is left out changes from placement to placement, so that several loads are left out.
+        first = (1 + number) % min(NUMBERS.every, len(recordings))
+        if len(recordings) > 1:
+            out.update(sorted(recordings, key=recordings.__getitem__)[first :: NUMBERS.every])
+    return np.array([group in out for group in seen.groups])
+
+
+def _predict_by_line(kept: Observations, held: Observations) -> FloatArray | None:
+    """Predict left-out counts by a straight line in the load per texel and placement, shape (k, n) [-]."""
+    line = np.zeros_like(held.counts)
+    for name in dict.fromkeys(each.name for each in held.placements):
+        rows = np.array([each.name == name for each in held.placements])
+        near = kept.select(np.array([each.name == name for each in kept.placements]))
+        if len(np.unique(near.loads)) < NUMBERS.fewest_loads:
+            return None
+        terms = np.column_stack([np.ones_like(near.loads), near.loads])
+        coefficients = np.linalg.lstsq(terms, near.counts, rcond=None)[0]
+        line[rows] = np.maximum(np.column_stack([np.ones(rows.sum()), held.loads[rows]]) @ coefficients, 0.0)
+    return line
+
+
+def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, *, polynomial: bool = False) -> Path:
+    """Write a copy of a sensor file with calibrated electronics.
+
+    Args:
+        calibration: Result of the calibration.
+        sensor: The sensor file that is copied; it is unchanged unless `out` names the same file.
+        out: The file to write; an existing file is replaced.
+        polynomial: Whether to write the polynomial of degree 5 instead of the straight line.
+
+    Returns:
+        Path of the written file.
+
+    Raises:
+        InputError: If the sensor file cannot be read or describes another array, or if the polynomial is requested and
+            was not fitted.
+    """
+    source, target = Path(sensor), Path(out)
+    try:
+        tables = read_raw(source, SensorTables)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
+    kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}
+    tables["electronics"] = {**kept, **calibration.electronics(polynomial=polynomial)}
+    # `parse` raises InputError if the sensor file describes another array; nothing has been written yet.
+    parse(tables, source=source)
+    notes = "".join(f"# {name} {each}, from {each.fitted_on}\n" for name, each in calibration.estimates.items())
+    head = f"# electronics calibrated; {calibration.confidence:.0%} intervals:\n{notes}\n"
+    write_text(target, head + tomli_w.dumps(tables))
+    return target
+
+
+def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path, *, most: int = 4) -> Path:
+    """Draw left-out images, the predicted ones and their differences as a picture.
+
+    Args:
+        hold_out: Recorded and predicted counts.
+        array: The texels.
+        path: The file to write; its ending is the format.
+        most: Largest number of recordings in the picture [-].
+
+    Raises:
+        ImportError: If matplotlib is not installed.
+    """
+    from matplotlib.figure import Figure
+
+    order = np.argsort(hold_out.loads)
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).astype(int))]
+    recorded, predicted = hold_out.recorded[chosen], hold_out.predicted[chosen]
+    top = float(max(recorded.max(), predicted.max(), 1.0))
+    apart = float(max(np.abs(predicted - recorded).max(), 1.0))
+    counts = {"vmin": 0.0, "vmax": top}
+    rows: tuple[tuple[str, FloatArray, dict[str, Any]], ...] = (
+        ("recorded", recorded, counts),
+        ("predicted", predicted, counts),
+        ("difference", predicted - recorded, {"cmap": "RdBu_r", "vmin": -apart, "vmax": apart}),
+    )
+    (x, y), (dx, dy) = 1e3 * array.centres[:, :2].T, (500 * pitch for pitch in array.pitch)
+    extent = (x.min() - dx, x.max() + dx, y.min() - dy, y.max() + dy)
+    figure = Figure(figsize=(2.4 * len(chosen) + 1.2, 7.5), layout="constrained")
+    axes = figure.subplots(len(rows), len(chosen), squeeze=False)
+    for line, (name, images, limits) in zip(axes, rows, strict=True):
+        for axis, image, load in zip(line, images, hold_out.loads[chosen], strict=True):
+            shown = np.asarray(array.image(np.where(array.active, image, np.nan)), dtype=np.float64)
+            drawn = axis.imshow(shown, origin="lower", extent=extent, **limits)
+            axis.set_title(f"{name}, {load:.3g} N", fontsize=9)
+            axis.set_xlabel("x [mm]", fontsize=8)
+            axis.set_ylabel("y [mm]", fontsize=8)
+        figure.colorbar(drawn, ax=line.tolist(), label="counts")
+    figure.suptitle(f"left out: {hold_out}", fontsize=10)
+    figure.savefig(path, dpi=150)
+    return path

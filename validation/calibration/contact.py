@@ -11,7 +11,8 @@ import numpy as np
 from fastmodel import MissedArrayError, Parameters, indent
 from fastmodel.contact.methods import DEFAULT
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
+from validation.calibration.observations import Pose
 
 if TYPE_CHECKING:
     from fem_reference import PointSpread
@@ -24,22 +25,6 @@ _BIN = 0.1
 #: Number of loads at which the contact of an indenter that is not flat is solved; texel forces between them are
 #: interpolated [-].
 _LOADS = 7
-
-
-@dataclass(frozen=True, order=True)
-class Pose:
-    """Pose of an indenter in the array's frame: position [m], yaw and tilt [rad]."""
-
-    x: float
-    y: float
-    yaw: float = 0.0
-    tilt_x: float = 0.0
-    tilt_y: float = 0.0
-
-    @property
-    def vector(self) -> FloatArray:
-        """The five numbers, shape (5,) [m, m, rad, rad, rad]."""
-        return np.array([self.x, self.y, self.yaw, self.tilt_x, self.tilt_y])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,39 +9,372 @@ fit.  The priors are weighed against the residual of the fit itself, which is fo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from meshes.array import FloatArray, TexelArray
-from validation.calibration.contact import ContactMethod, Pose
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
+from validation.calibration.contact import ContactMethod
 from validation.calibration.counts import CountCurve
-from validation.calibration.observations import Observations, Placement
-from validation.calibration.parameters import Layout, Options, choose_terms
+from validation.calibration.loading import CREEP_START
+from validation.calibration.observations import Observations, Placement, Pose
 from validation.metrics import centre_of_pressure
 
-#: Repetitions of the fit, in which the scale of the residual and the weights of the images settle [-].
-_ROUNDS = 3
-#: Largest number of recordings that a message names [-].
-_MOST_NAMES = 5
-#: Tolerance of the solver on cost and parameters, and its largest number of steps in a repetition [-].
-_TOLERANCE, _MOST_STEPS = 1e-5, 25
-#: Smallest scale of the residual: rounding to whole counts [counts].
-_LEAST_SCALE = 0.5
-#: Root mean square residual of an image over the median of all, from which its weight falls (Huber) [-].  Three medians
-#: are two standard deviations of a Gaussian error of the whole image, so that one in 20 sound images loses weight.
-_HUBER = 3.0
-#: Weight of an image below which it is reported as an outlier [-].
-_OUTLIER = 0.5
-#: First guess of the scale of the residual [counts]; smallest load over the largest by which images are weighed [-].
-_FIRST_SCALE, _LEAST_EMPHASIS = 100.0, 0.05
-#: Step of finite differences in a position, in pitches, and in an angle [rad].
-_POSITION_STEP, _ANGLE_STEP = 0.03, 0.02
-#: Step of finite differences in other parameters, over their scale [-].
-_STEP = 1e-5
+IntArray = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitNumbers:
+    """Numbers of the fit.  Spreads are standard deviations of Gaussian priors, chosen wide.
+
+    Attributes:
+        gain_spread: Spread of ln(gain) of a texel [-].
+        yaw_spread: Spread of a yaw [rad].
+        largest_yaw: Largest fitted yaw [rad].
+        tilt_spread: Spread of a tilt [rad].
+        largest_tilt: Largest fitted tilt [rad].
+        height_spread: Spread of a seating height, over the mean load [-].
+        gain_temperature_spread: Spread of the temperature coefficient of the gain [1/K].  Sensors known to the authors
+            have about 0.01.
+        dead_temperature_spread: Spread of the temperature coefficient of the dead force, over the mean texel force
+            [1/K].
+        band: Mean of the logit of saturation band over largest count [-].
+        band_spread: Spread of that logit [-].
+        level_spread: Spread of the logarithm of the level of a session [-].
+        temperature_range: Smallest range of temperature for which temperature coefficients are fitted [K].
+        most_confounded: Largest squared correlation of temperature and load for which temperature coefficients are
+            fitted [-].  Above it the two rise together, and the coefficients would describe the load.
+        rounds: Repetitions of the fit, in which the scale of the residual and the weights of the images settle [-].
+        tolerance: Tolerance of the solver on cost and parameters [-].
+        most_steps: Largest number of steps of the solver in a repetition [-].
+        first_scale: First guess of the scale of the residual [counts].
+        least_scale: Smallest scale of the residual [counts]: rounding to whole counts.
+        least_emphasis: Smallest load over the largest by which images are weighed [-].
+        huber: Root mean square residual of an image over the median of all, from which its weight falls [-].  Three
+            medians are two standard deviations of a Gaussian error of the whole image: one in 20 sound images loses
+            weight.
+        outlier: Weight of an image below which it is reported as an outlier [-].
+        position_step: Step of finite differences in a position, in pitches [-].
+        angle_step: Step of finite differences in an angle [rad].
+        step: Step of finite differences in other parameters, over their scale [-].
+        most_names: Largest number of recordings that a message names [-].
+    """
+
+    gain_spread: float = 0.5
+    yaw_spread: float = 0.3
+    largest_yaw: float = np.pi / 2
+    tilt_spread: float = 0.02
+    largest_tilt: float = 0.1
+    height_spread: float = 0.3
+    gain_temperature_spread: float = 0.1
+    dead_temperature_spread: float = 0.1
+    band: float = 0.0
+    band_spread: float = 1.0
+    level_spread: float = 0.5
+    temperature_range: float = 5.0
+    most_confounded: float = 0.8
+    rounds: int = 3
+    tolerance: float = 1e-5
+    most_steps: int = 25
+    first_scale: float = 100.0
+    least_scale: float = 0.5
+    least_emphasis: float = 0.05
+    huber: float = 3.0
+    outlier: float = 0.5
+    position_step: float = 0.03
+    angle_step: float = 0.02
+    step: float = 1e-5
+    most_names: int = 5
+
+
+NUMBERS = FitNumbers()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What is fitted, and what is given.
+
+    Attributes:
+        gains: Whether a gain is fitted for each texel.
+        heights: Whether a seating height is fitted for each texel.
+        temperature: Whether temperature coefficients are fitted; None to decide by the range of temperatures.
+        creep: Creep coefficient; None for the median of those measured in the recordings [-].
+        output_max: Largest count after subtraction of the threshold; inf for no saturation; None to fit it [-].
+        saturation_band: Width of the bend below it; None to fit it [-].
+        load_power: Power of the load with which the weight of an image rises [-].
+        placing: Whether only poses and the level of the sensitivity are fitted.
+    """
+
+    gains: bool = True
+    heights: bool = False
+    temperature: bool | None = None
+    creep: float | None = None
+    output_max: float | None = float("inf")
+    saturation_band: float | None = None
+    load_power: float = 1.0
+    placing: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """A fitted parameter with its bounds and its Gaussian prior.
+
+    Attributes:
+        name: Name, unique in the fit.
+        start: Initial value.
+        scale: Typical magnitude.
+        lower: Lower bound.
+        upper: Upper bound.
+        mean: Mean of the prior.
+        spread: Standard deviation of the prior; inf without a prior.
+        placement: Name of the placement of whose pose the parameter is a part; empty for other parameters.
+        part: Index of that part in `Pose.vector`.
+        texel: Texel of a gain or of a seating height; -1 for other parameters.
+        is_gain: Whether the parameter is the logarithm of the gain of a texel.
+    """
+
+    name: str
+    start: float
+    scale: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    mean: float = 0.0
+    spread: float = np.inf
+    placement: str = ""
+    part: int = -1
+    texel: int = -1
+    is_gain: bool = False
+
+    @property
+    def is_position(self) -> bool:
+        """Whether the parameter is a coordinate of a position."""
+        return self.part in (0, 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layout:
+    """The p fitted parameters: parts of poses first, then what all texels share and heights, then gains.
+
+    Attributes:
+        unknowns: The parameters, p entries.
+        guesses: Guessed pose of each placement by its name.
+        fixed: The curve that holds what is not fitted.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    guesses: Mapping[str, Pose]
+    fixed: CountCurve
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """Initial values inside the bounds, shape (p,)."""
+        inset = 1e-9 * self.scale
+        return np.clip(self._list("start"), self.lower + inset, self.upper - inset)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Typical magnitudes, shape (p,)."""
+        return self._list("scale")
+
+    @cached_property
+    def lower(self) -> FloatArray:
+        """Lower bounds, shape (p,)."""
+        return self._list("lower")
+
+    @cached_property
+    def upper(self) -> FloatArray:
+        """Upper bounds, shape (p,)."""
+        return self._list("upper")
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """Means of the priors, shape (p,)."""
+        return self._list("mean")
+
+    @cached_property
+    def prior(self) -> FloatArray:
+        """Inverse variances of the priors, shape (p,); zero without a prior."""
+        return np.array([each.spread**-2 for each in self.unknowns])
+
+    @cached_property
+    def gains(self) -> IntArray:
+        """Indices of the logarithms of the gains."""
+        return np.flatnonzero([each.is_gain for each in self.unknowns])
+
+    @cached_property
+    def gain_texels(self) -> IntArray:
+        """Texel of each gain."""
+        return np.array([each.texel for each in self.unknowns if each.is_gain], dtype=np.intp)
+
+    @cached_property
+    def height_texels(self) -> IntArray:
+        """Texel of each seating height."""
+        return np.array([each.texel for each in self.unknowns if each.texel >= 0 and not each.is_gain], dtype=np.intp)
+
+    def _list(self, name: str) -> FloatArray:
+        return np.array([getattr(each, name) for each in self.unknowns], dtype=np.float64)
+
+    def poses(self, vector: FloatArray) -> dict[str, Pose]:
+        """Return the pose of each placement by its name."""
+        parts = {name: pose.vector for name, pose in self.guesses.items()}
+        for each, value in zip(self.unknowns, vector, strict=True):
+            if each.placement:
+                parts[each.placement][each.part] = value
+        return {name: Pose(*values.tolist()) for name, values in parts.items()}
+
+    def curve(self, vector: FloatArray) -> CountCurve:
+        """Return the curve from force to counts."""
+        fixed = self.fixed
+        values = {each.name: value for each, value in zip(self.unknowns, vector.tolist(), strict=True)}
+        heights, gains = fixed.heights.copy(), fixed.gains.copy()
+        heights[self.height_texels] = [values[f"height{texel}"] for texel in self.height_texels]
+        gains[self.gain_texels] = np.exp(vector[self.gains])
+        names = ("dead_force", "gain_temperature", "dead_temperature", "output_max")
+        found = {name: values[name] for name in names if name in values}
+        if "ln_sensitivity" in values:
+            found["sensitivity"] = float(np.exp(values["ln_sensitivity"]))
+        if "band_logit" in values:
+            found["saturation_band"] = found.get("output_max", fixed.output_max) / (1 + np.exp(-values["band_logit"]))
+        return replace(fixed, gains=gains, heights=heights, **found)
+
+
+def lay_out(
+    observations: Observations,
+    options: Options,
+    array: TexelArray,
+    guesses: Mapping[Placement, Pose],
+    curve: CountCurve | None = None,
+) -> Layout:
+    """List the parameters of a fit.
+
+    Args:
+        observations: The images.
+        options: What to fit, and what is given.
+        array: The texels.
+        guesses: Guessed pose of each placement.
+        curve: A curve to start from; None to guess a straight line.
+    """
+    fixed = curve or _guess_curve(observations, options, array)
+    unknowns = [each for placement, pose in guesses.items() for each in _list_pose(placement, pose, array)]
+    if options.placing:
+        level = float(np.log(fixed.sensitivity))
+        unknowns.append(Unknown(name="ln_sensitivity", start=level, scale=0.3, mean=level, spread=NUMBERS.level_spread))
+    else:
+        unknowns += _list_curve(fixed, observations, options)
+        lit = np.flatnonzero((observations.measured & (observations.counts > 0)).any(axis=0)).tolist()
+        if options.heights:
+            spread = NUMBERS.height_spread * float(observations.loads.mean())
+            starts = fixed.heights.tolist()
+            unknowns += [
+                Unknown(name=f"height{texel}", start=starts[texel], scale=spread, spread=spread, texel=texel)
+                for texel in lit
+            ]
+        if options.gains:
+            starts = np.log(fixed.gains).tolist()
+            spread = NUMBERS.gain_spread
+            unknowns += [
+                Unknown(name=f"gain{texel}", start=starts[texel], scale=1.0, spread=spread, texel=texel, is_gain=True)
+                for texel in lit
+            ]
+    poses = {placement.name: pose for placement, pose in guesses.items()}
+    return Layout(unknowns=tuple(unknowns), guesses=poses, fixed=fixed)
+
+
+def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unknown]:
+    """List the parts of a pose that are fitted; a position may leave the texels by no more than a pitch."""
+    name, numbers = placement.name, NUMBERS
+    values = dict(zip(("x", "y", "yaw", "tilt x", "tilt y"), pose.vector.tolist(), strict=True))
+    unknowns = []
+    if placement.at is None:
+        for part, key in enumerate(("x", "y")):
+            pitch = array.pitch[part]
+            limit = float(np.abs(array.centres[:, part]).max() + pitch)
+            unknowns.append(
+                Unknown(
+                    name=f"{name} {key}", start=values[key], scale=pitch, lower=-limit, upper=limit,
+                    placement=name, part=part,
+                )
+            )  # fmt: skip
+    turns = [("yaw", 2, 0.1, numbers.largest_yaw, numbers.yaw_spread)]
+    if placement.yaw is not None or placement.indenter.axisymmetric:
+        turns = []
+    if placement.tilt is None:
+        turns += [
+            (key, part, 0.01, numbers.largest_tilt, numbers.tilt_spread) for part, key in ((3, "tilt x"), (4, "tilt y"))
+        ]
+    return unknowns + [
+        Unknown(
+            name=f"{name} {key}", start=values[key], scale=scale, lower=-limit, upper=limit, spread=spread,
+            placement=name, part=part,
+        )
+        for key, part, scale, limit, spread in turns
+    ]  # fmt: skip
+
+
+def _list_curve(fixed: CountCurve, observations: Observations, options: Options) -> list[Unknown]:
+    """List the parameters that all texels share."""
+    texel_force = float(observations.loads.mean()) / max(1, int((observations.counts > 0).sum(axis=1).max()))
+    unknowns = [
+        Unknown(name="ln_sensitivity", start=float(np.log(fixed.sensitivity)), scale=0.3),
+        Unknown(name="dead_force", start=fixed.dead_force, scale=0.3 * texel_force),
+    ]
+    if options.temperature:
+        gain, dead = NUMBERS.gain_temperature_spread, NUMBERS.dead_temperature_spread * texel_force
+        unknowns += [
+            Unknown(name="gain_temperature", start=fixed.gain_temperature, scale=0.01, spread=gain),
+            Unknown(name="dead_temperature", start=fixed.dead_temperature, scale=0.1 * dead, spread=dead),
+        ]
+    if options.output_max is None:
+        top = float(observations.counts.max())
+        unknowns.append(
+            Unknown(name="output_max", start=fixed.output_max, scale=0.1 * top, lower=0.9 * top, upper=1e3 * top)
+        )
+    if options.saturation_band is None and np.isfinite(fixed.output_max):
+        share = fixed.saturation_band / fixed.output_max
+        start, spread = float(np.log(share / (1 - share))), NUMBERS.band_spread
+        unknowns.append(
+            Unknown(name="band_logit", start=start, scale=1.0, lower=-6, upper=6, mean=NUMBERS.band, spread=spread)
+        )
+    return unknowns
+
+
+def _guess_curve(observations: Observations, options: Options, array: TexelArray) -> CountCurve:
+    """Guess a straight line from the sums of counts over the loads."""
+    counts = np.where(observations.measured, observations.counts, 0.0)
+    lit = counts.sum(axis=1) > 0
+    totals = (counts + observations.thresholds[:, None] * (counts > 0)).sum(axis=1)
+    slope = float(np.median(totals[lit] / np.maximum(observations.loads[lit], 1e-9)))
+    warm, ages = observations.temperatures, observations.ages
+    largest = options.output_max if options.output_max is not None else 1.05 * float(counts.max())
+    band = options.saturation_band
+    if band is None:
+        band = largest / (1 + np.exp(-NUMBERS.band)) if np.isfinite(largest) else 0.0
+    return CountCurve(
+        sensitivity=max(slope, 1e-9),
+        dead_force=0.0,
+        gain_temperature=0.0,
+        dead_temperature=0.0,
+        reference_temperature=float(np.nanmean(warm)) if np.isfinite(warm).any() else float("nan"),
+        creep=options.creep or 0.0,
+        reference_age=float(np.nanmean(ages)) if np.isfinite(ages).any() else CREEP_START,
+        output_max=largest,
+        saturation_band=band,
+        gains=np.ones(array.count),
+        heights=np.zeros(array.count),
+    )
+
+
+def _guess_pose(placement: Placement, observations: Observations, array: TexelArray) -> Pose:
+    """Return the known pose of a placement, with the centre of its counts where the position is not known."""
+    total = np.where(observations.measured, observations.counts, 0.0)[observations.rows_of(placement)].sum(axis=0)
+    x, y = centre_of_pressure(total, array.centres[:, :2]).tolist() if total.any() else (0.0, 0.0)
+    at = (x, y) if placement.at is None else placement.at
+    return Pose(*at, placement.yaw or 0.0, *(placement.tilt or (0.0, 0.0)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +391,6 @@ class ForwardFit:
         jacobian: Derivatives of the weighted residuals, priors left out, shape (r, p) [1/unit of the parameter].
         residual: Weighted residuals over `scale`, shape (r,) [-].
         index: Number of the image of each residual, shape (r,).
-        prior: Inverse variance of the prior of each parameter, shape (p,); zero without a prior.
         scale: Robust standard deviation of the residuals [counts].
         levels: Sensitivity over that of `curve` in each placement that was fitted later, by its name [-].
         rms: Root mean square of predicted minus recorded counts over measured texels [counts].
@@ -75,8 +407,7 @@ class ForwardFit:
     vector: FloatArray
     jacobian: FloatArray
     residual: FloatArray
-    index: npt.NDArray[np.intp]
-    prior: FloatArray
+    index: IntArray
     scale: float
     rms: float
     weights: FloatArray
@@ -94,13 +425,9 @@ class ForwardFit:
         counts = np.zeros_like(forces)
         levels = np.array([self.levels.get(each.name, 1.0) for each in observations.placements])
         for level in np.unique(levels):
+            curve = replace(self.curve, sensitivity=level * self.curve.sensitivity)
             rows = levels == level
-            counts[rows] = replace(self.curve, sensitivity=level * self.curve.sensitivity).predict(
-                forces[rows],
-                temperatures=observations.temperatures[rows],
-                ages=observations.ages[rows],
-                thresholds=observations.thresholds[rows],
-            )
+            counts[rows] = _predict(curve, forces[rows], observations.select(rows))
         return counts
 
     def parameters(self) -> dict[str, float]:
@@ -109,9 +436,7 @@ class ForwardFit:
         described = {
             f"{name} {part}": value
             for name, pose in self.poses.items()
-            for part, value in zip(
-                ("x_m", "y_m", "yaw_rad", "tilt_x_rad", "tilt_y_rad"), pose.vector.tolist(), strict=True
-            )
+            for part, value in pose.named().items()
             if value
         }
         described |= {"sensitivity_per_N": curve.sensitivity, "dead_force_N": curve.dead_force, "creep": curve.creep}
@@ -131,23 +456,40 @@ class ForwardFit:
     def outliers(self) -> list[str]:
         """Recordings whose weight fell below a half."""
         names = zip(self.observations.groups, self.robust, strict=True)
-        return list(dict.fromkeys(group for group, weight in names if weight < _OUTLIER))
+        return list(dict.fromkeys(group for group, weight in names if weight < NUMBERS.outlier))
 
 
-def compute_forces(method: ContactMethod, observations: Observations, poses: dict[str, Pose]) -> FloatArray:
-    """Compute the texel forces of m images, with given poses by the name of the placement, shape (m, n) [N]."""
+def compute_forces(method: ContactMethod, observations: Observations, poses: Mapping[str, Pose]) -> FloatArray:
+    """Compute the texel forces of m images, with given poses by the name of the placement, shape (m, n) [N].
+
+    Raises:
+        KeyError: If the pose of a placement is neither known nor given.
+    """
     forces = np.zeros_like(observations.counts)
-    for placement in dict.fromkeys(observations.placements):
-        rows = np.array([each == placement for each in observations.placements])
-        pose = poses[placement.name] if placement.name in poses else _known_pose(placement)
+    for placement in observations.distinct_placements:
+        rows = observations.rows_of(placement)
+        pose = poses.get(placement.name) or placement.pose
+        if pose is None:
+            raise KeyError(placement.name)
         forces[rows] = method.texel_forces(placement.indenter, observations.loads[rows], pose)
     return forces
 
 
-def _known_pose(placement: Placement) -> Pose:
-    if placement.at is None or placement.yaw is None or placement.tilt is None:
-        raise KeyError(placement.name)
-    return Pose(*placement.at, placement.yaw, *placement.tilt)
+def _predict(curve: CountCurve, forces: FloatArray, seen: Observations) -> FloatArray:
+    return curve.predict(forces, temperatures=seen.temperatures, ages=seen.ages, thresholds=seen.thresholds)
+
+
+def describe_confounding(observations: Observations) -> str:
+    """Say why temperature coefficients cannot be fitted; empty if they can."""
+    warm, loads, least = observations.temperatures, observations.loads, NUMBERS.temperature_range
+    if not np.isfinite(warm).all():
+        return "the temperature is not known in every recording"
+    if (span := float(np.ptp(warm))) < least:
+        return f"the temperature varies by {span:.1f} K only; {least:g} K are needed"
+    together = float(np.corrcoef(warm, loads)[0, 1] ** 2) if np.ptp(loads) > 0 else 0.0
+    if together > NUMBERS.most_confounded:
+        return f"temperature and load rise together (squared correlation {together:.2f})"
+    return ""
 
 
 def fit_forward(
@@ -169,57 +511,40 @@ def fit_forward(
         ValueError: If there are no images, or their counts do not rise under load; the message names the recordings.
     """
     if not len(observations.loads) or observations.counts[observations.measured].sum() <= 0:
-        raise ValueError(f"{_name_groups(observations)}: show no load: on average the counts do not rise under it")
-    chosen = choose_terms(options, observations)
-    return _solve(_Problem(method, observations, chosen, start))
-
-
-def _name_groups(observations: Observations) -> str:
-    """Name the recordings that the images come from, or the first of many."""
-    names = list(dict.fromkeys(observations.groups))
-    more = [f"and {len(names) - _MOST_NAMES} more"] if len(names) > _MOST_NAMES else []
-    return ", ".join([*names[:_MOST_NAMES], *more]) or "the recordings to fit"
-
-
-def _solve(problem: _Problem) -> ForwardFit:
-    """Repeat the fit until the scale of the residual and the weights of the images have settled."""
-    method, observations, chosen = problem.method, problem.observations, problem.options
+        names, most = list(dict.fromkeys(observations.groups)), NUMBERS.most_names
+        more = [f"and {len(names) - most} more"] if len(names) > most else []
+        named = ", ".join([*names[:most], *more]) or "the recordings to fit"
+        raise ValueError(f"{named}: show no load: on average the counts do not rise under it")
+    if not options.placing and options.temperature is None:
+        options = replace(options, temperature=not describe_confounding(observations))
+    if not options.placing and options.creep is None:
+        known = observations.creep[np.isfinite(observations.creep)]
+        options = replace(options, creep=float(np.median(known)) if known.size else 0.0)
+    problem = _Problem(method, observations, options, start)
+    layout, lit = problem.layout, observations.measured
     loads = observations.loads / max(float(observations.loads.max()), 1e-9)
-    emphasis = np.maximum(loads, _LEAST_EMPHASIS) ** chosen.load_power
-    vector = np.clip(problem.layout.start, problem.layout.lower, problem.layout.upper)
-    scale, weights = _FIRST_SCALE, emphasis
-    for _ in range(_ROUNDS):
-        problem.scale, problem.weights = scale, weights
-        solution = least_squares(
-            problem.residuals,
-            vector,
-            jac=problem.jacobian,
-            bounds=(problem.layout.lower, problem.layout.upper),
-            x_scale=problem.layout.scale,
-            ftol=_TOLERANCE,
-            xtol=_TOLERANCE,
-            max_nfev=_MOST_STEPS,
-        )
-        vector = solution.x
+    emphasis = np.maximum(loads, NUMBERS.least_emphasis) ** options.load_power
+    problem.scale, problem.weights, vector = NUMBERS.first_scale, emphasis, layout.start
+    for _ in range(NUMBERS.rounds):
+        vector = least_squares(
+            problem.residuals, vector, jac=problem.jacobian, bounds=(layout.lower, layout.upper), x_scale=layout.scale,
+            ftol=NUMBERS.tolerance, xtol=NUMBERS.tolerance, max_nfev=NUMBERS.most_steps,
+        ).x  # fmt: skip
         misfit = problem.misfit(vector)
-        rms = np.array([_rms(row[lit]) for row, lit in zip(misfit, observations.measured, strict=True)])
-        weights = emphasis * np.minimum(1.0, _HUBER / np.maximum(_compare_to_median(rms, loads), 1e-9))
-        scale = max(float(np.sqrt(np.average(rms**2, weights=weights**2))), _LEAST_SCALE)
-    problem.scale, problem.weights = scale, weights
-    misfit = problem.misfit(vector)
-    poses, curve = problem.unpack(vector)
-    lit = observations.measured
+        rms = np.array([_rms(row[measured]) for row, measured in zip(misfit, lit, strict=True)])
+        weights = emphasis * np.minimum(1.0, NUMBERS.huber / np.maximum(_compare_to_median(rms, loads), 1e-9))
+        scale = max(float(np.sqrt(np.average(rms**2, weights=weights**2))), NUMBERS.least_scale)
+        problem.scale, problem.weights = scale, weights
     return ForwardFit(
         method=method,
-        poses=poses,
-        curve=curve,
-        options=chosen,
-        layout=problem.layout,
+        poses=layout.poses(vector),
+        curve=layout.curve(vector),
+        options=options,
+        layout=layout,
         vector=vector,
         jacobian=problem.data_jacobian(vector),
         residual=(misfit * weights[:, None] / scale)[lit],
         index=np.broadcast_to(np.arange(len(lit))[:, None], lit.shape)[lit],
-        prior=problem.layout.prior,
         scale=scale,
         rms=_rms(misfit[lit]),
         weights=weights,
@@ -235,9 +560,13 @@ def _compare_to_median(rms: FloatArray, loads: FloatArray) -> FloatArray:
     The error of a sound image is as large as that of the others, or as large a share of the load: the smaller ratio
     counts.
     """
-    share = rms / np.maximum(loads, _LEAST_EMPHASIS)
-    plain, relative = (each / max(float(np.median(each)), _LEAST_SCALE) for each in (rms, share))
+    share = rms / np.maximum(loads, NUMBERS.least_emphasis)
+    plain, relative = (each / max(float(np.median(each)), NUMBERS.least_scale) for each in (rms, share))
     return np.minimum(plain, relative)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
 def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
@@ -252,9 +581,8 @@ def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
     """
     options = replace(fit.options, placing=True)
     poses, levels = dict(fit.poses), dict(fit.levels)
-    for placement in dict.fromkeys(observations.placements):
-        rows = np.array([each == placement for each in observations.placements])
-        placed = fit_forward(fit.method, observations.select(rows), options, start=fit)
+    for placement in observations.distinct_placements:
+        placed = fit_forward(fit.method, observations.select(observations.rows_of(placement)), options, start=fit)
         poses |= placed.poses
         levels[placement.name] = placed.curve.sensitivity / fit.curve.sensitivity
     return replace(fit, poses=poses, levels=levels)
@@ -270,8 +598,8 @@ def borrow_poses(fit: ForwardFit, observations: Observations) -> tuple[ForwardFi
         ValueError: If no placement of the same indenter was fitted.
     """
     poses, said = dict(fit.poses), []
-    for placement in dict.fromkeys(observations.placements):
-        if placement.known or placement.name in fit.poses:
+    for placement in observations.distinct_placements:
+        if placement.pose is not None or placement.name in fit.poses:
             continue
         fitted = [each.name for each in fit.observations.placements if each.indenter == placement.indenter]
         if not fitted:
@@ -281,88 +609,62 @@ def borrow_poses(fit: ForwardFit, observations: Observations) -> tuple[ForwardFi
     return replace(fit, poses=poses), said
 
 
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
 class _Problem:
     """Residuals of the fit and their derivatives as functions of the vector of parameters."""
 
     def __init__(
         self, method: ContactMethod, observations: Observations, options: Options, start: ForwardFit | None
     ) -> None:
-        self.method, self.observations, self.options = method, observations, options
+        self.method, self.observations = method, observations
         self.scale, self.weights = 1.0, np.ones(len(observations.loads))
-        guesses = {each: _guess_pose(each, observations, method.array) for each in self._placements()}
+        guesses = {each: _guess_pose(each, observations, method.array) for each in observations.distinct_placements}
         if start:
             guesses = {each: start.poses.get(each.name, pose) for each, pose in guesses.items()}
-        self.layout = Layout.build(observations, options, method.array, guesses, start.curve if start else None)
+        self.layout = lay_out(observations, options, method.array, guesses, start.curve if start else None)
+        rows = np.flatnonzero(self.layout.prior)
+        self._prior_rows = np.zeros((len(rows), len(self.layout.prior)))
+        self._prior_rows[np.arange(len(rows)), rows] = np.sqrt(self.layout.prior[rows])
 
-    def _placements(self) -> Sequence[Placement]:
-        return list(dict.fromkeys(self.observations.placements))
+    def _predict(self, forces: FloatArray, vector: FloatArray) -> FloatArray:
+        return _predict(self.layout.curve(vector), forces, self.observations)
 
-    def unpack(self, vector: FloatArray) -> tuple[dict[str, Pose], CountCurve]:
-        """Convert the vector of parameters to poses by name, and the curve."""
-        return self.layout.poses(vector), self.layout.curve(vector)
+    def _forces(self, vector: FloatArray) -> FloatArray:
+        return compute_forces(self.method, self.observations, self.layout.poses(vector))
 
     def misfit(self, vector: FloatArray) -> FloatArray:
         """Predicted minus recorded counts, shape (m, n) [-]."""
-        poses, curve = self.unpack(vector)
-        return self._predict(compute_forces(self.method, self.observations, poses), curve) - self.observations.counts
-
-    def _predict(self, forces: FloatArray, curve: CountCurve) -> FloatArray:
-        seen = self.observations
-        return curve.predict(forces, temperatures=seen.temperatures, ages=seen.ages, thresholds=seen.thresholds)
+        return self._predict(self._forces(vector), vector) - self.observations.counts
 
     def residuals(self, vector: FloatArray) -> FloatArray:
         """Weighted residuals over their scale, followed by those of the priors."""
         data = (self.misfit(vector) * self.weights[:, None] / self.scale)[self.observations.measured]
-        return np.concatenate([data, self._prior_rows() @ (vector - self.layout.centre)])
+        return np.concatenate([data, self._prior_rows @ (vector - self.layout.centre)])
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
         """Derivatives of `residuals`."""
-        return np.vstack([self.data_jacobian(vector), self._prior_rows()])
-
-    def _prior_rows(self) -> FloatArray:
-        rows = np.flatnonzero(self.layout.prior)
-        matrix = np.zeros((len(rows), len(self.layout.prior)))
-        matrix[np.arange(len(rows)), rows] = np.sqrt(self.layout.prior[rows])
-        return matrix
+        return np.vstack([self.data_jacobian(vector), self._prior_rows])
 
     def data_jacobian(self, vector: FloatArray) -> FloatArray:
         """Derivatives of the residuals without those of the priors."""
-        poses, curve = self.unpack(vector)
-        forces = compute_forces(self.method, self.observations, poses)
-        base = self._predict(forces, curve)
+        layout, forces = self.layout, self._forces(vector)
+        base = self._predict(forces, vector)
         columns = np.zeros((*base.shape, len(vector)))
-        pitch = min(self.method.array.pitch)
-        for number in range(self.layout.pose_count):
-            step = _POSITION_STEP * pitch if self.layout.is_position[number] else _ANGLE_STEP
-            sides = []
-            for sign in (1, -1):
-                moved = vector.copy()
-                moved[number] += sign * step
-                sides.append(compute_forces(self.method, self.observations, self.layout.poses(moved)))
-            columns[..., number] = (self._predict(sides[0], curve) - self._predict(sides[1], curve)) / (2 * step)
-        for number in self.layout.shared:
-            step = _STEP * self.layout.scale[number]
+        for number, each in enumerate(layout.unknowns):
             moved = vector.copy()
-            moved[number] += step
-            columns[..., number] = (self._predict(forces, self.layout.curve(moved)) - base) / step
-        if self.layout.gain_texels.size:
-            # A gain changes the counts of its own texel only, so one difference gives all derivatives.
-            moved = vector.copy()
-            moved[self.layout.gains] += _STEP
-            slope = (self._predict(forces, self.layout.curve(moved)) - base) / _STEP
-            for number, texel in zip(self.layout.gains, self.layout.gain_texels, strict=True):
-                columns[:, texel, number] = slope[:, texel]
+            if each.placement:
+                step = NUMBERS.position_step * min(self.method.array.pitch) if each.is_position else NUMBERS.angle_step
+                moved[number] += step
+                above = self._predict(self._forces(moved), vector)
+                moved[number] = vector[number] - step
+                columns[..., number] = (above - self._predict(self._forces(moved), vector)) / (2 * step)
+            elif not each.is_gain:
+                step = NUMBERS.step * each.scale
+                moved[number] += step
+                columns[..., number] = (self._predict(forces, moved) - base) / step
+        # A gain changes the counts of its own texel only, so one difference gives all derivatives.
+        moved = vector.copy()
+        moved[layout.gains] += NUMBERS.step
+        slope = (self._predict(forces, moved) - base) / NUMBERS.step
+        for number, texel in zip(layout.gains, layout.gain_texels, strict=True):
+            columns[:, texel, number] = slope[:, texel]
         return np.asarray((columns * self.weights[:, None, None] / self.scale)[self.observations.measured])
-
-
-def _guess_pose(placement: Placement, observations: Observations, array: TexelArray) -> Pose:
-    """Return the known pose of a placement, with the centre of its counts where the position is not known."""
-    rows = np.array([each == placement for each in observations.placements])
-    total = np.where(observations.measured, observations.counts, 0.0)[rows].sum(axis=0)
-    x, y = centre_of_pressure(total, array.centres[:, :2]).tolist() if total.any() else (0.0, 0.0)
-    at = (x, y) if placement.at is None else placement.at
-    return Pose(*at, placement.yaw or 0.0, *(placement.tilt or (0.0, 0.0)))

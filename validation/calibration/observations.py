@@ -3,15 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshes import Indenter
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, order=True)
+class Pose:
+    """Pose of an indenter in the array's frame: position [m], yaw and tilt [rad]."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+    tilt_x: float = 0.0
+    tilt_y: float = 0.0
+
+    @property
+    def vector(self) -> FloatArray:
+        """The five numbers, shape (5,) [m, m, rad, rad, rad]."""
+        return np.array([self.x, self.y, self.yaw, self.tilt_x, self.tilt_y])
+
+    def named(self) -> dict[str, float]:
+        """Return the five numbers by names that end in the units."""
+        names = ("x_m", "y_m", "yaw_rad", "tilt_x_rad", "tilt_y_rad")
+        return dict(zip(names, self.vector.tolist(), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +55,11 @@ class Placement:
     tilt: tuple[float, float] | None = (0.0, 0.0)
 
     @property
-    def known(self) -> bool:
-        """Whether no part of the pose is fitted."""
-        return None not in (self.at, self.yaw, self.tilt)
+    def pose(self) -> Pose | None:
+        """The pose; None if a part of it is fitted."""
+        if self.at is None or self.yaw is None or self.tilt is None:
+            return None
+        return Pose(*self.at, self.yaw, *self.tilt)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,19 +101,23 @@ class Observations:
         if not (np.isfinite(self.loads).all() and (self.loads >= 0).all()):
             raise ValueError("loads must be numbers of 0 or more")
 
-    def select(self, chosen: npt.NDArray[np.bool_]) -> Observations:
+    @property
+    def distinct_placements(self) -> tuple[Placement, ...]:
+        """Each placement once, in the order of the images."""
+        return tuple(dict.fromkeys(self.placements))
+
+    def rows_of(self, placement: Placement) -> BoolArray:
+        """Return whether each image belongs to a placement, shape (m,)."""
+        return np.array([each == placement for each in self.placements])
+
+    def select(self, chosen: BoolArray) -> Observations:
         """Return the images for which `chosen`, shape (m,), is true."""
         index = np.flatnonzero(chosen)
-        return replace(
-            self,
-            placements=tuple(self.placements[k] for k in index),
-            groups=tuple(self.groups[k] for k in index),
-            creep=self.creep[index] if self.creep.size else self.creep,
-            **{
-                name: getattr(self, name)[index]
-                for name in ("loads", "counts", "measured", "temperatures", "ages", "thresholds")
-            },
-        )
+        parts: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
+        for name, part in parts.items():
+            if len(part):
+                parts[name] = part[index] if isinstance(part, np.ndarray) else tuple(part[k] for k in index)
+        return Observations(**parts)
 
 
 def join_observations(parts: Sequence[Observations]) -> Observations:
@@ -100,9 +128,8 @@ def join_observations(parts: Sequence[Observations]) -> Observations:
     """
     if not parts:
         raise ValueError("there are no recordings; name at least three")
-    names = ("loads", "counts", "measured", "temperatures", "ages", "thresholds", "creep")
-    return Observations(
-        placements=tuple(each for part in parts for each in part.placements),
-        groups=tuple(each for part in parts for each in part.groups),
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
-    )
+    columns: dict[str, Any] = {}
+    for name in (each.name for each in fields(Observations)):
+        values = [getattr(part, name) for part in parts]
+        columns[name] = np.concatenate(values) if isinstance(values[0], np.ndarray) else sum(values, start=())
+    return Observations(**columns)

@@ -7,68 +7,69 @@ elements, so that the slope over the force on the texel is the slope over the ap
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fastmodel import Electronics
-from meshes.array import FloatArray
-from validation.calibration.estimates import Estimate, estimate_mean
 from validation.calibration.observations import Observations
-from validation.derivation.calibration_tip import TipShare, compute_tip_share, linearise
+from validation.calibration.uncertainty import Estimate, estimate_mean
+from validation.derivation.calibration_tip import compute_tip_share, linearise
 from validation.derivation.kernel_fit import Influence
+from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
 #: Counts over the largest count of a trial, from which the saturation bends the line, so that images are left out [-].
 _UNBENT = 0.85
-#: Smallest number of images and of different loads in a trial [-].
+#: Counts over the largest count of a trial, from which an image is saturated [-].
+_SATURATED = 0.97
+#: Smallest number of images and of different loads in a trial, and of images that make a plateau, less one [-].
 _FEWEST_IMAGES = 2
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointLoadCalibration:
+@result_model
+class Trial(Result):
+    """Line from applied force to counts of one trial.
+
+    Attributes:
+        name: Name of the trial.
+        slope: Slope of counts over applied force [counts/N].
+        offset: Counts of the line at zero force [-].
+        saturation_force: Applied force at which the line reaches the largest count of the trial [N]; None if the trial
+            does not saturate.
+    """
+
+    name: str
+    slope: float
+    offset: float
+    saturation_force: float | None
+
+
+@result_model
+class PointLoadCalibration(Result):
     """Slopes of the trials.
 
     Attributes:
         texel: Index of the texel under the tip.
-        share: Share of the applied force on that texel.
-        names: Name of each trial.
-        slopes: Slope of counts over applied force of each trial, shape (k,) [counts/N].
-        offsets: Counts of the line at zero force, shape (k,) [-].
-        saturation_forces: Applied force at which the line reaches the largest count of the trial, shape (k,) [N]; NaN
-            if the trial does not saturate.
-        estimates: Mean slope over the applied force and over the texel force, with intervals over trials; empty for
-            fewer than three trials.
+        tip_radius: Radius of the tip [m].
+        tip_share: Share of the applied force on that texel [-].
+        tip_share_light: That share under light loads [-].
+        tip_share_heavy: That share at `largest_load` [-].
+        largest_load: Largest load at which the share was computed [N].
+        trials: The line of each trial.
+        estimates: Mean slope over the applied force and over the texel force, and mean saturation force, with intervals
+            over trials; empty for fewer than three trials.
+        left_out: One sentence for each recording that could not be used.
     """
 
     texel: int
-    share: TipShare
-    names: tuple[str, ...]
-    slopes: FloatArray
-    offsets: FloatArray
-    saturation_forces: FloatArray
+    tip_radius: float
+    tip_share: float
+    tip_share_light: float
+    tip_share_heavy: float
+    largest_load: float
+    trials: tuple[Trial, ...]
     estimates: dict[str, Estimate]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return all results by name."""
-        return {
-            "texel": self.texel,
-            "tip_share": self.share.share,
-            "tip_share_light": self.share.lightest,
-            "tip_share_heavy": self.share.heaviest,
-            "trials": [
-                {"name": name, "slope": slope, "offset": offset, "saturation_force": force}
-                for name, slope, offset, force in zip(
-                    self.names,
-                    self.slopes.tolist(),
-                    self.offsets.tolist(),
-                    [None if np.isnan(each) else float(each) for each in self.saturation_forces],
-                    strict=True,
-                )
-            ],
-            "estimates": {name: vars(estimate) for name, estimate in self.estimates.items()},
-        }
+    left_out: tuple[str, ...] = ()
 
 
 def calibrate_point_load(
@@ -98,15 +99,14 @@ def calibrate_point_load(
         raise ValueError(
             f"texel {texel} is not an active texel of {sensor.name}; accepted: 0..{sensor.array.count - 1}"
         )
-    names = tuple(dict.fromkeys(trials))
-    rows = [np.array([each == name for each in trials]) for name in names]
-    lines = [_fit_trial(name, observations.select(each), texel) for name, each in zip(names, rows, strict=True)]
-    slopes, offsets, forces = (np.array(values) for values in zip(*lines, strict=True))
-    rate = sensor.electronics.rate_hz
+    lines = tuple(
+        _fit_trial(name, observations.select(np.array([each == name for each in trials])), texel)
+        for name in dict.fromkeys(trials)
+    )
     largest = float(max(observations.loads.max(), 1e-9))
     top = float(max(observations.counts[:, texel].max(), 2.0))
     electronics = Electronics(
-        rate_hz=rate,
+        rate_hz=sensor.electronics.rate_hz,
         sensitivity=top / largest,
         output_max=max(2, round(top)),
         bits=32,
@@ -115,6 +115,8 @@ def calibrate_point_load(
     share = compute_tip_share(sensor.cover, sensor.array, _solve_influence(sensor), electronics)
     if share is None:
         raise RuntimeError("a characteristic through the cover has a share")
+    slopes = np.array([line.slope for line in lines])
+    forces = [line.saturation_force for line in lines if line.saturation_force is not None]
     found = {
         "sensitivity_applied": estimate_mean(slopes, "counts/N applied", confidence),
         "sensitivity": estimate_mean(slopes / share.share, "counts/N on the texel", confidence),
@@ -122,11 +124,12 @@ def calibrate_point_load(
     }
     return PointLoadCalibration(
         texel=texel,
-        share=share,
-        names=names,
-        slopes=slopes,
-        offsets=offsets,
-        saturation_forces=forces,
+        tip_radius=share.radius,
+        tip_share=share.share,
+        tip_share_light=share.lightest,
+        tip_share_heavy=share.heaviest,
+        largest_load=share.largest_load,
+        trials=lines,
         estimates={name: each for name, each in found.items() if each is not None},
     )
 
@@ -140,19 +143,14 @@ def _solve_influence(sensor: SensorDescription) -> Influence:
     return point_spread(linearise(sensor.cover)) if wide else solid_influence(sensor.cover, sensor.array)
 
 
-def _fit_trial(name: str, trial: Observations, texel: int) -> tuple[float, float, float]:
-    """Fit a line to the images of a trial that are lit and below saturation.
-
-    Returns:
-        Slope [counts/N], counts at zero force [-], and applied force at which the line reaches the largest count [N].
-    """
+def _fit_trial(name: str, trial: Observations, texel: int) -> Trial:
+    """Fit a line to the images of a trial that are lit and below saturation."""
     counts = trial.counts[:, texel]
     top = float(counts.max())
-    rising = (counts > 0) & (counts < _UNBENT * top)
-    saturated = int((counts > 0.97 * top).sum()) > 2  # noqa: PLR2004 -- a plateau of several images
-    chosen = rising if saturated else counts > 0
+    saturated = int((counts > _SATURATED * top).sum()) > _FEWEST_IMAGES
+    chosen = (counts > 0) & (counts < _UNBENT * top) if saturated else counts > 0
     if chosen.sum() < _FEWEST_IMAGES or np.ptp(trial.loads[chosen]) <= 0:
         raise ValueError(f"{name}: texel {texel} is lit below saturation under fewer than two loads; no line")
     slope, offset = np.polyfit(trial.loads[chosen], counts[chosen], 1)
-    force = (top - offset) / slope if saturated else float("nan")
-    return float(slope), float(offset), float(force)
+    force = float((top - offset) / slope) if saturated else None
+    return Trial(name=name, slope=float(slope), offset=float(offset), saturation_force=force)

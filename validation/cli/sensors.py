@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
-import fastmodel
 from fastmodel import Parameters
+from validation import api
 from validation.cli.output import note, say
 from validation.errors import InputError
-from validation.extras import require
-from validation.sensor_file import BUILT_IN, CURVED, SensorDescription, load
-from validation.text.friction import describe_friction
+from validation.parameters import find_parameters, holds_parameters
+from validation.sensor_file import SensorDescription, load
+
+__all__ = ["check_curved_method", "find_parameters", "read_description", "read_sensor", "tell_unused"]
 
 
 def read_description(
@@ -38,7 +38,7 @@ def read_description(
             not describe the cover, or the command cannot treat its curved cover.
         OSError: If the file exists and cannot be read.
     """
-    if _holds_parameters(sensor):
+    if holds_parameters(sensor):
         raise InputError(
             f"{sensor}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
             f"name the sensor file or the built-in sensor that it was derived from{instead and f', or {instead}'}"
@@ -92,14 +92,8 @@ def read_sensor(
         ParametersError: If the files in the folder are damaged.
         OSError: If the file exists and cannot be read.
     """
-    if not _holds_parameters(sensor):
-        return _tell_assumed(_refuse_curved(load(sensor, material=material, thickness=thickness, layers=layers or ())))
-    if material is not None or thickness is not None or layers:
-        raise InputError(
-            f"--material, --thickness, --layer: the parameters in {sensor} were derived for one cover; "
-            f"derive them anew: softcover derive SENSOR --material NAME --out FOLDER"
-        )
-    return fastmodel.load(Path(sensor))
+    found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
+    return found if isinstance(found, Parameters) else _tell_assumed(_refuse_curved(found))
 
 
 def check_curved_method(found: SensorDescription | Parameters | None, method: str) -> None:
@@ -119,41 +113,7 @@ def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple
         sensor: Result of `read_sensor`; a folder of parameters states nothing that the fast model does not use.
         more: Text that the printed lines end with.
     """
-    if not isinstance(sensor, SensorDescription) or not sensor.friction:
-        return ()
-    friction = describe_friction(sensor.friction)
-    sentence = f"friction {friction} from {sensor.source} is not used; the fast model has none"
-    say(f"softcover: warning: {sentence}{more}")
-    return (sentence,)
-
-
-def find_parameters(sensor: SensorDescription | Parameters, progress: Callable[[str], None]) -> Parameters:
-    """Find the parameters of a sensor's fast model.
-
-    Parameters that were read from a folder are returned as they are.  Those of a built-in sensor come with the package.
-    Those of any other sensor are derived by finite elements.
-
-    Args:
-        sensor: Result of `read_sensor`.
-        progress: Called with the name of each stage of the derivation.
-
-    Raises:
-        ConvergenceError: If the finite elements did not converge.
-        MissingExtraError: If finite elements are needed and not installed.
-    """
-    if isinstance(sensor, Parameters):
-        return sensor
-    if sensor is BUILT_IN.get(sensor.name):
-        return fastmodel.load(sensor.name)
-    require("skfem")
-    from validation.derivation.derive import derive
-
-    return derive(sensor, progress=progress).parameters
-
-
-def _holds_parameters(sensor: str) -> bool:
-    """Return whether the text is the path of a folder that `softcover derive` wrote, or of its `parameters.toml`."""
-    path = Path(sensor)
-    return sensor not in (*BUILT_IN, *CURVED) and (
-        path.name == "parameters.toml" or (path / "parameters.toml").is_file()
-    )
+    sentences = api.list_unused(sensor)
+    for sentence in sentences:
+        say(f"softcover: warning: {sentence}{more}")
+    return sentences

@@ -7,16 +7,16 @@ order p is the slope of the logarithm of the error over that of the element size
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshes import Cover, Cylinder, Material, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, PlanarPose
+from validation.results import Number, Result, result_model
 
 if TYPE_CHECKING:
     from fem_reference.indentation.grid_solution import GridSolution
@@ -29,8 +29,8 @@ _DEPTH, _CYLINDER, _BALL = 0.05, 1.0, 2.0
 _DISK_ELEMENTS, _STRAIN, _DISK_RADIUS = (4, 6, 9), 1e-4, 4.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Check:
+@result_model
+class Check(Result):
     """One solver against one closed-form solution.
 
     Attributes:
@@ -46,10 +46,11 @@ class Check:
     name: str
     exact: str
     sizes: tuple[float, ...]
-    errors: tuple[float, ...]
-    result: float
+    errors: tuple[Number, ...]
+    result: Number
     least_order: float
-    tolerance: float
+    tolerance: Number
+    computed = (("observed_order", "order"), ("passed", "passed"))
 
     @property
     def order(self) -> float:
@@ -63,20 +64,6 @@ class Check:
         """Whether the result is accurate, and the error falls as it should or is at the level of the tolerance."""
         falls = self.order >= self.least_order or max(self.errors) < self.tolerance
         return bool(self.result <= self.tolerance and falls)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the check as a dictionary of JSON values."""
-        return {
-            "name": self.name,
-            "exact": self.exact,
-            "sizes": list(self.sizes),
-            "errors": list(self.errors),
-            "result": self.result,
-            "observed_order": self.order,
-            "least_order": self.least_order,
-            "tolerance": self.tolerance,
-            "passed": self.passed,
-        }
 
 
 def verify_code(cover: Cover, array: TexelArray) -> tuple[Check, ...]:

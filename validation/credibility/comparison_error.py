@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from meshes import TexelArray
 from validation.campaign.results import CaseResult
 from validation.credibility.input_uncertainty import InputUncertainty
 from validation.metrics import centre_of_pressure, second_moments
+from validation.results import Number, Result, result_model
 
 #: Grid convergence index over the standard uncertainty, for an error that is skewed to one side (ASME V&V 20-2009,
 #: section 2-4.4) [-].
@@ -27,8 +26,8 @@ _COVERAGE = 1.15
 _ITERATION = 2e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class ComparisonError:
+@result_model
+class ComparisonError(Result):
     """One quantity of one case.
 
     Attributes:
@@ -45,11 +44,17 @@ class ComparisonError:
     case: str
     quantity: str
     factor: float
-    fast: float
-    reference: float
-    u_num: float
-    u_input: float
-    u_data: float
+    fast: Number
+    reference: Number
+    u_num: Number
+    u_input: Number
+    u_data: Number
+    computed = (
+        ("E", "error"),
+        ("u_val", "u_val"),
+        ("resolved_with_shared_inputs", "resolved_here"),
+        ("resolved", "resolved"),
+    )
 
     @property
     def error(self) -> float:
@@ -70,15 +75,6 @@ class ComparisonError:
     def resolved(self) -> bool:
         """Whether a comparison with all uncertainties would show this error."""
         return abs(self.error) > self.u_val
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the numbers as a dictionary of JSON values."""
-        return asdict(self) | {
-            "E": self.error,
-            "u_val": self.u_val,
-            "resolved_with_shared_inputs": self.resolved_here,
-            "resolved": self.resolved,
-        }
 
 
 def compare_quantities(

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
 
 from scipy.optimize import brentq
 
-from validation.campaign.results import CaseResult, require_flat
+from validation.campaign.results import CaseResult
+from validation.results import Number, Result, result_model
 
 #: Quantities of the table, with unit and factor from SI units to it.
 _QUANTITIES = {"depth": ("um", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm2", 1e6)}
@@ -19,8 +18,8 @@ _ORDERS = (0.05, 10.0)
 _GRIDS = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Convergence:
+@result_model
+class Convergence(Result):
     """One quantity of one case on three grids.
 
     Attributes:
@@ -38,14 +37,10 @@ class Convergence:
     quantity: str
     unit: str
     factor: float
-    values: tuple[float, ...]
-    result: float
-    order: float
-    estimate: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the numbers as a dictionary of JSON values."""
-        return asdict(self)
+    values: tuple[Number, ...]
+    result: Number
+    order: Number
+    estimate: Number
 
 
 def verify_solutions(results: Sequence[CaseResult]) -> tuple[Convergence, ...]:
@@ -56,8 +51,8 @@ def verify_solutions(results: Sequence[CaseResult]) -> tuple[Convergence, ...]:
     """
     out = []
     for result in results:
-        reference = require_flat(result.reference)
-        grids = reference.grid_values
+        reference = result.reference
+        grids = reference.grid_values or {}
         for name, (unit, factor) in _QUANTITIES.items():
             if len(grids.get(name, ())) != _GRIDS:
                 continue

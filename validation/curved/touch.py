@@ -13,7 +13,7 @@ from fem_reference.curved_cover.responses import find_above, find_uncovered, lay
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids import SolidMesh
-from meshes.solids.quality import measure_thickness
+from meshes.solids.solid_mesh import measure_thickness
 from meshes.spatial_pose import SpatialPose
 from validation.errors import InputError
 

@@ -1,20 +1,86 @@
-"""Results of models on recordings: rows of the table of scores, example images, and all scores of a data set."""
+"""Scores of models on recordings: metrics of one image, rows of the table, example images, and all of a data set."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Annotated
 
 from fastmodel import Electronics
-from validation.campaign.pooling import Pooled
-from validation.data_sets.count_score import CountScore
+from fastmodel.signal.electronics import grey_levels
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
+from validation import metrics
+from validation.campaign.pooling import Pooled, pool
+from validation.recordings.recording import BoolArray
+from validation.results import Column, GreyImage, Number, Result, result_model
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordingRow:
+@result_model
+class CountScore(Result):
+    """Differences between a predicted and a recorded mean frame of counts, over active texels.
+
+    Attributes:
+        image_changed_percent: Mean absolute difference of grey levels over 255, where the grey level is
+            round(255 counts / full scale) [%].
+        pixels_changed: Number of texels whose grey levels differ [-].
+        relative_l2: Euclidean norm of the difference of counts over that of the recorded counts [-].
+        total_counts_error: Absolute difference of the sums of counts over the recorded sum [-].
+        centre_of_pressure_m: Distance between the centres of predicted and recorded counts [m].
+        wasserstein_m: Wasserstein-1 distance of the two maps of counts, each scaled to unit mass [m].
+        active_area_iou: Intersection over union of the areas with counts above a tenth of the largest recorded
+            count [-].
+    """
+
+    image_changed_percent: Annotated[Number, Column(heading="image changed", unit="%")]
+    pixels_changed: Number
+    relative_l2: Annotated[Number, Column(heading="relative L2", unit="%", factor=100)]
+    total_counts_error: Annotated[Number, Column(heading="total counts", unit="%", factor=100)]
+    centre_of_pressure_m: Annotated[Number, Column(heading="centre of counts", unit="mm", factor=1e3)]
+    wasserstein_m: Annotated[Number, Column(heading="Wasserstein-1", unit="mm", factor=1e3)]
+    active_area_iou: Annotated[Number, Column(heading="active-area IoU")]
+
+
+def score_counts(
+    recorded: FloatArray,
+    predicted: FloatArray,
+    *,
+    full_scale: int,
+    array: TexelArray,
+    measured: BoolArray | None = None,
+) -> CountScore:
+    """Compare a predicted frame of counts with the recorded frame by every metric, over measured texels.
+
+    Args:
+        recorded: Recorded counts of the n texels, shape (n,) [-].
+        predicted: Predicted counts, shape (n,) [-].
+        full_scale: Largest count as stated in the recording, which becomes white [-].
+        array: The texels.
+        measured: Texels to compare, shape (n,); the active ones when not given.
+    """
+    lit = array.active if measured is None else measured
+    r, p, places = recorded[lit], predicted[lit], array.centres[lit]
+    image = metrics.score_images(grey_levels(r, full_scale), grey_levels(p, full_scale))
+    total = float(r.sum())
+    return CountScore(
+        image_changed_percent=image.image_changed_percent,
+        pixels_changed=float(image.pixels_changed),
+        relative_l2=metrics.relative_l2(r, p),
+        total_counts_error=float(abs(p.sum() - total) / total) if total > 0 else float("nan"),
+        centre_of_pressure_m=metrics.centre_of_pressure_error(r, p, places),
+        wasserstein_m=metrics.wasserstein(r, p, places),
+        active_area_iou=metrics.active_area_iou(r, p, threshold=metrics.AREA_THRESHOLD * float(r.max())),
+    )
+
+
+def group_by_metric(scores: Iterable[CountScore]) -> dict[str, tuple[float, ...]]:
+    """Regroup scores by metric: return the values of each metric in all scores, by its name."""
+    table = [asdict(score) for score in scores]
+    return {metric: tuple(row[metric] for row in table) for metric in table[0]}
+
+
+@result_model
+class RecordingRow(Result):
     """Row of the table of scores: one model on one split of the recordings into fitted and scored ones.
 
     Attributes:
@@ -35,15 +101,58 @@ class RecordingRow:
     kind: str
     texel_gains: bool
     fitted: tuple[str, ...]
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Number]
     per_case: Mapping[str, CountScore]
     pooled: Mapping[str, Pooled]
     skill: Mapping[str, Pooled]
     electronics: Electronics | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingExample:
+def find_best_null(rows: Sequence[RecordingRow]) -> RecordingRow:
+    """Find the null model (a prediction without a sensor model) with the smallest mean change of the image.
+
+    Args:
+        rows: Rows of the table of scores of one split.
+    """
+    nulls = [row for row in rows if row.kind == "null"]
+    return min(nulls, key=lambda row: row.pooled["image_changed_percent"].mean)
+
+
+def compare_with_nulls(rows: Sequence[RecordingRow]) -> str:
+    """State whether the first model with texel gains predicts the scored recordings better than the best null model.
+
+    The change of the image by both is subtracted case by case, because both fail in the same cases; the interval is
+    that of the mean difference over the cases, by bootstrap.
+
+    Args:
+        rows: Rows of the table of scores of one split.
+
+    Returns:
+        One sentence with both means, the difference and its interval [%].
+    """
+    null = find_best_null(rows)
+    own = next(row for row in rows if row.texel_gains)
+    found = pool(
+        [
+            own.per_case[case].image_changed_percent - score.image_changed_percent
+            for case, score in null.per_case.items()
+        ]
+    )
+    verdict = "these recordings do not tell the two apart"
+    if found.low > 0:
+        verdict = "it is behind"
+    elif found.high < 0:
+        verdict = "it is ahead"
+    own_mean, null_mean = (row.pooled["image_changed_percent"].mean for row in (own, null))
+    return (
+        f"{own.model} with texel gains changes the image by {own_mean:.2f} %, the best null model ({null.model}) "
+        f"by {null_mean:.2f} %: {verdict} "
+        f"(difference {found.mean:+.2f}, 95 % interval {found.low:+.2f} to {found.high:+.2f} %)"
+    )
+
+
+@result_model
+class RecordingExample(Result):
     """Tactile images of one scored recording: the recorded image and the image that each model predicts.
 
     Attributes:
@@ -56,13 +165,13 @@ class RecordingExample:
 
     split: str
     case: str
-    load: float
-    recorded: npt.NDArray[np.uint8]
-    predicted: Mapping[str, npt.NDArray[np.uint8]]
+    load: Number
+    recorded: GreyImage
+    predicted: Mapping[str, GreyImage]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingScores:
+@result_model
+class RecordingScores(Result):
     """All scores on the recordings of a data set.
 
     Attributes:
@@ -83,7 +192,7 @@ class RecordingScores:
     about: Mapping[str, str]
     notes: Mapping[str, tuple[str, ...]]
     files: Mapping[str, str]
-    noise: float
+    noise: Number
     source: str
     problems: tuple[str, ...]
 

@@ -11,19 +11,24 @@ import numpy.typing as npt
 
 from fastmodel import Electronics, Parameters
 from fastmodel.signal.electronics import grey_levels
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod, make_fast_method, make_reference_method
-from validation.calibration.forward_fit import ForwardFit, borrow_poses, fit_forward, fit_placements
-from validation.calibration.identifiability import describe_fit
+from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward, fit_placements
 from validation.calibration.observations import Observations
-from validation.calibration.parameters import Options
+from validation.calibration.uncertainty import describe_fit
 from validation.campaign.pooling import pool, skill
-from validation.data_sets.count_score import CountScore, average_scores, group_by_metric, score_counts
 from validation.data_sets.data_set import DataSet, Split
 from validation.data_sets.images import Image, observe, read_images
-from validation.data_sets.null_comparison import compare_with_nulls
 from validation.data_sets.null_models import NULLS
-from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores
+from validation.data_sets.results import (
+    CountScore,
+    RecordingExample,
+    RecordingRow,
+    RecordingScores,
+    compare_with_nulls,
+    group_by_metric,
+    score_counts,
+)
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
@@ -35,8 +40,10 @@ _MOST_LINES = 5
 #: second where the first cannot be compared.  An uneven seat misplaces the smaller a share of a load the heavier it is,
 #: so that the heaviest images show best what still heavier ones look like; without it all images count [-].
 _EXTRAPOLATION_POWERS = (1.0, 8.0)
-#: The same power elsewhere, with and without seating heights, which explain the images of light loads [-].
-_SEATED_POWER, _UNSEATED_POWER = 0.0, 1.0
+#: The same power elsewhere with seating heights, which explain the images of light loads [-].
+_SEATED_POWER = 0.0
+#: The same power elsewhere without seating heights [-].
+_UNSEATED_POWER = 1.0
 #: Tolerance for loads to count as equal [-].
 _SAME_LOAD = 1e-6
 
@@ -88,7 +95,7 @@ def score_recordings(
     return RecordingScores(
         name=data_set.name,
         rows=tuple(row for table in tables for row in table.rows),
-        examples=tuple(table.make_example() for table in tables),
+        examples=tuple(table.example for table in tables),
         about={name: method.about for name, method in methods.items()}
         | {table.split.name: table.split.about for table in tables},
         notes={table.split.name: (compare_with_nulls(table.rows), *table.notes) for table in tables},
@@ -125,25 +132,33 @@ class _SplitTable:
             for side in (split.fit, split.place, split.score)
         )
         _check_sides(split, self._fitted, self._placed, self._scored)
+        self._observed = observe(self._fitted)
         self._images: dict[str, npt.NDArray[np.uint8]] = {}
         self._shown = max(self._scored, key=lambda image: image.load)
         heavier = min(each.load for each in self._scored) > max(each.load for each in self._fitted)
-        self._borrowed: list[str] = []
         # A seating height belongs to the seat of the indenter, so it says nothing about another placement; and the
         # heavy loads, whose weight an extrapolation raises, do not show it.
         seats = {image.file.placement.name for image in self._fitted}
         self._seated = not heavier and all(image.file.placement.name in seats for image in self._scored)
         self._power = None if heavier else _SEATED_POWER if self._seated else _UNSEATED_POWER
 
+    @property
+    def example(self) -> RecordingExample:
+        """The recorded and predicted images of the heaviest scored recording."""
+        shown = self._shown
+        recorded = self._grey_image(shown.counts)
+        return RecordingExample(
+            split=self.split.name, case=shown.file.name, load=shown.load, recorded=recorded, predicted=self._images
+        )
+
     def add_nulls(self) -> None:
         """Add a row for each null model, fitted to the same recordings as the models."""
-        fitted = observe(self._fitted)
         placed = observe(self._placed) if self._placed else None
-        warm = np.isfinite(fitted.temperatures).all()
+        warm = np.isfinite(self._observed.temperatures).all()
         for name, make in NULLS.items():
             if "temperature" in name and not warm:
                 continue
-            predict = make(fitted, placed, self._sensor.electronics.output_max)
+            predict = make(self._observed, placed, self._sensor.electronics.output_max)
             counts = np.array([predict(image.load, image.temperature) for image in self._scored])
             self._add_row(name, self._score_cases(name, counts), kind="null")
 
@@ -167,53 +182,32 @@ class _SplitTable:
                 self._add_row(name, scores, kind="floor")
 
     def add_model(self, name: str, method: ContactMethod) -> None:
-        """Add rows for the forward model with a contact method: without gains and heights of texels, and with them."""
-        options = Options(output_max=float(self._sensor.electronics.output_max), heights=self._seated)
+        """Add rows for the forward model with a contact method: without gains and heights of texels, and with them.
+
+        The model is fitted to the fitted recordings, and the scored placements to the placing ones.
+        """
+        electronics, scored, shown = self._sensor.electronics, observe(self._scored), self._shown
+        options = Options(output_max=float(electronics.output_max), heights=self._seated)
         if self._power is None:
-            self._power = choose_power(method, observe(self._fitted), options)
+            self._power = choose_power(method, self._observed, options)
         options = replace(options, load_power=self._power)
-        self._add_fit(name, self._fit(method, replace(options, gains=False, heights=False)))
-        with_gains = self._fit(method, options)
-        self._add_fit(name, with_gains)
+        for chosen in (replace(options, gains=False, heights=False), options):
+            found: ForwardFit = fit_forward(method, self._observed, chosen)
+            if self._placed:
+                found = fit_placements(found, observe(self._placed))
+            found, borrowed = borrow_poses(found, scored)
+            self._add_row(
+                name,
+                self._score_cases(f"{name}, texel gains" if chosen.gains else name, found.predict(scored)),
+                kind="model",
+                texel_gains=chosen.gains,
+                parameters=found.parameters(),
+                electronics=found.curve.electronics(
+                    electronics.rate_hz, temperature=shown.temperature, age=shown.age, threshold=shown.threshold
+                ),
+            )
         if name == FAST:
-            self.notes = (*self._borrowed, *describe_fit(with_gains))
-
-    def make_example(self) -> RecordingExample:
-        """Return the recorded and predicted images of the heaviest scored recording."""
-        return RecordingExample(
-            split=self.split.name,
-            case=self._shown.file.name,
-            load=self._shown.load,
-            recorded=self._grey_image(self._shown.counts),
-            predicted=dict(self._images),
-        )
-
-    def _fit(self, method: ContactMethod, options: Options) -> ForwardFit:
-        """Fit the forward model to the fitted recordings, and the scored placements to the placing ones."""
-        found = fit_forward(method, observe(self._fitted), options)
-        if self._placed:
-            found = fit_placements(found, observe(self._placed))
-        found, self._borrowed = borrow_poses(found, observe(self._scored))
-        return found
-
-    def _add_fit(self, name: str, found: ForwardFit) -> None:
-        gains = found.options.gains
-        counts = found.predict(observe(self._scored))
-        label = f"{name}, texel gains" if gains else name
-        shown = self._shown
-        self._add_row(
-            name,
-            self._score_cases(label, counts),
-            kind="model",
-            texel_gains=gains,
-            parameters=found.parameters(),
-            electronics=found.curve.electronics(
-                self._sensor.electronics.rate_hz,
-                temperature=shown.temperature,
-                age=shown.age,
-                threshold=shown.threshold,
-            ),
-        )
+            self.notes = (*borrowed, *describe_fit(found))
 
     def _score_cases(self, label: str, counts: FloatArray) -> dict[str, list[CountScore]]:
         """Score predicted counts of all scored images, shape (k, n), and store the image of the example under `label`.
@@ -235,9 +229,8 @@ class _SplitTable:
 
     def _grey_image(self, counts: FloatArray) -> npt.NDArray[np.uint8]:
         """Convert counts, shape (n,), to grey levels, shape (rows, columns); texels that do not measure are black."""
-        array = self._sensor.array
         grey = grey_levels(np.where(self._shown.measured, counts, 0.0), self._shown.full_scale)
-        return np.asarray(array.image(np.asarray(grey)))
+        return np.asarray(self._sensor.array.image(np.asarray(grey)))
 
     def _add_row(
         self,
@@ -249,7 +242,12 @@ class _SplitTable:
         parameters: Mapping[str, float] = MappingProxyType({}),
         electronics: Electronics | None = None,
     ) -> None:
-        per_case = {case: average_scores(each) for case, each in scores.items()}
+        """Add a row; repeats of one case are averaged, because they are not independent cases."""
+        per_case = {
+            case: CountScore(**{metric: float(np.mean(values)) for metric, values in group_by_metric(each).items()})
+            for case, each in scores.items()
+        }
+        changed = [score.image_changed_percent for score in per_case.values()]
         nulls = [row for row in self.rows if row.kind == "null" and kind != "floor"]
         self.rows.append(
             RecordingRow(
@@ -260,8 +258,11 @@ class _SplitTable:
                 fitted=() if kind == "floor" else tuple(image.file.name for image in (*self._fitted, *self._placed)),
                 parameters=dict(parameters),
                 per_case=per_case,
-                pooled={metric: pool(list(values)) for metric, values in group_by_metric(per_case.values())},
-                skill={row.model: skill(_images_changed(per_case), _images_changed(row.per_case)) for row in nulls},
+                pooled={metric: pool(list(values)) for metric, values in group_by_metric(per_case.values()).items()},
+                skill={
+                    row.model: skill(changed, [score.image_changed_percent for score in row.per_case.values()])
+                    for row in nulls
+                },
                 electronics=electronics,
             )
         )
@@ -277,7 +278,7 @@ def choose_power(method: ContactMethod, fitted: Observations, options: Options) 
     """
     light = fitted.loads < fitted.loads.max() * (1 - _SAME_LOAD)
     placed = {placement.name for placement in fitted.select(light).placements}
-    heavy = ~light & np.array([each.known or each.name in placed for each in fitted.placements])
+    heavy = ~light & np.array([each.pose is not None or each.name in placed for each in fitted.placements])
     if len(np.unique(fitted.loads[light])) < len(_EXTRAPOLATION_POWERS) or not heavy.any():
         return _EXTRAPOLATION_POWERS[-1]
     left_out = fitted.select(heavy)
@@ -295,23 +296,19 @@ def _check_sides(split: Split, fitted: Sequence[Image], placed: Sequence[Image],
         InputError: With the fault.
     """
     where = f"split {split.name!r}"
-    for side, found, selections in (("fit", fitted, 1), ("place", placed, len(split.place)), ("score", scored, 1)):
-        if selections and not found:
+    for side, found, needed in (("fit", fitted, True), ("place", placed, bool(split.place)), ("score", scored, True)):
+        if needed and not found:
             raise InputError(f"{where}: no usable recording to {side}; it is left out")
-    seen = {image.sha256: "fitted" for image in fitted}
+    seen = {image.sha256 for image in fitted}
     for image in placed:
         if image.sha256 in seen:
             raise InputError(
                 f"{where}: {image.file.name} is fitted and placed; expected one of the two; it is left out"
             )
-    seen |= {image.sha256: "used to place the indenter" for image in placed}
+    seen |= {image.sha256 for image in placed}
     both = sorted({image.file.name for image in scored if image.sha256 in seen})
     if both:
         raise InputError(
             f"{where}: {', '.join(both[:3])}{' and others' if both[3:] else ''} would be scored, and is fitted or "
             "placed too; a recording that was fitted is never scored; it is left out"
         )
-
-
-def _images_changed(per_case: Mapping[str, CountScore]) -> list[float]:
-    return [score.image_changed_percent for score in per_case.values()]

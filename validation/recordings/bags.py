@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from meshes.array import MOST_TEXELS
-from meshes.bounded_file import MOST_DEPTH, FileLimitError, format_size, read_text
+from meshes.bounded_file import LIMITS, FileLimitError, format_size, read_text
 from validation.extras import MissingExtraError
 from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
@@ -353,8 +353,8 @@ def _check_depth(path: Path) -> None:
     except FileLimitError as error:
         raise RecordingError(f"{path}: {error}") from None
     steps = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", text))
-    if max(itertools.accumulate(steps), default=0) > MOST_DEPTH:
-        raise RecordingError(f"{path}: has brackets more than {MOST_DEPTH} deep")
+    if max(itertools.accumulate(steps), default=0) > LIMITS.depth:
+        raise RecordingError(f"{path}: has brackets more than {LIMITS.depth} deep")
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ import numpy as np
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.results import CaseResult
 from validation.curved.derive import CurvedDerivation
-from validation.curved.reference import CurvedReference, require_touch
+from validation.curved.reference import require_touch
 from validation.curved.touch import find_middle
 from validation.extras import MissingExtraError
 from validation.report.page_table import Cell, PageTable, number
@@ -51,7 +51,7 @@ def draw_cases(evaluation: Evaluation, folder: Path) -> Pictures:
     Raises:
         OSError: If the folder cannot be written.
     """
-    results = [each for each in evaluation.campaign.cases if isinstance(each.reference, CurvedReference)]
+    results = evaluation.campaign.cases
     files: dict[str, str] = {}
     try:
         from validation.scene.draw import write_picture
@@ -72,11 +72,9 @@ def draw_cases(evaluation: Evaluation, folder: Path) -> Pictures:
 
 
 def _draw(evaluation: Evaluation, result: CaseResult, path: Path, write: Any) -> None:  # noqa: ANN401 -- a function
-    reference = result.reference
-    assert isinstance(reference, CurvedReference)  # noqa: S101 -- the caller chose these
     direction = require_touch(result.case).direction
     title = f"{result.case.name}: {result.case.shape}, {result.case.load:.3g} N"
-    write(show_curved(reference.found, evaluation.sensor.array, direction=direction, title=title), path)
+    write(show_curved(result.reference.found, evaluation.sensor.array, direction=direction, title=title), path)
 
 
 def curved_contents(evaluation: Evaluation, derivation: CurvedDerivation, pictures: Pictures) -> dict[str, Any]:

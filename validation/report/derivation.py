@@ -36,7 +36,7 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
         OSError: If the folder cannot be written.
     """
     derivation.parameters.save(folder)
-    (folder / "derive.json").write_text(json_text(derivation.as_json()), encoding="utf-8")
+    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
     files = ("parameters.toml", "cover.npz", "derive.json")
     try:
         return (*files, *_plot(derivation, folder))

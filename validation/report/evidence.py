@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from validation.campaign.evaluation import Evaluation
-from validation.campaign.metric_text import METRICS
-from validation.campaign.verdict import describe_metric
 from validation.credibility.evidence import GROUP_METRICS, Evidence
 from validation.credibility.input_uncertainty import InputUncertainty
 from validation.credibility.stages import STAGES
+from validation.metrics import METRICS
 from validation.report.page_table import Cell, PageTable, head, interval, number
 
 #: Words for the status of a requirement.
@@ -51,7 +50,8 @@ def evidence_contents(evaluation: Evaluation) -> dict[str, Any]:
 def _tabulate_requirements(evaluation: Evaluation) -> PageTable:
     rows = []
     for each in evaluation.verdict.findings:
-        name, unit, factor = describe_metric(each.metric)
+        metric = METRICS[each.metric]
+        name, unit, factor = metric.heading, metric.unit, metric.factor
         ends = "" if each.low == each.high else f"{factor * each.low:.3g} to {factor * each.high:.3g} {unit}".strip()
         limit = f"{factor * each.limit:.3g} {unit}".strip()
         rows.append(

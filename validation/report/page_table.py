@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from validation.campaign.metric_text import Metric
 from validation.campaign.pooling import Pooled
+from validation.results import Column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str
     return Cell(text=f"{_format(factor * value, digits)} {unit}".strip(), value=value, small=small)
 
 
-def interval(pooled: Pooled, metric: Metric) -> Cell:
+def interval(pooled: Pooled, metric: Column) -> Cell:
     """Make the cell of a mean, with its interval on a second line."""
     if math.isnan(pooled.mean):
         return Cell(text="\u2013")
@@ -69,7 +69,7 @@ def interval(pooled: Pooled, metric: Metric) -> Cell:
     return Cell(text=metric.text(pooled.mean), value=pooled.mean, small=ends)
 
 
-def head(metric: Metric) -> str:
+def head(metric: Column) -> str:
     """Return the heading of a metric's column, with its unit."""
     return f"{metric.heading} [{metric.unit}]" if metric.unit else metric.heading
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from meshes import TexelArray
-from validation.data_sets.null_comparison import find_best_null
-from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores
+from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores, find_best_null
 from validation.data_sets.score import FAST
 from validation.report.tactile_image import Scale, colour_bar, tactile_image
 

@@ -1,32 +1,40 @@
 """Calibration of a made-up sensor: what was put in is found again, inside intervals that cover as often as they say."""
 
+import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from meshes import Sphere
+from meshes import Box, Sphere, TexelArray
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
-from validation.calibration import calibrate as module
-from validation.calibration.calibrate import calibrate
-from validation.calibration.hold_out import score_hold_out
-from validation.calibration.observations import Observations, Placement, join_observations
-from validation.calibration.parameters import Options
+from validation.calibration.calibrate import Calibration, calibrate, fit_characteristic, score_hold_out, write_sensor
+from validation.calibration.forward_fit import Options, lay_out
+from validation.calibration.observations import Observations, Placement, Pose, join_observations
+from validation.errors import InputError
 from validation.json_values import json_text
+from validation.sensor_file import load as load_sensor
+
+METHOD = uniform_method()
+
+
+def observe(seed, curve=None, **options):
+    """Images of a made-up sensor, its gains, and the true poses."""
+    random = np.random.default_rng(seed)
+    gains = draw_gains(random)
+    seen, poses = observe_presses(random, make_curve(gains, **(curve or {})), **options)
+    return seen, gains, poses
 
 
 @pytest.fixture(scope="module")
 def known():
-    """A calibration with known poses, and the true gains."""
-    random = np.random.default_rng(3)
-    gains = draw_gains(random)
-    seen, _ = observe_presses(random, make_curve(gains), known=True, scatter=0.002)
-    return calibrate(seen, uniform_method(), noise=[2.0, 3.0, 4.0]), gains
+    """Images with known poses, their calibration, and the true gains."""
+    seen, gains, _ = observe(3, known=True, scatter=0.002)
+    return seen, calibrate(seen, METHOD, noise=[2.0, 3.0, 4.0]), gains
 
 
 def test_sensitivity_and_gains_are_those_of_the_sensor(known):
-    found, gains = known
+    _, found, gains = known
     mean = gains[found.texels].mean()
     assert found.estimates["sensitivity"].value == pytest.approx(917 * mean, rel=0.01)
     assert found.gains[found.texels] == pytest.approx(gains[found.texels] / mean, rel=0.02)
@@ -34,114 +42,98 @@ def test_sensitivity_and_gains_are_those_of_the_sensor(known):
     assert found.gains[found.texels].mean() == pytest.approx(1)
     outside = np.setdiff1d(np.arange(len(gains)), found.texels)
     assert (found.gains[outside] == 1).all()
-    assert np.isnan(found.gain_intervals[outside]).all()
+    assert np.isnan(found.gain_half_widths[outside]).all()
     assert found.estimates["dead_force"].value == pytest.approx(0.02, abs=0.005)
     assert found.estimates["noise"].value == 3.0
-    assert json_text(found.as_json())
+    assert Calibration.from_json(json.loads(json_text(found.as_json()))) == found
 
 
-def test_left_out_recordings_are_predicted(known):
+def test_left_out_recordings_are_predicted_without_taking_part(known):
     """Every place keeps recordings, and all loads are left out somewhere; a line per texel is as good here."""
-    left_out = known[0].hold_out
-    assert len(left_out.names) == 8
-    assert {name[0] for name in left_out.names} == set("012345")
+    seen, found, _ = known
+    left_out = found.hold_out
+    assert len(left_out.recordings) == 8
+    assert {name[0] for name in left_out.recordings} == set("012345")
     assert len(set(left_out.loads)) == 4
-    assert left_out.image_changed_percent < 0.1
-    assert left_out.line_percent < 0.1
+    assert max(left_out.image_changed_percent, left_out.line_per_texel_percent) < 0.1
     assert np.abs(left_out.predicted - left_out.recorded).max() < 0.02 * left_out.recorded.max()
-
-
-def test_left_out_recordings_do_not_take_part_in_their_prediction(known):
-    fit = known[0].fit
-    plain = score_hold_out(fit, 4095.0)
-    counts = fit.observations.counts.copy()
-    counts[[group in plain.names for group in fit.observations.groups]] *= 0.5
-    other = score_hold_out(replace(fit, observations=replace(fit.observations, counts=counts)), 4095.0)
-    assert other.names == plain.names
+    counts = seen.counts.copy()
+    counts[[group in left_out.recordings for group in seen.groups]] *= 0.5
+    fit = fit_characteristic(METHOD, seen, Options())
+    plain, other = (
+        score_hold_out(replace(fit, observations=each), 4095.0) for each in (seen, replace(seen, counts=counts))
+    )
     np.testing.assert_array_equal(other.predicted, plain.predicted)
     assert other.image_changed_percent > 10 * plain.image_changed_percent
 
 
 def test_poses_that_are_not_given_are_fitted():
-    random = np.random.default_rng(1)
-    seen, poses = observe_presses(random, make_curve(draw_gains(random)), places=4, scatter=0.002)
-    found = calibrate(seen, uniform_method())
+    seen, _, poses = observe(1, places=4, scatter=0.002)
+    found = calibrate(seen, METHOD)
     for name, pose in poses.items():
-        values, widths = found.poses[name]
-        assert values[:2] == pytest.approx([pose.x, pose.y], abs=0.15e-3)
-        assert (widths[:2] > 0).all()
-        assert (widths[:2] < 0.3e-3).all()
-        assert (widths[2:] == 0).all()
+        values = found.poses[name]
+        for part, true in (("x_m", pose.x), ("y_m", pose.y)):
+            assert values[part][0] == pytest.approx(true, abs=0.15e-3)
+            assert 0 < values[part][1] < 0.3e-3
+        assert [values[part][1] for part in ("yaw_rad", "tilt_x_rad", "tilt_y_rad")] == [0, 0, 0]
 
 
 def test_temperature_coefficients_are_found_where_temperature_and_load_vary_apart():
-    random = np.random.default_rng(2)
-    curve = make_curve(draw_gains(random), warm=-0.01, dead_warm=0.002)
-    seen, _ = observe_presses(random, curve, places=2, temperatures=(30.0, 40.0), known=True)
-    found = calibrate(seen, uniform_method())
+    seen, _, _ = observe(2, {"warm": -0.01, "dead_warm": 0.002}, places=2, temperatures=(30.0, 40.0), known=True)
+    found = calibrate(seen, METHOD)
     # The coefficient of the gain holds for the reference temperature of the fit, the mean of 35 degC.
     for name, true in (("temperature", -0.01 / (1 - 0.05)), ("dead_force_temperature", 0.002)):
         estimate = found.estimates[name]
         assert estimate.low <= true <= estimate.high
         assert estimate.high - estimate.low < 0.3 * abs(true)
-    rising = replace(seen, temperatures=30 + seen.loads)
-    confounded = calibrate(rising, uniform_method())
+    confounded = calibrate(replace(seen, temperatures=30 + seen.loads), METHOD)
     assert "temperature" not in confounded.estimates
     assert any("temperature and load rise together" in note for note in confounded.notes)
 
 
-def test_a_saturation_is_found_only_if_the_loads_reach_it():
-    random = np.random.default_rng(4)
-    curve = make_curve(draw_gains(random))
-    options = {"places": 2, "known": True}
-    heavy, _ = observe_presses(random, curve, loads=(10.0, 20.0, 30.0, 40.0, 50.0, 60.0), **options)
-    found = calibrate(heavy, uniform_method())
-    assert found.estimates["output_max"].value == pytest.approx(4095, rel=0.01)
-    light, _ = observe_presses(random, curve, loads=(5.0, 8.0, 11.0), **options)
-    assert "output_max" not in calibrate(light, uniform_method()).estimates
+@pytest.mark.parametrize(
+    ("loads", "reached"), [((10.0, 20.0, 30.0, 40.0, 50.0, 60.0), True), ((5.0, 8.0, 11.0), False)]
+)
+def test_a_saturation_is_found_only_if_the_loads_reach_it(loads, reached):
+    found = calibrate(observe(4, places=2, known=True, loads=loads)[0], METHOD)
+    assert ("output_max" in found.estimates) == reached
+    assert not reached or found.estimates["output_max"].value == pytest.approx(4095, rel=0.01)
 
 
 def test_an_unseated_weight_does_not_move_the_fit_and_is_named():
-    random = np.random.default_rng(6)
-    gains = draw_gains(random)
-    seen, _ = observe_presses(random, make_curve(gains), places=4, known=True, scatter=0.002)
+    seen, gains, _ = observe(6, places=4, known=True, scatter=0.002)
     counts = seen.counts.copy()
     counts[6] = np.roll(counts[6], 2)
-    found = calibrate(replace(seen, counts=counts), uniform_method())
-    mean = gains[found.texels].mean()
-    assert found.estimates["sensitivity"].value == pytest.approx(917 * mean, rel=0.01)
+    found = calibrate(replace(seen, counts=counts), METHOD)
+    assert found.estimates["sensitivity"].value == pytest.approx(917 * gains[found.texels].mean(), rel=0.01)
     assert any("little weight" in note and seen.groups[6] in note for note in found.notes)
 
 
-def test_an_error_of_the_contact_method_that_the_intervals_leave_out_is_told():
-    random = np.random.default_rng(8)
-    seen, _ = observe_presses(random, make_curve(draw_gains(random)), places=2, known=True)
-    exact, wrong = uniform_method(), replace(uniform_method(), gain_error=0.03)
-    told = [[note for note in calibrate(seen, each).notes if "leave out the error" in note] for each in (exact, wrong)]
-    assert told[0] == []
-    assert "3% of a single gain" in told[1][0]
+@pytest.mark.parametrize(("error", "told"), [(0.0, 0), (0.03, 1)])
+def test_an_error_of_the_contact_method_that_the_intervals_leave_out_is_told(error, told):
+    notes = calibrate(observe(8, places=2, known=True)[0], replace(METHOD, gain_error=error)).notes
+    assert sum("leave out the error" in note and "3% of a single gain" in note for note in notes) == told
 
 
 def test_a_polynomial_needs_seven_loads():
-    random = np.random.default_rng(7)
-    curve = make_curve(draw_gains(random))
-    seen, _ = observe_presses(random, curve, places=2, known=True, loads=(2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0))
-    found = calibrate(seen, uniform_method())
-    force = 0.3
-    line = found.estimates["sensitivity"].value * force + found.estimates["offset"].value
-    assert np.polynomial.polynomial.polyval(force, found.polynomial) == pytest.approx(line, rel=0.02)
-    assert calibrate(seen.select(seen.loads < 14), uniform_method()).polynomial is None
+    seen, _, _ = observe(7, places=2, known=True, loads=(2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0))
+    found = calibrate(seen, METHOD)
+    line = found.estimates["sensitivity"].value * 0.3 + found.estimates["offset"].value
+    assert np.polynomial.polynomial.polyval(0.3, found.polynomial) == pytest.approx(line, rel=0.02)
+    assert calibrate(seen.select(seen.loads < 14), METHOD).polynomial is None
 
 
-def test_recordings_that_cannot_be_calibrated_are_refused():
-    random = np.random.default_rng(0)
-    seen, _ = observe_presses(random, make_curve(draw_gains(random)), places=1, loads=(5.0, 10.0, 20.0))
-    with pytest.raises(ValueError, match="at least 3 recordings"):
-        calibrate(seen.select(seen.loads > 5), uniform_method())
-    with pytest.raises(ValueError, match="with 1 loads cannot determine a line"):
-        calibrate(replace(seen, loads=np.full(3, 5.0)), uniform_method())
-    with pytest.raises(ValueError, match="several thresholds"):
-        calibrate(replace(seen, thresholds=np.array([0.0, 0.0, 9.0])), uniform_method())
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda seen: seen.select(seen.loads > 5), "at least 3 recordings"),
+        (lambda seen: replace(seen, loads=np.full(3, 5.0)), "with 1 loads cannot determine a line"),
+        (lambda seen: replace(seen, thresholds=np.array([0.0, 0.0, 9.0])), "several thresholds"),
+    ],
+)
+def test_recordings_that_cannot_be_calibrated_are_refused(change, fault):
+    with pytest.raises(ValueError, match=fault):
+        calibrate(change(observe(0, places=1, loads=(5.0, 10.0, 20.0))[0]), METHOD)
 
 
 @pytest.mark.slow
@@ -150,18 +142,16 @@ def test_intervals_cover_in_90_to_99_of_100(options):
     """Poses, sensitivity, dead force and gains are all fitted; the shares are pooled over 100 laboratories."""
     covered = {"sensitivity": [], "dead_force": [], "gains": [], "poses": []}
     for seed in range(100):
-        random = np.random.default_rng(seed)
-        gains = draw_gains(random)
-        seen, poses = observe_presses(random, make_curve(gains), places=4, **options)
-        found = calibrate(seen, uniform_method())
+        seen, gains, poses = observe(seed, places=4, **options)
+        found = calibrate(seen, METHOD)
         mean = gains[found.texels].mean()
         for name, true in (("sensitivity", 917 * mean), ("dead_force", 0.02)):
             covered[name].append(found.estimates[name].low <= true <= found.estimates[name].high)
-        errors = found.gains - gains / mean
-        covered["gains"].extend((np.abs(errors) <= found.gain_intervals)[found.texels])
+        covered["gains"].extend((np.abs(found.gains - gains / mean) <= found.gain_half_widths)[found.texels])
         for name, pose in poses.items():
-            values, widths = found.poses[name]
-            covered["poses"].extend(np.abs(values[:2] - [pose.x, pose.y]) <= widths[:2])
+            for part, true in (("x_m", pose.x), ("y_m", pose.y)):
+                value, width = found.poses[name][part]
+                covered["poses"].append(abs(value - true) <= width)
     shares = {name: np.mean(values) for name, values in covered.items()}
     assert all(0.9 <= share <= 0.99 for share in shares.values()), shares
 
@@ -184,14 +174,113 @@ def test_chosen_images_keep_all_that_belongs_to_them(creep):
         join_observations([])
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 100.0])
-@pytest.mark.parametrize(("ratio", "top", "bends"), [(1.05, 1.2, True), (1.01, 1.2, False), (1.05, 1.4, False)])
-def test_saturation_is_fitted_where_it_is_far_more_likely(monkeypatch, scale, ratio, top, bends):
-    """2 n ln(ratio of residuals) above 10 + 2 ln n, and an end below 1.3 times the largest count."""
-    seen = SimpleNamespace(measured=np.ones((10, 40), dtype=bool), counts=np.array([[1000.0, 10.0]]))
-    assert (800 * np.log(ratio) > 10 + 2 * np.log(400)) == (ratio > 1.02)
-    straight = SimpleNamespace(rms=ratio * scale)
-    bent = SimpleNamespace(rms=scale, curve=SimpleNamespace(output_max=1000 * top))
-    fits = {True: bent, False: straight}
-    monkeypatch.setattr(module, "fit_forward", lambda _method, _seen, options, **_: fits[options.output_max is None])
-    assert module._choose_fit(None, seen, Options(output_max=4095.0)) is (bent if bends else straight)
+# Where a fit starts and what it expects: starts, bounds and Gaussian priors, by hand.
+
+ARRAY = TexelArray.grid(2, 3, pitch=(4e-3, 3e-3))
+BLOCK = Placement(name="block", indenter=Box(size=(6e-3, 4e-3, 5e-3)), tilt=None)
+BALL = Placement(name="ball", indenter=Sphere(radius=4e-3), at=(1e-3, 0.0))
+
+
+def lay(**options):
+    """Two images: slopes of 110 and 95 counts/N with the thresholds added; one texel was not measured, one is dark."""
+    counts = np.array([[10.0, 20, 30, 40, 0, 999], [30, 40, 50, 60, 0, 999]])
+    seen = Observations(
+        loads=np.array([1.0, 2.0]), counts=counts, measured=counts < 900, placements=(BLOCK, BALL), groups=("1", "2"),
+        temperatures=np.array([20.0, 24.0]), ages=np.array([np.nan, 30.0]), thresholds=np.array([2.5, 2.5]),
+    )  # fmt: skip
+    guesses = {BLOCK: Pose(1e-3, 2e-3, 0.4, 0.01, 0.0), BALL: Pose(1e-3, 0.0)}
+    return lay_out(seen, Options(temperature=False, **options), ARRAY, guesses)
+
+
+def test_poses_stay_near_the_array_turns_are_expected_small_and_gains_near_one():
+    layout = lay()
+    rows = {each.name: (each.start, each.scale, each.upper, each.mean, each.spread) for each in layout.unknowns}
+    half_turn, none = np.pi / 2, np.inf
+    assert {name: row for name, row in rows.items() if not name.startswith("gain")} == {
+        "block x": pytest.approx((1e-3, 4e-3, 4e-3 + 4e-3, 0, none)),
+        "block y": pytest.approx((2e-3, 3e-3, 1.5e-3 + 3e-3, 0, none)),
+        "block yaw": pytest.approx((0.4, 0.1, half_turn, 0, 0.3)),
+        "block tilt x": pytest.approx((0.01, 0.01, 0.1, 0, 0.02)),
+        "block tilt y": pytest.approx((0.0, 0.01, 0.1, 0, 0.02)),
+        "ln_sensitivity": pytest.approx((np.log(102.5), 0.3, none, 0, none)),
+        "dead_force": pytest.approx((0, 0.3 * 1.5 / 5, none, 0, none)),
+    }
+    assert (layout.lower == -layout.upper).all()
+    assert {name: row for name, row in rows.items() if name.startswith("gain")} == {
+        f"gain{texel}": (0, 1.0, none, 0, 0.5) for texel in range(4)
+    }
+
+
+def test_the_first_curve_is_a_line_through_the_sums_without_saturation():
+    curve = lay().fixed
+    assert curve.sensitivity == pytest.approx((110 + 95) / 2)
+    assert (curve.dead_force, curve.gain_temperature, curve.dead_temperature, curve.creep) == (0, 0, 0, 0)
+    assert (curve.reference_temperature, curve.reference_age) == (22, 30)
+    assert (curve.output_max, curve.saturation_band) == (np.inf, 0)
+    assert (curve.gains == 1).all()
+    assert (curve.heights == 0).all()
+    assert lay(output_max=None).fixed.output_max == pytest.approx(1.05 * 60)
+
+
+def test_only_the_level_is_fitted_where_indenters_are_placed():
+    (level,) = (each for each in lay(placing=True).unknowns if not each.placement)
+    assert level.name == "ln_sensitivity"
+    assert level.start == level.mean == pytest.approx(np.log(102.5))
+    assert level.spread == 0.5
+
+
+# From a calibration to a sensor file.
+
+SOURCE = """
+[array]
+rows = 8
+columns = 10
+pitch = "5 mm"
+[[cover.layer]]
+thickness = "2 mm"
+material = "dragon-skin-30"
+[electronics]
+rate = "271 Hz"
+sensitivity = "1 1/N"
+calibrated = "through the cover, tip 1 mm"
+"""
+
+
+def test_a_sensor_file_holds_the_calibrated_electronics(tmp_path):
+    seen, _, poses = observe(0, places=2, loads=(5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0), known=True)
+    found = calibrate(seen, METHOD, noise=[4.0, 5.0, 6.0])
+    source, target = tmp_path / "a.toml", tmp_path / "b.toml"
+    source.write_text(SOURCE)
+    written = load_sensor(write_sensor(found, source, target)).electronics
+    estimates = found.estimates
+    assert written.sensitivity == pytest.approx(estimates["sensitivity"].value, rel=1e-5)
+    assert written.offset == pytest.approx(estimates["offset"].value, abs=1e-3)
+    assert written.output_max == pytest.approx(4095, rel=0.01)
+    assert written.gains == pytest.approx(found.gains, abs=1e-5)
+    assert written.noise == pytest.approx(5 / estimates["sensitivity"].value, rel=1e-3)
+    assert written.calibrated == "texel force"  # the fit is one of texel forces
+    assert f"from {14} recordings" in target.read_text()
+    # The written electronics predict what was recorded, without gains that the data do not determine.
+    row = int(np.argmax(seen.loads == 30.0))
+    placement = seen.placements[row]
+    forces = METHOD.texel_forces(placement.indenter, np.array([30.0]), poses[placement.name])[0]
+    lit = np.isin(np.arange(80), found.texels) & (seen.counts[row] > 100)
+    assert written.counts(forces)[lit] == pytest.approx(seen.counts[row][lit], rel=0.03)
+    assert load_sensor(write_sensor(found, source, target, polynomial=True)).electronics.characteristic is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "fault"),
+    [
+        (None, {}, "softcover init"),
+        (SOURCE.replace("rows = 8", "rows = 9"), {}, r"gains: takes one number per texel \(90\), not 80"),
+        (SOURCE, {"polynomial": True}, "at least 7 loads"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(tmp_path, known, text, options, fault):
+    source, target = tmp_path / "a.toml", tmp_path / "b.toml"
+    if text:
+        source.write_text(text)
+    with pytest.raises(InputError, match=fault):
+        write_sensor(known[1], source, target, **options)
+    assert not target.exists()

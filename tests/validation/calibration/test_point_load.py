@@ -40,23 +40,24 @@ def test_slopes_saturation_and_the_share_of_the_cover(wts_derivation):
     tops = {3000.0: 3000 * LOADS[-3] - 50, 3100.0: 3100 * LOADS[-2] - 50}
     seen, names = make_trials(slopes, tops=tops)
     found = calibrate_point_load(seen, names, SENSOR, radius=1e-3, texel=TEXEL)
-    assert found.names == tuple(f"trial {slope}" for slope in slopes)
+    assert [trial.name for trial in found.trials] == [f"trial {slope}" for slope in slopes]
     bent, offset = np.polyfit(LOADS, np.minimum(3100 * LOADS - 50, tops[3100.0]), 1)
-    assert found.slopes == pytest.approx([*slopes[:4], bent])
-    assert found.offsets == pytest.approx([-50] * 4 + [offset])
-    assert found.saturation_forces == pytest.approx([np.nan] * 3 + [LOADS[-3], np.nan], nan_ok=True)
+    assert [trial.slope for trial in found.trials] == pytest.approx([*slopes[:4], bent])
+    assert [trial.offset for trial in found.trials] == pytest.approx([-50] * 4 + [offset])
+    assert [trial.saturation_force for trial in found.trials] == [None] * 3 + [pytest.approx(LOADS[-3]), None]
     # The share of a tip of 1 mm above the middle of a texel of 3.4 mm under 2 mm of rubber, at the largest load.
-    share = found.share
-    assert share.lightest > share.share > share.heaviest > 0.7
-    assert share.share == pytest.approx(0.77, abs=0.03)
-    assert share.radius == 1e-3
-    assert share.largest_load == pytest.approx(LOADS.max())  # the largest count: there the line ends
+    assert found.tip_share_light > found.tip_share > found.tip_share_heavy > 0.7
+    assert found.tip_share == pytest.approx(0.77, abs=0.03)
+    assert found.tip_radius == 1e-3
+    assert found.largest_load == pytest.approx(LOADS.max())  # the largest count: there the line ends
     applied, texel = (found.estimates[name] for name in ("sensitivity_applied", "sensitivity"))
-    assert applied.value == pytest.approx(found.slopes.mean())
+    assert applied.value == pytest.approx(np.mean([*slopes[:4], bent]))
     # Student's interval of five values.
-    assert applied.high - applied.value == pytest.approx(2.7764 * found.slopes.std(ddof=1) / 5**0.5, rel=1e-4)
-    assert texel.value == pytest.approx(applied.value / share.share)
-    assert texel.high == pytest.approx(applied.high / share.share)
+    assert applied.high - applied.value == pytest.approx(
+        2.7764 * np.std([*slopes[:4], bent], ddof=1) / 5**0.5, rel=1e-4
+    )
+    assert texel.value == pytest.approx(applied.value / found.tip_share)
+    assert texel.high == pytest.approx(applied.high / found.tip_share)
     assert [each.unit for each in (applied, texel)] == ["counts/N applied", "counts/N on the texel"]
     assert set(found.estimates) == {"sensitivity_applied", "sensitivity"}  # one trial alone has a saturation force
 

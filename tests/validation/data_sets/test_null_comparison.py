@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from validation.campaign.pooling import pool
-from validation.data_sets.count_score import CountScore
-from validation.data_sets.null_comparison import compare_with_nulls
-from validation.data_sets.results import RecordingRow
+from validation.data_sets.results import CountScore, RecordingRow, compare_with_nulls
 
 RANDOM = np.random.default_rng(4)
 CASES = [f"case {number}" for number in range(8)]

@@ -80,7 +80,7 @@ def derive(
 
             files = write_derivation(derivation, folder)
     if json:
-        print_json(derivation.as_json())
+        print_json(derivation.result.as_json())
     else:
         print_rows(_list_results(derivation), title=f"Point spread function of {description.name}")
         print_table(("estimator", "x", "y"), _list_estimates(derivation.fit), title="Sigma by estimator [pitches]")

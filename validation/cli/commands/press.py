@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from validation.campaign.case import Case
     from validation.campaign.comparison import Comparison
     from validation.cli.curved.press import PressText
-    from validation.press.curve import LoadCurve
+    from validation.press_files.curve import LoadCurve
     from validation.sensor_file import SensorDescription
 
 #: Default of `--tilt`.
@@ -297,10 +297,10 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     from validation.cli.sensors import find_parameters
     from validation.json_values import json_text
     from validation.output_folder import new_folder
-    from validation.press.fields_file import write_indentation
-    from validation.press.picture import write_picture
+    from validation.press_files.fields_file import write_indentation
+    from validation.press_files.picture import write_picture
     from validation.scene.cover_scene import show_indentation
-    from validation.scene.files import write_scene
+    from validation.scene.draw import write_scene
 
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
@@ -333,7 +333,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
 def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
     """Compute a curve of load over depth by finite elements, print it and write it to `out`."""
     from validation.output_folder import new_folder
-    from validation.press.curve import trace_curve
+    from validation.press_files.curve import trace_curve
     from validation.sensor_file import SensorDescription
 
     case = request.case

@@ -18,11 +18,11 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from validation.campaign.campaign_file import Campaign
     from validation.campaign.evaluation import Evaluation
-    from validation.campaign.metric_text import Metric
     from validation.campaign.pooling import Pooled
     from validation.campaign.results import CampaignResult, RowScores
     from validation.data_sets.data_set import DataSet
     from validation.data_sets.results import RecordingScores
+    from validation.results import Column
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
@@ -172,7 +172,7 @@ def _evaluate(
         progress("report")
         write_report(evaluation, folder)
     if json:
-        print_json(evaluation.as_json())
+        print_json(evaluation.report.as_json())
     else:
         _print(evaluation)
     _tell_problems(evaluation)
@@ -207,7 +207,7 @@ def _tell_problems(evaluation: Evaluation) -> None:
     for line in evaluation.recordings.problems if evaluation.recordings else ():
         say(f"softcover: recordings: {line}")
     for each in evaluation.campaign.skipped:
-        say(f"not scored: {each.case.name} ({each.case.shape}, {each.case.load:.3g} N): {each.reason}")
+        say(f"not scored: {each.name} ({each.indenter}, {each.load:.3g} N): {each.reason}")
     for result in evaluation.campaign.cases:
         for sentence in dict.fromkeys((*result.reference.warnings, *result.warnings)):
             say(f"softcover: warning: {result.case.name}: {sentence}")
@@ -257,28 +257,28 @@ def _print(evaluation: Evaluation) -> None:
 
 def _head(name: str) -> str:
     """Return the heading of a metric's column, with its unit."""
-    from validation.campaign.metric_text import METRICS
+    from validation.metrics import METRICS
 
     return f"{METRICS[name].heading} [{METRICS[name].unit}]"
 
 
 def _list_scores(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
-    from validation.campaign.metric_text import METRICS
+    from validation.metrics import METRICS
 
     for model, metrics in campaign.pooled.items():
         yield model, *(_format_pooled(metrics[name], METRICS[name]) for name in _COLUMNS)
 
 
 def _list_published(rows: Sequence[RowScores]) -> Iterator[tuple[str, ...]]:
-    from validation.campaign.metric_text import METRICS
     from validation.campaign.results import SKILL_METRICS
+    from validation.metrics import METRICS
 
     for scores in rows:
         means = (METRICS[name].text(scores.pooled[name].mean) for name in SKILL_METRICS)
-        yield f"{scores.row.model.title}, {scores.row.variant}", *means
+        yield f"{scores.title}, {scores.variant}", *means
 
 
-def _format_pooled(value: Pooled, metric: Metric) -> str:
+def _format_pooled(value: Pooled, metric: Column) -> str:
     if not value.cases:
         return "none"
     mean, low, high = (metric.factor * number for number in (value.mean, value.low, value.high))

@@ -8,7 +8,8 @@ import pytest
 
 from meshes import Box
 from tests.support.laboratory import draw_gains, make_curve, press, write
-from validation.calibration.contact import Pose, make_reference_method
+from validation.calibration.contact import make_reference_method
+from validation.calibration.observations import Pose
 from validation.sensor_file import load
 
 WTS = load("wts-0614-34")

@@ -13,8 +13,8 @@ from meshes import Sphere, TexelArray
 from tests.support.rubber import make_cover
 from validation.campaign.case import Case
 from validation.campaign.comparison import compare_models_as_far
-from validation.press.curve import trace_curve
-from validation.press.fields_file import write_indentation
+from validation.press_files.curve import trace_curve
+from validation.press_files.fields_file import write_indentation
 from validation.scene.rendering import RenderingError
 from validation.sensor_file import BUILT_IN
 

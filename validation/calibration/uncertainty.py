@@ -1,0 +1,313 @@
+"""Estimated quantities with confidence intervals, and what the fitted recordings determine.
+
+All texels of one recording have a common relative error (of the load, of creep, of the history of the rubber), and each
+texel an error of its own in counts.  The two variances are estimated from the residuals by the method of moments, with
+the degrees of freedom that the fit has taken.  The uncertainty then depends on the number of recordings, not on that of
+frames.  Intervals use Student's t with degrees of freedom after Satterthwaite (1946).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from meshes.array_types import FloatArray
+from validation.calibration.forward_fit import ForwardFit, describe_confounding
+from validation.results import Result, result_model
+
+#: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
+FEWEST_RECORDINGS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncertaintyNumbers:
+    """Numbers of the estimate of the uncertainty.
+
+    Attributes:
+        rounding: Standard deviation of rounding to whole counts [counts].
+        negligible: Singular value over the largest one, below which a direction of errors leaves no residual [-].
+        clear: The same, below which that residual is no measure of the error: other errors of the model are as large
+            [-].
+        repetitions: Repetitions in which weights and variance settle [-].
+        determined: Standard error over that of the prior, below which the data count as determining a gain [-].
+        confounded: Growth of the standard error of a position by fitted gains, above which position and gains are
+            called confounded [-].
+    """
+
+    rounding: float = 12**-0.5
+    negligible: float = 1e-6
+    clear: float = 0.02
+    repetitions: int = 20
+    determined: float = 0.5
+    confounded: float = 2.0
+
+
+NUMBERS = UncertaintyNumbers()
+
+
+@result_model
+class Estimate(Result):
+    """An estimated quantity with its confidence interval.
+
+    Attributes:
+        value: The estimate.
+        low: Lower end of the interval.
+        high: Upper end of the interval.
+        unit: Unit of `value`, `low` and `high`.
+        fitted_on: Description of the data that the estimate was computed from.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    fitted_on: str
+
+    @classmethod
+    def symmetric(cls, value: float, half_width: float, unit: str, fitted_on: str) -> Estimate:
+        """Make an estimate whose interval is `value - half_width` to `value + half_width`."""
+        return cls(value=value, low=value - half_width, high=value + half_width, unit=unit, fitted_on=fitted_on)
+
+    def __str__(self) -> str:
+        """Return value, interval and unit."""
+        return f"{self.value:.5g} [{self.low:.5g}, {self.high:.5g}] {self.unit}"
+
+
+def estimate_mean(values: Sequence[float] | FloatArray, unit: str, confidence: float) -> Estimate | None:
+    """Estimate a mean with Student's interval from independent values, NaN left out; None for fewer than three."""
+    known = np.array([value for value in values if np.isfinite(value)])
+    if len(known) < FEWEST_RECORDINGS:
+        return None
+    half = student.ppf(0.5 + confidence / 2, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
+    return Estimate.symmetric(float(known.mean()), float(half), unit, f"{len(known)} recordings")
+
+
+def measure_scatter(fit: ForwardFit, noise: Sequence[float], confidence: float) -> dict[str, Estimate]:
+    """Estimate noise, creep and scatter between recordings of one load, each only if enough recordings allow it.
+
+    Args:
+        fit: The fitted forward model.
+        noise: Standard deviation of a texel's counts in each image [counts].
+        confidence: Confidence level of the intervals, 0..1 [-].
+
+    Returns:
+        Up to three estimates by name: `noise` is the standard deviation of a texel's counts from frame to frame
+        [counts], `creep` the relative growth of counts per unit of ln(time) [-], and `hysteresis` the relative standard
+        deviation between recordings of one load in one placement, with temperature allowed for [-].
+    """
+    found = {
+        "noise": estimate_mean(noise, "counts", confidence),
+        "creep": estimate_mean(fit.observations.creep, "per ln(time)", confidence),
+        "hysteresis": _measure_repeatability(fit, confidence),
+    }
+    return {name: estimate for name, estimate in found.items() if estimate is not None}
+
+
+def _measure_repeatability(fit: ForwardFit, confidence: float) -> Estimate | None:
+    """Estimate the relative standard deviation of the sum of counts between recordings of one load and placement.
+
+    Sums are divided by the predicted sum, so that temperature and age do not count.  None without repeats.
+    """
+    seen = fit.observations
+    ratios: dict[tuple[str, float], list[float]] = {}
+    predicted = np.where(seen.measured, fit.predict(seen), 0.0).sum(axis=1)
+    recorded = np.where(seen.measured, seen.counts, 0.0).sum(axis=1)
+    for number, placement in enumerate(seen.placements):
+        steady = seen.groups.count(seen.groups[number]) == 1
+        if steady and recorded[number] > 0 and predicted[number] > 0:
+            key = placement.name, float(seen.loads[number])
+            ratios.setdefault(key, []).append(float(recorded[number] / predicted[number]))
+    repeats = [np.array(values) for values in ratios.values() if len(values) > 1]
+    freedom = sum(len(values) - 1 for values in repeats)
+    if not freedom:
+        return None
+    square = sum(float(np.sum((values / values.mean() - 1) ** 2)) for values in repeats)
+    low, high = (np.sqrt(square / chi2.ppf(0.5 + side * confidence / 2, freedom)) for side in (1, -1))
+    fitted_on = f"{len(repeats)} loads with {freedom + len(repeats)} recordings"
+    value = float(np.sqrt(square / freedom))
+    return Estimate(value=value, low=float(low), high=float(high), unit="share", fitted_on=fitted_on)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Covariance of p parameters.
+
+    Attributes:
+        covariance: Covariance, shape (p, p).
+        quantiles: Quantile of Student's t for each parameter, shape (p,) [-].
+    """
+
+    covariance: FloatArray
+    quantiles: FloatArray
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Standard error of each parameter, shape (p,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def half_width(self, gradient: FloatArray) -> float:
+        """Return the half width of the interval of a function with these derivatives, shape (p,)."""
+        variance = float(gradient @ self.covariance @ gradient)
+        shares = gradient**2 * np.diag(self.covariance)
+        quantile = float(np.average(self.quantiles, weights=shares)) if shares.any() else float(self.quantiles.max())
+        return quantile * float(np.sqrt(max(variance, 0.0)))
+
+
+def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncertainty:
+    """Estimate the covariance of the parameters of a fit, clustered by recording.
+
+    Args:
+        fit: The fit.
+        confidence: Confidence level of the intervals, 0..1 [-].
+
+    Raises:
+        ValueError: If there are fewer than three recordings.
+    """
+    count = len(set(fit.observations.groups))
+    if count < FEWEST_RECORDINGS:
+        raise ValueError(f"{count} recordings give no interval; at least {FEWEST_RECORDINGS} are needed")
+    prior = np.diag(fit.layout.prior)
+    bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
+    errors = _measure_errors(fit, bread)
+    shared = bread @ (errors.directions.T @ errors.directions) @ bread * errors.variance
+    own = bread @ errors.texel_information @ bread * errors.texel_variance
+    parts = [np.diag(each) for each in (shared, own)]
+    total = np.maximum(parts[0] + parts[1], 1e-300)
+    freedom = total**2 / np.maximum(parts[0] ** 2 / errors.freedom + parts[1] ** 2 / errors.texel_freedom, 1e-300)
+    quantiles = np.asarray(student.ppf(0.5 + confidence / 2, np.maximum(freedom, 1.0)), dtype=np.float64)
+    return Uncertainty(covariance=shared + own + bread @ prior @ bread, quantiles=quantiles)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Errors:
+    """Variances of the errors of k recordings and of texels.
+
+    Attributes:
+        directions: Derivatives of the weighted residuals along a common relative error, shape (k, p).
+        variance: Variance of that relative error [-].
+        freedom: Degrees of freedom of `variance` [-].
+        texel_information: Jacobian^T D Jacobian with the relative variances D of the texels' errors, shape (p, p).
+        texel_variance: Variance of the residual of a texel in an image of weight one [-].
+        texel_freedom: Degrees of freedom of `texel_variance` [-].
+    """
+
+    directions: FloatArray
+    variance: float
+    freedom: float
+    texel_information: FloatArray
+    texel_variance: float
+    texel_freedom: float
+
+
+def _measure_errors(fit: ForwardFit, bread: FloatArray) -> _Errors:
+    """Estimate the variances of relative errors of recordings and of errors of texels from the residuals.
+
+    The residuals are (I - H) e for errors e and the hat matrix H of the fit.  What remains of them after projection on
+    the directions that relative errors of recordings leave gives the variance of the texels.  What they hold in
+    those directions gives the variance of the recordings.  Texels that are predicted to read zero are left out.
+    """
+    lit = np.abs(fit.jacobian).sum(axis=1) > 0
+    jacobian, residual = fit.jacobian[lit], fit.residual[lit]
+    weights = np.asarray(fit.weights[fit.index][lit])
+    predicted = residual + weights * fit.observations.counts[fit.observations.measured][lit] / fit.scale
+    relative = weights**2
+    information, weighted = jacobian.T @ jacobian, jacobian.T @ (relative[:, None] * jacobian)
+    hat = bread @ information
+
+    def leave(errors: FloatArray) -> FloatArray:
+        """Residuals of errors, (I - H) e, shape (r, k)."""
+        return np.asarray(errors - jacobian @ (bread @ (jacobian.T @ errors)))
+
+    names = list(dict.fromkeys(fit.observations.groups))
+    recording = np.array([names.index(each) for each in fit.observations.groups])[fit.index][lit]
+    images = np.zeros((len(residual), len(names)))
+    images[np.arange(len(residual)), recording] = predicted
+    span, sizes, _ = np.linalg.svd(leave(images), full_matrices=False)
+    chosen = sizes > NUMBERS.negligible * max(float(sizes.max()), 1e-300)
+    span, sizes = span[:, chosen], sizes[chosen]
+    own = (relative @ leave(span) ** 2) / np.maximum(sizes, 1e-300) ** 2
+    texels = relative.sum() - 2 * np.trace(bread @ weighted) + np.trace(hat @ bread @ weighted)
+    texels -= own @ sizes**2
+    freedom = max(1.0, float(len(residual) - 2 * np.trace(hat) + np.sum(hat * hat.T) - span.shape[1]))
+    rest = float(residual @ residual - np.sum((span.T @ residual) ** 2))
+    texel_variance = max(rest / max(float(texels), 1e-12), (NUMBERS.rounding / fit.scale) ** 2)
+    clear = sizes > NUMBERS.clear * max(float(sizes.max(initial=0.0)), 1e-300)
+    squares = (span.T @ residual)[clear] ** 2 / sizes[clear] ** 2
+    variance, common_freedom = _estimate_variance(squares, texel_variance * own[clear])
+    return _Errors(
+        directions=images.T @ jacobian,
+        variance=variance,
+        freedom=common_freedom,
+        texel_information=weighted,
+        texel_variance=texel_variance,
+        texel_freedom=freedom,
+    )
+
+
+def _estimate_variance(squares: FloatArray, known: FloatArray) -> tuple[float, float]:
+    """Estimate the common part v of the variances of k independent errors.
+
+    Args:
+        squares: Squares of the errors, whose expected values are v + `known`, shape (k,).
+        known: Known parts of the variances, shape (k,).
+
+    Returns:
+        The estimate, weighted by the inverse variances of the squares, and its degrees of freedom.
+    """
+    if not squares.size:
+        return 0.0, 1.0
+    variance, weights = float(squares.mean()), np.ones(len(squares))
+    for _ in range(NUMBERS.repetitions):
+        weights = (max(variance, 1e-300) / (variance + known + 1e-300)) ** 2
+        variance = max(0.0, float(weights @ (squares - known) / max(weights.sum(), 1e-300)))
+    return variance, max(1.0, float(weights.sum() ** 2 / max(weights @ weights, 1e-300)))
+
+
+def describe_fit(fit: ForwardFit) -> Iterator[str]:
+    """Yield one sentence for each thing that the fitted recordings determine or leave open."""
+    seen = fit.observations
+    if fit.layout.gain_texels.size:
+        yield from _describe_gains(fit)
+    confounded = describe_confounding(seen)
+    if confounded:
+        yield f"temperature coefficients are not identifiable: {confounded}"
+    else:
+        curve = fit.curve
+        yield f"temperature: gain {100 * curve.gain_temperature:+.2f} %/K, dead force {curve.dead_temperature:+.2g} N/K"
+    creep = seen.creep[np.isfinite(seen.creep)]
+    if creep.size:
+        yield (
+            f"creep: counts grow as 1 + c ln(t / 2 s) with c = {np.median(creep):.3f} ({creep.min():.3f}.."
+            f"{creep.max():.3f} in {creep.size} recordings); a time constant cannot be identified"
+        )
+    if fit.outliers:
+        yield f"little weight, because their residual is large: {', '.join(fit.outliers)}"
+    yield "the filter's cut-off was not examined: the fit takes one mean image of each recording"
+
+
+def _describe_gains(fit: ForwardFit) -> Iterator[str]:
+    """Say how many gains the data determine, and what cannot be told from them: the cover's spread, a position."""
+    layout = fit.layout
+    information = fit.jacobian.T @ fit.jacobian + np.diag(layout.prior)
+    variances = np.diag(np.linalg.pinv(information, hermitian=True))
+    errors = np.sqrt(np.maximum(variances, 0.0))[layout.gains]
+    known = int((errors < NUMBERS.determined * layout.prior[layout.gains] ** -0.5).sum())
+    yield f"gains: {known} of {len(errors)} lit texels are determined by the recordings, the others by the prior near 1"
+    placements = fit.observations.placements
+    if len({each.name for each in placements}) == 1 and len({each.indenter for each in placements}) == 1:
+        yield "the width of the cover's spread cannot be told from the gains: one indenter stands in one place"
+    kept = np.setdiff1d(np.arange(len(information)), layout.gains)
+    without = np.diag(np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True))
+    for number, each in enumerate(layout.unknowns):
+        if each.is_position:
+            growth = float(np.sqrt(variances[number] / max(without[number], 1e-300)))
+            if growth > NUMBERS.confounded:
+                error = 1e3 * float(np.sqrt(variances[number]))
+                yield (
+                    f"{'xy'[each.part]} of the indenter in {each.placement!r} is known to {error:.2g} mm, {growth:.0f} "
+                    "times worse than without gains: gains take up a shift"
+                )
