@@ -16,7 +16,7 @@ from fastmodel import WTS_0614_34, Gaussian, Parameters
 from fastmodel.validity import FEWEST_CELLS
 from fem_reference import point_spread, press
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from meshes import Cover, Layer, Material, Sphere, TexelArray
+from meshes import Cover, Layer, Material, Pose, Sphere, TexelArray
 from validation.derivation.cover_kernels import cover_cells
 from validation.derivation.validity import measure_misplaced
 
@@ -56,7 +56,7 @@ def main() -> None:
                 found = []
                 for place in PLACES:
                     at = (place[0] * PITCH, place[1] * PITCH)
-                    reference = press(cover, array, ball, depth=depth, at=at)
+                    reference = press(cover, array, ball, depth=depth, pose=Pose.planar(at=at))
                     fast = fastmodel.indent(parameters, ball, load=reference.total_force, at=at)
                     wanted = np.append(reference.texel_forces, reference.outside)
                     part = 100 * measure_misplaced(np.append(fast.texel_forces, fast.outside), wanted)

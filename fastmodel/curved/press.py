@@ -20,7 +20,7 @@ from fastmodel.pressure.gap import describe_solid
 from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
 from meshes import Indenter
 from meshes.array_types import FloatArray, IntArray
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
 
 #: Number of neighbours of a point whose distance counts as the spacing of the points [-].
 _NEIGHBOURS = 4
@@ -46,7 +46,7 @@ class CurvedPress:
 def press_curved(
     cover: CurvedCover,
     indenter: Indenter,
-    pose: SpatialPose,
+    pose: Pose,
     *,
     load: float,
     direction: npt.ArrayLike | None = None,
@@ -67,7 +67,7 @@ def press_curved(
     """
     if not 0 < load < np.inf:
         raise FastModelError(f"load must be positive, not {load} N")
-    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
     outward = -towards / np.linalg.norm(towards)
     wrench = Wrench(
         force=load, moment=np.zeros(3), tilts=False, vector=load * outward, directions=outward[None], rotates=False
@@ -87,7 +87,7 @@ def press_curved(
 
 
 def find_first_contact(
-    cover: CurvedCover, indenter: Indenter, pose: SpatialPose, direction: npt.ArrayLike, *, within: float
+    cover: CurvedCover, indenter: Indenter, pose: Pose, direction: npt.ArrayLike, *, within: float
 ) -> IntArray:
     """Find the points of the undeformed cover that a rigid indenter reaches first: contact of two rigid bodies.
 
@@ -112,7 +112,7 @@ def find_first_contact(
     return np.asarray(facing[gap <= within])
 
 
-def pose_indenter(indenter: Indenter, pose: SpatialPose) -> PosedBody:
+def pose_indenter(indenter: Indenter, pose: Pose) -> PosedBody:
     """Describe the solids of an indenter at a pose, in the array's frame."""
     spec = mujoco.MjSpec()
     add_geoms(spec, spec.worldbody.add_body(), indenter)

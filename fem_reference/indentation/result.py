@@ -12,7 +12,7 @@ from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
-from fem_reference.materials.stability import warn_of_instability
+from fem_reference.materials import warn_of_instability
 from meshes.array_types import FloatArray
 from meshes.pose import Place
 
@@ -108,7 +108,7 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
     errors["total_force" if by_load else "depth"] = 0.0
     x, y, force = finest.contact.T
     scale = total / force.sum()
-    turn = replace(place.pose, at=(0.0, 0.0))
+    turn = replace(place.pose, point=(0.0, 0.0, 0.0))
     shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
     missing = state_missing_fields(path, place.pose) if path.fields else ""
     fields = _find_fields(finest, path, place, scale) if path.fields and not missing else None

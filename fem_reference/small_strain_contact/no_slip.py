@@ -1,11 +1,14 @@
-"""Solve a flat face without slip on a cover at small strain in three dimensions.
+"""Solve a flat punch without slip on a cover at small strain: in the r-z plane, or in three dimensions.
 
-Every point of the cover under the face moves down by the depth and not sideways, so the problem is linear.  The same
-mesh is solved without friction, where only the displacement along z is prescribed.  Both solutions have nearly the same
-discretisation error, so their ratio is much more accurate than each of them (a control variate).
+Every point of the cover under the face moves down by the depth and not sideways, so the problem is linear and one
+factorisation solves it.
 
-Where the sides of the face run along x and y they lie on mesh lines, towards which the elements shrink.  Any other face
-is represented by the nodes that it covers, on a mesh of equal elements under the face.
+In the r-z plane elements shrink geometrically towards the edge of the punch, where the stress is singular.
+
+In three dimensions the same mesh is solved without friction, where only the displacement along z is prescribed.  Both
+solutions have nearly the same discretisation error, so their ratio is much more accurate than each of them (a control
+variate).  Where the sides of the face run along x and y they lie on mesh lines, towards which the elements shrink.  Any
+other face is represented by the nodes that it covers, on a mesh of equal elements under the face.
 """
 
 from __future__ import annotations
@@ -17,16 +20,87 @@ from itertools import pairwise
 import numpy as np
 import scipy.sparse as sp
 
-from fem_reference.elements.grading import fill_by_spacing
+from fem_reference.elements.grading import fill_by_spacing, grade_around_edge
+from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.mesh_reach import choose_friction_reach
+from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
+from fem_reference.linear_response.surface_compliance import choose_friction_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
-from fem_reference.small_strain_contact.tension import measure_tension
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.indenters.punches import PolygonalPunch
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
+
+#: Element size at the edge of the punch over the smaller of its radius and the thickness of the top layer [-].
+_EDGE = 1e-4
+#: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
+_GROWTH = 1.2
+#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
+_ON_BOUNDARY = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressedDisk:
+    """Contact of a flat punch of revolution without slip, per unit depth.
+
+    Attributes:
+        force: Normal force on the punch [N/m].
+        base: Base pressure over the radius [Pa/m].
+        reach: Radius of the outer boundary [m].
+        rings: For the circle through each of m nodes under the punch, its radius [m] and the force of the punch on the
+            cover along -z and along the radius [N/m], shape (m, 3).
+        tension: Tensile part of the contact force away from the edge, over the whole force [-].
+    """
+
+    force: float
+    base: BaseResponse
+    reach: float
+    rings: FloatArray
+    tension: float
+
+
+def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int) -> PressedDisk:
+    """Press a flat-ended rigid cylinder without slip into a laterally wide cover by a unit depth.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        radius: Radius of the cylinder [m].
+        elements_per_thickness: Number of elements through the cover away from the punch; each layer gets at least
+            two [-].
+    """
+    # Units of length and stress are the cover thickness and the shear modulus of the top layer.
+    unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
+    size = min(unit, radius) / elements_per_thickness
+    fine = _EDGE * min(radius, cover.layers[-1].thickness)
+    reach = choose_friction_reach(cover, radius)
+    radii = grade_around_edge(fine, size, radius, reach, 1 + _GROWTH / elements_per_thickness)
+    mesh, region = mesh_cover(cover, elements_per_thickness, radii, surface_size=fine)
+    elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
+    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
+    compliance = np.array([modulus / layer.material.bulk_modulus for layer in cover.layers])
+    matrix = assemble_linear(elements, shear, compliance)
+    r, z = elements.nodes.T
+    under = np.flatnonzero((z > 1 - _ON_BOUNDARY) & (r < radius / unit * (1 + _ON_BOUNDARY)))
+    under = under[np.argsort(r[under])]
+    displacement = np.zeros(len(matrix.indptr) - 1)
+    displacement[2 * under + 1] = -1.0
+    fixed = np.unique(np.concatenate([find_constrained(cover, r, z, reach / unit), 2 * under, 2 * under + 1]))
+    system = ConstrainedSystem(fixed).factorise(matrix)
+    load = np.zeros_like(displacement)
+    reaction = system.reaction(system.solve(load, displacement[fixed]), load) * modulus * unit
+    rings = np.column_stack([r[under] * unit, -reaction[2 * under + 1], reaction[2 * under]])
+    base = np.flatnonzero(z < _ON_BOUNDARY)
+    base = base[np.argsort(r[base])]
+    found = recover_base_response(r[base] * unit, reaction[2 * base + 1])
+    return PressedDisk(
+        force=float(rings[:, 1].sum()),
+        base=found,
+        reach=reach,
+        rings=rings,
+        tension=measure_tension(rings[:, 1], radius - rings[:, 0], min(radius, unit)),
+    )
+
 
 #: Increase of the element size per distance from the face, and from the sides of the face inside it where the sides are
 #: farther than a cover thickness away [-].
@@ -88,7 +162,7 @@ class PressedFace:
     tension: float
 
 
-def lies_on_lines(face: FlatPunch, pose: PlanarPose) -> bool:
+def lies_on_lines(face: FlatPunch, pose: Pose) -> bool:
     """Return whether all sides of a face run along the x or y axis of the array."""
     if not pose.is_aligned or not isinstance(face, Box | PolygonalPunch):
         return False
@@ -102,7 +176,7 @@ def lies_on_lines(face: FlatPunch, pose: PlanarPose) -> bool:
     )
 
 
-def press_face(cover: Cover, face: FlatPunch, pose: PlanarPose, grid: FaceGrid) -> tuple[PressedFace, PressedFace]:
+def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tuple[PressedFace, PressedFace]:
     """Press a flat face into a cover by a unit depth, without friction and without slip, on one grid.
 
     Contact is two-sided: a face that would separate from the cover has a `tension` above zero.
@@ -198,7 +272,7 @@ class _Lines:
 
     cover: Cover
     face: FlatPunch
-    pose: PlanarPose
+    pose: Pose
     grid: FaceGrid
 
     @cached_property
@@ -301,3 +375,22 @@ def _sample(first: float, last: float) -> FloatArray:
     """Return positions from `first` to `last` that lie close together at both ends."""
     near = np.concatenate([[0.0], np.geomspace(_CLOSEST, 0.5, _SAMPLES)])
     return np.asarray(first + (last - first) * np.unique(np.concatenate([near, 1 - near])))
+
+
+#: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
+#: tensile forces count as discretisation error of the singular stress at the edge [-].
+_AT_EDGE = 0.1
+
+
+def measure_tension(forces: FloatArray, inside: FloatArray, size: float) -> float:
+    """Compute the tensile part of nodal contact forces away from the edge of a face, over the whole force [-].
+
+    A face under which it is not near zero would separate from the cover.
+
+    Args:
+        forces: Normal contact forces on the cover at n nodes, positive in compression, shape (n,) [N].
+        inside: Distance of each node from the outline of the face, shape (n,) [m].
+        size: Smaller of the face's half width and the cover thickness [m].
+    """
+    away = inside > _AT_EDGE * size
+    return float(-np.minimum(forces[away], 0.0).sum() / forces.sum())
