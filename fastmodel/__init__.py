@@ -50,18 +50,7 @@ from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import METHODS
 from fastmodel.contact.plate import Plate
-from fastmodel.errors import (
-    ArgumentTypeError,
-    FastModelError,
-    FilterError,
-    LifeCycleError,
-    MissedArrayError,
-    OverlapError,
-    ParametersError,
-    ShapeError,
-    StateError,
-    UnknownNameError,
-)
+from fastmodel.errors import FastModelError
 from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, list_sensors, load
@@ -81,7 +70,6 @@ __all__ = [
     "METHODS",
     "WTS_0614_34",
     "AreaTexels",
-    "ArgumentTypeError",
     "Batch",
     "BoxTexels",
     "Butterworth",
@@ -95,28 +83,20 @@ __all__ = [
     "FastIndentation",
     "FastModelError",
     "FilterBank",
-    "FilterError",
     "Fit",
     "Foundation",
     "FoundationFit",
     "Frame",
     "Gaussian",
-    "LifeCycleError",
-    "MissedArrayError",
     "OptionWarning",
-    "OverlapError",
     "Parameters",
-    "ParametersError",
     "Placement",
     "Plate",
     "RangeWarning",
     "Sensor",
-    "ShapeError",
     "Spread",
-    "StateError",
     "Tabulated",
     "TexelContact",
-    "UnknownNameError",
     "Validity",
     "add_geoms",
     "add_indenter",

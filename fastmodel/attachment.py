@@ -12,7 +12,7 @@ import numpy.typing as npt
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.curved.contact import CurvedContact
-from fastmodel.errors import FastModelError, UnknownNameError, check_type
+from fastmodel.errors import FastModelError, check_type, name_unknown
 from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Pose
@@ -66,9 +66,9 @@ def attach(
         The sensor, which must be bound to the compiled model.
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
-        UnknownNameError: If the body or site, the contact method, or a geom to replace does not exist.
-        OverlapError: If texels overlap, unless the cover is curved.
+        FastModelError: If an argument has a wrong type.
+        FastModelError: If the body or site, the contact method, or a geom to replace does not exist.
+        FastModelError: If texels overlap, unless the cover is curved.
         FastModelError: If the body, site or geom belongs to another spec, another sensor has this name, `every` is not
             a positive whole number, or position and quaternion are not a pose.
     """
@@ -97,7 +97,7 @@ def recommend_options(spec: mujoco.MjSpec) -> None:
         spec: The spec to edit.
 
     Raises:
-        ArgumentTypeError: If the argument has a wrong type.
+        FastModelError: If the argument has a wrong type.
     """
     _check_spec(spec)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -139,7 +139,7 @@ def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.Mjs
         found = spec.body(wanted) or spec.site(wanted)
         if found is None:
             kind = "body or site" if spec.sites else "body"
-            raise UnknownNameError(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
+            raise name_unknown(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
         wanted = found
     elif wanted not in (spec.bodies if isinstance(wanted, mujoco.MjsBody) else spec.sites):
         kind = "body" if isinstance(wanted, mujoco.MjsBody) else "site"
@@ -198,7 +198,7 @@ def _find_replaced(
         if geom is None:
             unnamed = sum(not known.name for known in body.geoms)
             note = f"; it has {unnamed} geoms without a name, which are given as mujoco.MjsGeom" if unnamed else ""
-            raise UnknownNameError(f"geom of body {body.name!r}", each, _list_names(body.geoms), note)
+            raise name_unknown(f"geom of body {body.name!r}", each, _list_names(body.geoms), note)
         if geom not in spec.geoms:
             raise FastModelError(f"geom {geom.name!r} belongs to another spec than the one to attach to")
         if geom.parent != body:

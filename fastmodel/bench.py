@@ -130,10 +130,10 @@ def indent(
             parameters allow (see `choose_method`).
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
+        FastModelError: If an argument has a wrong type.
         FastModelError: If the load is not positive or a number is not finite.
         MissedArrayError: If no texel is under the indenter, or the texels do not carry the load.
-        UnknownNameError: If no contact method has this name.
+        FastModelError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
     placement = Placement(indenter=indenter, load=load, at=at, yaw=yaw)
@@ -151,10 +151,10 @@ def indent_together(
         method: Contact method, as for `indent`.
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
+        FastModelError: If an argument has a wrong type.
         FastModelError: If a load is not positive or a number is not finite.
         MissedArrayError: If no texel is under an indenter, or the texels do not carry the load.
-        UnknownNameError: If no contact method has this name.
+        FastModelError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")

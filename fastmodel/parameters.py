@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from fastmodel.curved.cover import CurvedCover
-from fastmodel.errors import ParametersError, ShapeError, check_type
+from fastmodel.errors import FastModelError, ParametersError, check_type
 from fastmodel.parameter_files import NPZ_NAME, TOML_NAME, read_tables, read_values, replace_pair
 from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.butterworth import Butterworth
@@ -87,8 +87,8 @@ class Parameters:
         """Check that spread operator, gains and cells fit the array.
 
         Raises:
-            ArgumentTypeError: If a part has a wrong type.
-            ShapeError: If spread operator, gains or cells are for another array.
+            FastModelError: If a part has a wrong type.
+            FastModelError: If spread operator, gains or cells are for another array.
             ParametersError: If a table has a name that the format uses itself.
         """
         check_type("array", self.array, TexelArray, "a meshes.TexelArray")
@@ -98,7 +98,7 @@ class Parameters:
             self.spread.operator(self.array)
         gains = self.electronics.gains
         if gains is not None and len(gains) != self.array.count:
-            raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
+            raise FastModelError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
         if self.cells is not None:
             self.cells.check(self.array)
         if self.curved is not None:
@@ -151,7 +151,7 @@ def load(sensor: str | Path) -> Parameters:
             sensor; write `./name` for the folder.
 
     Raises:
-        ArgumentTypeError: If the argument is neither a text nor a path.
+        FastModelError: If the argument is neither a text nor a path.
         ParametersError: If the name is unknown, or a file is missing, damaged, of another format, or holds bad values.
     """
     check_type("sensor", sensor, (str, os.PathLike), "the name of a sensor or the path of a parameters folder")

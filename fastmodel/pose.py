@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import ArgumentTypeError, FastModelError
+from fastmodel.errors import FastModelError
 from meshes.array_types import FloatArray
 
 
@@ -33,13 +33,13 @@ class Pose:
             quaternion: Orientation of the frame, scalar first, of any length but zero, shape (4,) [-].
 
         Raises:
-            ArgumentTypeError: If position or quaternion are not numbers.
+            FastModelError: If position or quaternion are not numbers.
             FastModelError: If a shape is wrong, a number not finite, or the quaternion zero.
         """
         try:
             origin, rotation = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ArgumentTypeError(
+            raise FastModelError(
                 f"a pose takes 3 and 4 numbers, [m] and [-], not {position!r} and {quaternion!r}"
             ) from error
         if origin.shape != (3,) or rotation.shape != (4,):

@@ -100,7 +100,7 @@ class ContactReader(Protocol):
         """Compute contact forces, net force and tangential forces of the last step from the state after the step.
 
         Raises:
-            StateError: If a contact force is not finite.
+            FastModelError: If a contact force is not finite.
         """
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -113,5 +113,5 @@ class ContactReader(Protocol):
         """Restore what `get_state` returned, so that the next readings are equal bit for bit.
 
         Raises:
-            StateError: If an array is missing.
+            FastModelError: If an array is missing.
         """

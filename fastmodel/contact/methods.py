@@ -11,7 +11,7 @@ from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.interface import TexelContact
 from fastmodel.curved.contact import CurvedContact
-from fastmodel.errors import ArgumentTypeError, ParametersError, UnknownNameError
+from fastmodel.errors import FastModelError, ParametersError, name_unknown
 from fastmodel.parameters import Parameters
 
 #: Contact methods with their default settings, by name.
@@ -38,13 +38,13 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
         The name of the method, or its settings as text if settings were given; and the settings.
 
     Raises:
-        ArgumentTypeError: If the method is neither a name nor settings.
-        UnknownNameError: If no contact method has this name.
+        FastModelError: If the method is neither a name nor settings.
+        FastModelError: If no contact method has this name.
         ParametersError: If the method is `curved` and the parameters hold no curved cover.
     """
     if not isinstance(method, str):
         if isinstance(method, type) or not (hasattr(method, "attach") and hasattr(method, "bind")):
-            raise ArgumentTypeError(
+            raise FastModelError(
                 f"the contact method must be a name of fastmodel.METHODS or settings such as fastmodel.BoxTexels(), "
                 f"not {method!r}"
             )
@@ -58,7 +58,7 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
     if method == DEFAULT:
         method = "boxes" if parameters.cells is None else "cover"
     if method not in METHODS:
-        raise UnknownNameError("contact method", method, (DEFAULT, *METHODS, CURVED))
+        raise name_unknown("contact method", method, (DEFAULT, *METHODS, CURVED))
     return method, _end_plate_at_edges(METHODS[method], parameters)
 
 

@@ -21,7 +21,7 @@ from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.net_force import NetForceReader
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
-from fastmodel.errors import StateError
+from fastmodel.errors import FastModelError
 from fastmodel.pose import Pose, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
@@ -238,7 +238,7 @@ class PlateReader:
 
         Raises:
             LifeCycleError: If the size of the plate has changed.
-            StateError: If a contact force is not finite.
+            FastModelError: If a contact force is not finite.
         """
         if not data.nefc:
             return None
@@ -248,7 +248,7 @@ class PlateReader:
             return None
         force = contact.beside + sum([load.force for load in contact.loads]) + contact.points[:, 2].sum()
         if not math.isfinite(force):
-            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
+            raise FastModelError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
         return contact, sums
 
     def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:

@@ -82,7 +82,7 @@ class CurvedContact:
         """Add the mesh geom to a body of the spec; see `TexelContact.attach`.
 
         Raises:
-            ShapeError: If the cover is for another number of texels.
+            FastModelError: If the cover is for another number of texels.
         """
         self.cover.check(array)
         child = mujoco.MjSpec()

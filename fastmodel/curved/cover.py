@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
@@ -41,7 +41,7 @@ class CurvedCover:
         """Check shapes and values.
 
         Raises:
-            ShapeError: If shapes do not fit.
+            FastModelError: If shapes do not fit.
             ValueError: If a value is not finite, a normal is no unit vector, the compliance is not symmetric or has no
                 positive diagonal, or the thickness is not positive.
         """
@@ -49,9 +49,9 @@ class CurvedCover:
         shapes = {"points": (count, 3), "normals": (count, 3), "compliance": (count, count)}
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
-                raise ShapeError(f"{name} of a curved cover has shape {getattr(self, name).shape}, not {shape}")
+                raise FastModelError(f"{name} of a curved cover has shape {getattr(self, name).shape}, not {shape}")
         if self.influence.ndim != 2 or self.influence.shape[1] != count:  # noqa: PLR2004
-            raise ShapeError(f"influence of a curved cover has shape {self.influence.shape}, not (texels, {count})")
+            raise FastModelError(f"influence of a curved cover has shape {self.influence.shape}, not (texels, {count})")
         for name in ("points", "normals", "influence", "compliance"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} of a curved cover has a value that is not finite")
@@ -68,7 +68,7 @@ class CurvedCover:
         """Check that the cover belongs to an array.
 
         Raises:
-            ShapeError: If it has another number of texels.
+            FastModelError: If it has another number of texels.
         """
         if len(self.influence) != array.count:
-            raise ShapeError(f"the curved cover is for {len(self.influence)} texels; the array has {array.count}")
+            raise FastModelError(f"the curved cover is for {len(self.influence)} texels; the array has {array.count}")

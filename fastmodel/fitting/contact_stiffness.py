@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.contact.plate import Plate
-from fastmodel.errors import FastModelError, ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.pose import Pose
 from meshes import Indenter, Sphere, TexelArray
 from meshes.array_types import FloatArray
@@ -101,7 +101,7 @@ def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike
         depth: Approaches of the indenter since its first touch of the cover, shape (k,) [m].
 
     Raises:
-        ShapeError: If there are fewer than two points or shapes differ.
+        FastModelError: If there are fewer than two points or shapes differ.
         FastModelError: If a number is not positive and finite.
     """
     force, deep = _check_curve(load, depth)
@@ -136,7 +136,7 @@ def fit_contact(
         timestep: Timestep of the simulation in which the parameters will be used [s].
 
     Raises:
-        ShapeError: If there are fewer than two points or shapes differ.
+        FastModelError: If there are fewer than two points or shapes differ.
         FastModelError: If a number is not positive and finite, or the matched load is not among the loads.
     """
     force, deep = _check_curve(load, depth)
@@ -166,7 +166,7 @@ def _check_curve(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray,
     """Check k forces [N] and depths [m], and return them as arrays of shape (k,)."""
     force, deep = np.array(load, dtype=np.float64), np.array(depth, dtype=np.float64)
     if force.ndim != 1 or force.shape != deep.shape or len(force) < 2:  # noqa: PLR2004 -- a scatter takes two
-        raise ShapeError(f"load and depth take two or more points of one shape, not {force.shape} and {deep.shape}")
+        raise FastModelError(f"load and depth take two or more points of one shape, not {force.shape} and {deep.shape}")
     for name, values in (("load", force), ("depth", deep)):
         if not (np.isfinite(values).all() and values.min() > 0):
             raise FastModelError(f"{name} must be positive and finite, not {values.tolist()}")

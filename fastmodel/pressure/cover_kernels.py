@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.pressure.separable_convolution import SymmetricConvolution, factorise
 from meshes import TexelArray
 from meshes.array_types import FloatArray
@@ -77,16 +77,16 @@ class CoverCells:
         """Check shapes and values, and make the tables read-only.
 
         Raises:
-            ShapeError: If a table has a wrong shape.
+            FastModelError: If a table has a wrong shape.
             ValueError: If a number is not finite or not positive.
         """
         s, size = self.per_texel, self.influence.shape
         if s < 1 or s != int(s):
             raise ValueError(f"per_texel must be a whole number from 1 on, not {s}")
         if self.compliance.ndim != _MATRIX or not self.compliance.size:
-            raise ShapeError(f"compliance has shape (rows, columns), not {self.compliance.shape}")
+            raise FastModelError(f"compliance has shape (rows, columns), not {self.compliance.shape}")
         if len(size) != _MATRIX or size[0] != size[1] or size[0] < s or (size[0] - s) % 2:
-            raise ShapeError(f"influence has shape ({s} + 2 reach, {s} + 2 reach), not {size}")
+            raise FastModelError(f"influence has shape ({s} + 2 reach, {s} + 2 reach), not {size}")
         self._check_loads()
         optional = (self.table, self.loads, self.load_depths, self.loaded_compliance, self.loaded_influence)
         tables = [self.compliance, self.influence, *(each for each in optional if each is not None)]
@@ -105,16 +105,20 @@ class CoverCells:
         given = (self.loads, self.load_depths, self.loaded_compliance, self.loaded_influence)
         if self.loads is None or self.loaded_compliance is None or self.loaded_influence is None:
             if any(each is not None for each in given):
-                raise ShapeError("loads, loaded_compliance and loaded_influence belong together; one is missing")
+                raise FastModelError("loads, loaded_compliance and loaded_influence belong together; one is missing")
             return
         count = len(self.loads)
         wanted = [(count, *self.compliance.shape), (count, *self.influence.shape)]
         if [self.loaded_compliance.shape, self.loaded_influence.shape] != wanted or self.table is not None:
-            raise ShapeError(f"{count} loads need tables under load of shapes {wanted}, and no table by cell and texel")
+            raise FastModelError(
+                f"{count} loads need tables under load of shapes {wanted}, and no table by cell and texel"
+            )
         if not count or not (np.diff(self.loads, prepend=0.0) > 0).all():
             raise ValueError("loads must be positive and ascend")
         if self.load_depths is not None and self.load_depths.shape != self.loads.shape:
-            raise ShapeError(f"load_depths has shape {self.load_depths.shape}; {count} loads need {self.loads.shape}")
+            raise FastModelError(
+                f"load_depths has shape {self.load_depths.shape}; {count} loads need {self.loads.shape}"
+            )
 
     @cached_property
     def under_loads(self) -> tuple[CoverCells, ...]:
@@ -170,22 +174,22 @@ class CoverCells:
         """Check that the cells divide the pitch of an array and that the table, if there is one, fits the array.
 
         Raises:
-            ShapeError: If the cells do not divide the pitch, or the table is for another array or an irregular one.
+            FastModelError: If the cells do not divide the pitch, or the table is for another array or an irregular one.
         """
         edges = [pitch / self.per_texel for pitch in array.pitch]
         if not np.allclose(edges, self.cell, rtol=1e-6, atol=0):
-            raise ShapeError(
+            raise FastModelError(
                 f"the cover's cells measure {self.cell} m but array {array.name!r} has a pitch of {array.pitch} m: "
                 f"{self.per_texel} cells a pitch take {tuple(edges)} m"
             )
         if self.table is not None and not array.regular:
-            raise ShapeError(
+            raise FastModelError(
                 f"array {array.name!r} is not a flat, regular grid, which the table of a cover with free side edges "
                 f"needs; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"
             )
         wanted = (array.count, array.rows * self.per_texel, array.columns * self.per_texel)
         if self.table is not None and self.table.shape != wanted:
-            raise ShapeError(
+            raise FastModelError(
                 f"the table of cells and texels has shape {self.table.shape}; array {array.name!r} takes {wanted}"
             )
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import WTS_0614_34, Gaussian, LifeCycleError, OptionWarning, Parameters, Plate
+from fastmodel import WTS_0614_34, Gaussian, OptionWarning, Parameters, Plate
+from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.cover_data import parameters
 

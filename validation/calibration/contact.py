@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fastmodel import MissedArrayError, Parameters, indent
+from fastmodel import Parameters, indent
 from fastmodel.contact.methods import DEFAULT
+from fastmodel.errors import MissedArrayError
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.array import FloatArray
 from validation.calibration.observations import Pose

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import OptionWarning, Placement, ShapeError, indent, indent_together
+from fastmodel import FastModelError, OptionWarning, Placement, indent, indent_together
 from fastmodel.contact.panel_layout import ScatteredBaseForces, divide_into_panels, lay_out
 from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Sphere, TexelArray
@@ -196,5 +196,5 @@ def test_a_free_body_presses_where_its_weight_stands_on_a_bent_array(method):
 
 def test_a_table_on_a_bent_array_is_refused_with_the_alternatives():
     with_table = dataclasses.replace(CELLS, table=np.zeros((35, 28, 20)))
-    with pytest.raises(ShapeError, match="'boxes', 'area' or Foundation"):
+    with pytest.raises(FastModelError, match="'boxes', 'area' or Foundation"):
         parameters(bent(15e-3), cells=with_table)

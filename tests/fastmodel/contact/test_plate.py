@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import Plate, StateError
+from fastmodel import FastModelError, Plate
 from fastmodel.contact.force_kernels import press_plate, read_contacts
 from fastmodel.contact.plate import PlateReader, _sort_touches, transform_poses
 from fastmodel.pose import Pose
@@ -105,7 +105,7 @@ def test_contacts_of_bodies_that_are_not_selected_become_points():
 def test_contact_forces_that_are_not_finite_are_refused():
     reader, _, data = build_blocks(CONES["elliptic"])
     data.efc_force[:] = np.nan
-    with pytest.raises(StateError, match="not finite"):
+    with pytest.raises(FastModelError, match="not finite"):
         reader.find_contact(data)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.pressure.cell_grid import CellGrid
 from meshes import Box, Sphere, TexelArray
 
@@ -55,11 +55,11 @@ def test_tables_survive_saving(parameters, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
-        ({"loaded_influence": None}, ShapeError),
-        ({"loads": np.array([1.0, 2.0, 3.0])}, ShapeError),
+        ({"loaded_influence": None}, FastModelError),
+        ({"loads": np.array([1.0, 2.0, 3.0])}, FastModelError),
         ({"loads": np.array([2.0, 1.0])}, ValueError),
-        ({"load_depths": np.array([1e-3])}, ShapeError),
-        ({"loads": None}, ShapeError),
+        ({"load_depths": np.array([1e-3])}, FastModelError),
+        ({"loads": None}, FastModelError),
     ],
 )
 def test_incomplete_tables_are_refused(parameters, changes, error):

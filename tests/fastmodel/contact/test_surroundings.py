@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import METHODS, LifeCycleError
+from fastmodel import METHODS
+from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters

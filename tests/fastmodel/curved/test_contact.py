@@ -177,7 +177,7 @@ def test_texels_of_a_curved_cover_may_share_corners(parameters):
     wide = dataclasses.replace(parameters.array, texel_size=(6e-3, 6e-3), pitch=(6e-3, 6e-3))
     spec = mujoco.MjSpec()
     fastmodel.attach(spec, "world", dataclasses.replace(parameters, array=wide))
-    with pytest.raises(fastmodel.OverlapError):
+    with pytest.raises(fastmodel.FastModelError):
         fastmodel.attach(mujoco.MjSpec(), "world", dataclasses.replace(parameters, array=wide), contact="boxes")
 
 

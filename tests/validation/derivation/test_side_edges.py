@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import ShapeError, Tabulated
+from fastmodel import FastModelError, Tabulated
 from fastmodel.contact.methods import choose_method
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from meshes import Sphere, TexelArray
@@ -97,7 +97,7 @@ def test_forces_on_cells_go_through_the_table_and_nothing_is_felt_beyond_the_arr
 
 
 def test_table_of_another_array_is_refused(derivation):
-    with pytest.raises(ShapeError, match="table of cells and texels has shape"):
+    with pytest.raises(FastModelError, match="table of cells and texels has shape"):
         derivation.parameters.cells.check(TexelArray.grid(2, 3, 3.4e-3))
 
 

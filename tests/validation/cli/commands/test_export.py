@@ -67,7 +67,7 @@ def test_only_the_method_of_an_exported_model_can_read_it(exported, method):
     bound = {"array": parameters.array, "name": "wts-0614-34", "cells": parameters.cells}
     reading = fastmodel.METHODS[printed["method"]].bind(model, **bound).at_rest(np.zeros(84))
     assert reading.carried == 0.0
-    with pytest.raises(fastmodel.LifeCycleError):
+    with pytest.raises(fastmodel.errors.LifeCycleError):
         fastmodel.METHODS["boxes" if plate else "cover"].bind(model, **bound)
 
 
