@@ -61,7 +61,7 @@ SPEED = 20e-3
 def parameters(array: TexelArray) -> Parameters:
     """An array under 2 mm of rubber."""
     cells = cover_cells(COVER, array, point_spread(COVER))
-    return Parameters(array=array, spread=Gaussian.from_sigma(0.7), electronics=WTS_0614_34, cells=cells)
+    return Parameters(array=array, spread=Gaussian.from_sigma(0.7), electronics=WTS_0614_34, surface=cells)
 
 
 class Scene:

@@ -50,7 +50,7 @@ def main() -> None:
             cover = Cover(layers=(Layer(thickness=PITCH / quotient, material=material),))
             cells = cover_cells(cover, array, point_spread(cover))
             spread = Gaussian(sigma_x=0.5, sigma_y=0.5, ksize_x=3, ksize_y=3)
-            parameters = Parameters(array=array, spread=spread, electronics=WTS_0614_34, cells=cells)
+            parameters = Parameters(array=array, spread=spread, electronics=WTS_0614_34, surface=cells)
             line = f"nu {ratio:<5} pitch/thickness {quotient:<4} own compliance {own_compliance(cover, cells):.3f}"
             for depth in (share * min(cover.thickness, PITCH) for share in DEPTHS):
                 found = []

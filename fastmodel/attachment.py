@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
-from fastmodel.curved.contact import CurvedContact
 from fastmodel.errors import FastModelError, check_type, name_unknown
 from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
@@ -78,7 +77,7 @@ def attach(
     _, method = choose_method(contact, parameters)
     _check_every(every)
     _check_name(spec, name)
-    if not isinstance(method, CurvedContact):  # the influence of a curved cover shares overlaps among the texels
+    if not method.takes_overlaps:
         refuse_overlaps(parameters.array)
     carrier, origin = _find_carrier(spec, body)
     replaced = _find_replaced(spec, carrier, replaces)

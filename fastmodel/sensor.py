@@ -23,7 +23,7 @@ from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import TexelContact
-from fastmodel.curved.contact import CurvedContact
+from fastmodel.contact.mesh import MeshContact
 from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
@@ -126,7 +126,7 @@ class Sensor:
         """Find the array in a model, compile the kernels, and start the sensor at rest; see `bind`."""
         name, parameters = NameInModel(f"{prefix}{self.name}", suffix), self.parameters
         try:
-            reader = self._contact.bind(model, parameters.array, name, cells=parameters.cells)
+            reader = self._contact.bind(model, parameters.array, name, surface=parameters.surface)
         except LifeCycleError as error:
             raise LifeCycleError(f"{error}{self._suggest_names(model, prefix, suffix)}") from error
         with report_slow_compilation(f"sensor {self.name!r}"):
@@ -161,11 +161,11 @@ class Sensor:
         every = self._every or _choose_interval(self.parameters, self._contact, model.opt.timestep)
         pitch = min(array.pitch)
         margin = self._contact.plate.margin if isinstance(self._contact, CoverContact | Foundation) else 0
-        cover = self._contact.cover if isinstance(self._contact, CurvedContact) else None
+        cover = self._contact.surface if isinstance(self._contact, MeshContact) else None
         around = check_surroundings(
             model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch, cover=cover
         )
-        spread = () if isinstance(self._contact, CoverContact | CurvedContact) else check_calibration(self.parameters)
+        spread = () if self._contact.computes_spread else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, every, geoms), *spread, *around)
 
     def step(self, data: mujoco.MjData) -> bool:

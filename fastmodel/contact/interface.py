@@ -11,8 +11,8 @@ from typing import ClassVar, NamedTuple, Protocol
 import mujoco
 
 from fastmodel.pose import Pose
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.state import State
+from fastmodel.surface import Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
@@ -52,9 +52,13 @@ class TexelContact(Protocol):
     Attributes:
         costly: Whether the contact forces take so much time to compute that they are sampled no more often than frame
             rate and filter require.
+        computes_spread: Whether the readings hold the texel forces after spread.
+        takes_overlaps: Whether texels may overlap.
     """
 
     costly: ClassVar[bool]
+    computes_spread: ClassVar[bool]
+    takes_overlaps: ClassVar[bool]
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
         """Add the geoms of the contact method to a body of a spec.
@@ -67,7 +71,7 @@ class TexelContact(Protocol):
         """
 
     def bind(
-        self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
     ) -> ContactReader:
         """Find the geoms of the contact method in the compiled model.
 
@@ -75,7 +79,7 @@ class TexelContact(Protocol):
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `attach`.
-            cells: Compliance and influence of the cover, for contact methods that model the cover.
+            surface: Compliance and influence of the cover, for contact methods that model the cover.
 
         Returns:
             The reader, which computes contact forces from states of the model.

@@ -243,7 +243,7 @@ def test_sensors_that_come_with_the_package_load_by_name():
         parameters = load(name)
         np.testing.assert_array_equal(parameters.array.centres, ARRAYS[name].centres)
         np.testing.assert_array_equal(parameters.array.active, ARRAYS[name].active)
-        assert parameters.cells is not None
+        assert parameters.surface is not None
 
 
 def test_a_path_means_a_folder_even_if_a_sensor_has_that_name(tmp_path, monkeypatch):

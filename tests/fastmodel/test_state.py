@@ -68,12 +68,12 @@ def assert_equal(some, others):
 #: A cover that becomes half as soft at 1 N, and a sheet bent to a radius of 20 mm.
 FOIL = dataclasses.replace(
     PARAMETERS,
-    cells=dataclasses.replace(
-        PARAMETERS.cells,
+    surface=dataclasses.replace(
+        PARAMETERS.surface,
         loads=np.array([1.0, 2.0]),
         load_depths=np.array([0.1e-3, 0.15e-3]),
-        loaded_compliance=np.array([PARAMETERS.cells.compliance / 2] * 2),
-        loaded_influence=np.array([0.8 * PARAMETERS.cells.influence] * 2),
+        loaded_compliance=np.array([PARAMETERS.surface.compliance / 2] * 2),
+        loaded_influence=np.array([0.8 * PARAMETERS.surface.influence] * 2),
     ),
 )
 ANGLE = np.repeat((np.arange(14) - 6.5) * 3.4e-3 / 20e-3, 6)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fastmodel import Parameters, indent
-from fastmodel.contact.methods import DEFAULT
+from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import MissedArrayError
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.array import FloatArray
@@ -101,7 +101,7 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT, *, name: str
             return np.zeros(parameters.array.count)
         return found.texel_forces
 
-    chosen = ("cover" if parameters.cells is not None else "boxes") if method == DEFAULT else method
+    chosen = choose_method(method, parameters)[0]
     return ContactMethod(
         name=name or f"fast model, {chosen}",
         about=_ABOUT.get(chosen, chosen),

@@ -9,7 +9,6 @@ import pytest
 
 import fastmodel
 from fastmodel import (
-    METHODS,
     Butterworth,
     FastModelError,
     Foundation,
@@ -27,6 +26,8 @@ from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
+
+METHODS = ("boxes", "area", "foundation", "cover")
 
 PARAMETERS = parameters()
 SHAPES = [
@@ -179,7 +180,7 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
 def test_the_default_is_the_best_method_that_the_parameters_allow():
     assert indent(PARAMETERS, SHAPES[0], load=1.0).method == "cover"
     assert indent(PARAMETERS, SHAPES[0], load=1.0).depth > 0
-    bare = dataclasses.replace(PARAMETERS, cells=None)
+    bare = dataclasses.replace(PARAMETERS, surface=None)
     assert indent(bare, SHAPES[0], load=1.0).method == "boxes"
 
 
@@ -202,7 +203,7 @@ def test_force_beside_the_texels_is_outside():
 
 def test_wrong_use_raises_an_error_that_names_the_fault():
     sphere = SHAPES[0]
-    bare = dataclasses.replace(PARAMETERS, cells=None)
+    bare = dataclasses.replace(PARAMETERS, surface=None)
     with pytest.raises(ParametersError, match="'cover' needs the cover's cells"):
         indent(bare, sphere, load=1.0, method="cover")
     with pytest.raises(ParametersError, match="a modulus"):
@@ -213,7 +214,7 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     with pytest.raises(FastModelError, match="valid names: area, boxes, cover, curved, default, foundation"):
         indent(PARAMETERS, sphere, load=1.0, method="covers")
     with pytest.raises(FastModelError, match="pitch"):
-        dataclasses.replace(PARAMETERS, cells=cells(TexelArray.grid(2, 2, 3e-3)))
+        dataclasses.replace(PARAMETERS, surface=cells(TexelArray.grid(2, 2, 3e-3)))
     spec = mujoco.MjSpec()
     sensor = fastmodel.attach(spec, "world", PARAMETERS)
     with pytest.raises(LifeCycleError, match="sensor/plate"):
@@ -227,9 +228,9 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
 
 def test_cells_travel_with_the_parameters(tmp_path):
     PARAMETERS.save(tmp_path)
-    back = fastmodel.load(tmp_path).cells
+    back = fastmodel.load(tmp_path).surface
     for field in dataclasses.fields(back):
-        np.testing.assert_array_equal(getattr(back, field.name), getattr(PARAMETERS.cells, field.name))
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(PARAMETERS.surface, field.name))
     assert "\ncompliance" not in (tmp_path / "parameters.toml").read_text()
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fastmodel.curved.gaussian import fit_surface_gaussian, unroll
 from fastmodel.errors import FastModelError
+from fastmodel.fitting.surface_gaussian import fit_surface_gaussian, unroll
 from meshes import TexelArray
 from meshes.solids.texels import cylinder_texels
 

@@ -94,7 +94,7 @@ def test_the_foundation_of_cells_lies_among_those_of_contacts_of_its_width():
     """Cells and depth curve tell the same cover: an even patch of the width of a punch asks for about its modulus."""
     table = cells()
     found = indent(
-        dataclasses.replace(parameters(), cells=table), Box(size=(8e-3, 8e-3, 5e-3)), load=2.0, method="cover"
+        dataclasses.replace(parameters(), surface=table), Box(size=(8e-3, 8e-3, 5e-3)), load=2.0, method="cover"
     )
     again = fit_foundation(Box(size=(8e-3, 8e-3, 5e-3)), [1.0, 2.0], [found.depth / 2, found.depth])
     assert again.modulus == pytest.approx(table.foundation_modulus(8e-3), rel=0.1)
